@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     import httpx
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from benchmarks.said import Said
 
@@ -77,7 +77,7 @@ class Stored:
     target = _STORED
 
     def __init__(
-        self, name: str, place: Place, encoding: Encoding, blocks: int, stack: ExitStack
+        self, name: str, place: StoreLocation, encoding: Encoding, blocks: int, stack: ExitStack
     ) -> None:
         self.name = f"interval samples into {name}, {encoding.name.lower()}"
         self._encoding, self._blocks = encoding, blocks
@@ -90,13 +90,13 @@ class Stored:
         store = self._store
 
         def keep(batch: Said) -> Callable[[Any], object]:
-            items = ParsedMessage.read_all(batch)
+            items = ParsedMessage.parse_all(batch)
             return lambda connection: ingest(
                 connection, store.cache, items, gateway="g", now=START, dead_letters=1
             )
 
         def work() -> None:
-            for future in [store.write(keep(batch), together=True) for batch in batches]:
+            for future in [store.write(keep(batch), shared=True) for batch in batches]:
                 future.result(600)
 
         return _rate(work, len(said) * SAMPLES)
@@ -108,7 +108,7 @@ class Posted:
     target = _POSTED
 
     def __init__(
-        self, name: str, place: Place | None, folder: Path, blocks: int, stack: ExitStack
+        self, name: str, place: StoreLocation | None, folder: Path, blocks: int, stack: ExitStack
     ) -> None:
         self.name = f"the same over HTTPS into {name}, f32"
         self._blocks = blocks

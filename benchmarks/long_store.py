@@ -10,12 +10,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from eskin_cloud.rollup.builder import AT_ONCE, claim, find_growing, repair
-from eskin_cloud.store.compacted_rows import join
-from eskin_cloud.store.damage import Head
+from eskin_cloud.rollup.builder import AT_ONCE, claim, find_unclaimed, rebuild_stale
+from eskin_cloud.store.compacted_rows import join_blocks
+from eskin_cloud.store.damage import RowHeader
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.schema.tables import blocks, channels
-from eskin_cloud.store.schema.tile_tables import stale
+from eskin_cloud.store.schema.tile_tables import stale_chunks
 from eskin_cloud.store.write.block_row import BlockRow
 from eskin_cloud.store.write.bulk_insert import insert_many
 from sqlalchemy import func, select
@@ -74,14 +74,14 @@ class LongStore:
 
     def build(self) -> None:
         """Build the pyramid over it, as the cloud does in the background."""
-        for place in find_growing(self._store):
+        for place in find_unclaimed(self._store):
             while claim(self._store, place):
                 pass
         with self._store.read() as connection:
-            total = connection.execute(select(func.count()).select_from(stale)).scalar_one()
+            total = connection.execute(select(func.count()).select_from(stale_chunks)).scalar_one()
         task = self._screen.add_task("chunks built", total=total)
         after: Key | None = None
-        while (after := repair(self._store, after)) is not None:
+        while (after := rebuild_stale(self._store, after)) is not None:
             self._screen.advance(task, AT_ONCE)
 
     def _keep(self, connection: Any, count: int) -> None:
@@ -115,7 +115,7 @@ def _pattern(number: int, random: np.random.Generator) -> Row:
         assert isinstance(summary, BlockSummary)
         row = BlockRow.of(NODE, summary, said, digest(said), k - number * _BLOCKS, START)
         rows.append(row._asdict())
-    return join(rows)
+    return join_blocks(rows)
 
 
 def _moved(row: Row, packs: int, cursor: int) -> Row:
@@ -131,7 +131,7 @@ def _moved(row: Row, packs: int, cursor: int) -> Row:
     times = {name: row[name] + later for name in ("t", "t_end", "t_lo", "t_hi")}
     place = {"sequence": row["sequence"] + packs * _BLOCKS, "cursor": cursor + _BLOCKS - 1}
     made = row | times | place | {"data": moved, "digest": digest(moved)}
-    return made | {"head": Head.of(made).checksum()}
+    return made | {"head": RowHeader.of(made).checksum()}
 
 
 def _written(numbers: NDArray[np.int64]) -> bytes:

@@ -21,7 +21,7 @@ from eskin_cloud.store import Store
 from eskin_cloud.store.schema.tables import blocks
 from eskin_cloud.store.write.block_row import BlockRow
 from eskin_cloud.store.write.bulk_insert import insert_many
-from eskin_cloud.store.write.channels import add_blocks, require_row
+from eskin_cloud.store.write.channels import add_blocks, ensure_channel
 from rich.progress import Progress
 
 from benchmarks.long_store import DT, LongStore
@@ -36,7 +36,7 @@ from tests.unit.cloud.service import Service
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
     from eskin_cloud.store.read.window import Window
 
     from benchmarks.questions import Took
@@ -49,7 +49,7 @@ _GROWTH: Final = 1.5
 
 
 def measure_pyramid(
-    places: Mapping[int, Place], folder: Path, *, questions: int, processor: bool = False
+    places: Mapping[int, StoreLocation], folder: Path, *, questions: int, processor: bool = False
 ) -> list[Row]:
     """Fill two stores, build their pyramids, ask both in turns; gives milliseconds.
 
@@ -130,7 +130,7 @@ def fill(store: Store, said: list[tuple[BlockSummary, BlockRow]], standing: int,
 
         def keep(connection: Any, rows: list[BlockRow] = rows) -> None:
             insert_many(connection, blocks, [row._asdict() for row in rows])
-            add_blocks(store.cache, require_row(connection, store.cache, NODE, said[0][0]), rows)
+            add_blocks(store.cache, ensure_channel(connection, store.cache, NODE, said[0][0]), rows)
 
         store.write(keep).result()
 

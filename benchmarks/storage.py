@@ -13,7 +13,7 @@ from typing import Final
 
 from eskin_cloud.rollup.builder import build
 from eskin_cloud.store import Store
-from eskin_cloud.store.compaction import find_packable, pack_some
+from eskin_cloud.store.compaction import compact_page, find_compactable
 from eskin_cloud.store.disk_usage import measure_disk
 
 from benchmarks.report import Row
@@ -30,8 +30,8 @@ def measure_storage(data: Path, *, seconds: float) -> list[Row]:
     with Store(data / "cloud" / "store.sqlite") as store:
         build(store)
         came = measure_disk(store)
-        for place in find_packable(store, 0):
-            while pack_some(store, place, 0):
+        for place in find_compactable(store, 0):
+            while compact_page(store, place, 0):
                 pass
         packed = measure_disk(store)
     assert came.each is not None

@@ -10,12 +10,14 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, gene
 from eskin.errors import StoreError
 from eskin_cloud.query.clock_check import count_wrong_clocks
 from eskin_cloud.query.listing import sealed_nodes
-from eskin_cloud.store.damage import damages
+from eskin_cloud.store.damage import damaged_rows
 from eskin_cloud.store.disk_usage import measure_disk
 from eskin_cloud.store.write.missing_messages import count_missing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from sqlalchemy import Connection
 
     from eskin_cloud.commands import Notifier
     from eskin_cloud.live import Feed
@@ -87,15 +89,15 @@ class Metrics:
         )
         self._gauge("subscribers", "Live streams.", lambda: feed.subscribers)
         self._gauge("waiting", "Gateways that wait for commands.", lambda: notifier.waiting)
-        self._gauge(
+        self._store_gauge(
             "wrong_clocks",
             "Nodes whose latest status proves that their clock is beyond its bound.",
-            lambda: count_wrong_clocks(store, clock_error),
+            lambda connection: count_wrong_clocks(connection, clock_error),
         )
-        self._gauge(
+        self._store_gauge(
             "messages_missing",
             "Messages that nodes made and that are stored nowhere, though no gap names them.",
-            lambda: count_missing(store),
+            count_missing,
         )
         self._watch(store)
 
@@ -131,7 +133,7 @@ class Metrics:
         self._gauge(
             "damaged_rows",
             "Rows met since the start that are not as they were written; the log names them.",
-            lambda: len(damages),
+            lambda: len(damaged_rows),
         )
         self._gauge(
             "commits",
@@ -145,3 +147,15 @@ class Metrics:
     def _gauge(self, name: str, text: str, read: Callable[[], float]) -> None:
         gauge = Gauge(f"eskin_cloud_{name}", text, registry=self._registry)
         gauge.set_function(read)
+
+    def _store_gauge(self, name: str, text: str, count: Callable[[Connection], int]) -> None:
+        """Register a gauge that reads the store; NaN while the store cannot be read."""
+
+        def read() -> float:
+            try:
+                with self._store.read() as connection:
+                    return count(connection)
+            except StoreError:
+                return math.nan
+
+        self._gauge(name, text, read)

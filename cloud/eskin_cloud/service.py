@@ -184,8 +184,8 @@ async def _serve(cloud: AppState) -> None:
         for listener, name in zip(listeners, ("people", "gateways"), strict=True):
             group.create_task(listener.serve(), name=name)
         listening = None
-        if not isinstance(cloud.store.place, Path):
-            listening = group.create_task(listen(cloud, cloud.store.place, stopping))
+        if not isinstance(cloud.store.location, Path):
+            listening = group.create_task(listen(cloud, cloud.store.location, stopping))
         for job in _jobs(cloud, certificates, stopping):
             group.create_task(job)
         for listener in listeners:

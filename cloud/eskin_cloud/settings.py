@@ -11,7 +11,7 @@ from pydantic import Field, StringConstraints, ValidationInfo, field_validator
 from eskin.errors import SettingsError, shown
 from eskin.runtime.loopback import is_loopback
 from eskin.runtime.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
-from eskin_cloud.store.location import Place, read_url, stays_here
+from eskin_cloud.store.location import StoreLocation, is_local, parse_url
 
 
 class StoreSection(Section):
@@ -49,7 +49,7 @@ class StoreSection(Section):
     @classmethod
     def _is_ours(cls, value: str | None) -> str | None:
         if value is not None:
-            read_url(value)
+            parse_url(value)
         return value
 
     @field_validator("path")
@@ -65,7 +65,7 @@ class StoreSection(Section):
     @classmethod
     def _plain_stays_here(cls, value: Path | None, info: ValidationInfo) -> Path | None:
         url = info.data.get("url")
-        if url is not None and value is None and not stays_here(read_url(url)):
+        if url is not None and value is None and not is_local(parse_url(url)):
             raise ValueError(
                 f"plaintext stays on loopback, and store.url is {shown(url)}; name the root "
                 "certificate that the server's own leads to"
@@ -73,7 +73,7 @@ class StoreSection(Section):
         return value
 
     @property
-    def place(self) -> Place:
+    def place(self) -> StoreLocation:
         """Where the store is.
 
         Raises:
@@ -82,7 +82,7 @@ class StoreSection(Section):
         if self.url is None:
             assert self.path is not None  # noqa: S101 - one of the two is there, see above
             return self.path
-        url = read_url(self.url)
+        url = parse_url(self.url)
         if self.password_file is not None:
             url = url.set(password=_read_secret(self.password_file))
         if self.root is not None:

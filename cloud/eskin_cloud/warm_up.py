@@ -17,7 +17,7 @@ from eskin.wire.messages.stored_bounds import read_bounds
 from eskin.wire.messages.warm_up import warm_up as warm_up_messages
 from eskin_cloud.rollup.aggregates import Aggregates
 from eskin_cloud.rollup.blocks import Buckets, fold
-from eskin_cloud.store.damage import Head
+from eskin_cloud.store.damage import RowHeader
 from eskin_cloud.store.write.block_row import BlockRow
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
@@ -39,7 +39,7 @@ def warm_up() -> None:
     buckets = Buckets(0, len(tube) * tube.dt, 1)
     said = (0, tube.dt, len(tube), tube.time_error, tube.coverage, data)
     head = BlockRow.of("", block.summary, data, digest(data), 0, 0)
-    row = (*said, head.head, *Head.of(head._asdict()))
+    row = (*said, head.head, *RowHeader.of(head._asdict()))
     pieces = fold([row], buckets.window, buckets)
     Aggregates.unpack([pieces.grouped(buckets.of(pieces.first)).pack()])
     Pack.read(pack([Kept(data, 1, 0)])).blocks()
@@ -53,6 +53,6 @@ def _warm_up_compression(block: Block) -> None:
     like = block.tube
     tube = Tube(like.time, like.dt, same, like.unit, like.coverage)
     said = Block.pack(block.position, block.channel, 0, tube, Encoding.F32).encode()
-    kept = ParsedMessage.read("t", said).kept or b""
+    kept = ParsedMessage.parse("t", said).compressed or b""
     decompress(kept)
     read_bounds(kept)

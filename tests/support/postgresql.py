@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final, Self
 import psutil
 import psycopg
 from eskin_cloud.store import Store
-from eskin_cloud.store.location import read_url
+from eskin_cloud.store.location import parse_url
 from eskin_cloud.store.schema.tables import feed, metadata, versions
 from sqlalchemy import delete
 
@@ -216,7 +216,7 @@ class Cluster:
     def place(self, database: str) -> URL:
         """A database, by the socket."""
         port = f":{self.port}" if self.port else ""
-        return read_url(f"postgresql://{_ADMIN}@{port}/{database}?host={self.folder}")
+        return parse_url(f"postgresql://{_ADMIN}@{port}/{database}?host={self.folder}")
 
 
 _KEPT: Final = (versions, feed)

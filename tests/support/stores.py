@@ -13,10 +13,10 @@ from tests.support.files import ask
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
 
-def ask_store(place: Place, query: str) -> Sequence[Sequence[Any]]:
+def ask_store(place: StoreLocation, query: str) -> Sequence[Sequence[Any]]:
     """Rows of an answer; none where there is no file yet."""
     if isinstance(place, Path):
         return ask(place, query)
@@ -28,7 +28,7 @@ def ask_store(place: Place, query: str) -> Sequence[Sequence[Any]]:
         engine.dispose()
 
 
-def write_place(place: Place) -> dict[str, object]:
+def write_place(place: StoreLocation) -> dict[str, object]:
     """A place as the section ``store`` of a cloud's settings names it."""
     if isinstance(place, Path):
         return {"path": place}

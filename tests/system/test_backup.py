@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_cloud.store import Store
-from eskin_cloud.store.write.missing_messages import find_missing, find_tails
+from eskin_cloud.store.write.missing_messages import find_missing, find_missing_tails
 from eskin_gateway.forward.forwarder import Forwarder
 from eskin_gateway.metrics import Metrics
 from eskin_gateway.settings import CloudSection
@@ -109,7 +109,7 @@ def test_store_from_yesterday_names_what_it_lacks(tmp_path: Path) -> None:
         put(store, *(block(number) for number in range(4, 9)))
     restore(out / path.name, path)
     with Store(path, clock=Clock(START)) as store, store.read() as connection:
-        assert find_tails(connection, [(NODE, 1, 8)]) == [(NODE, 1, 4, 8)]
+        assert find_missing_tails(connection, [(NODE, 1, 8)]) == [(NODE, 1, 4, 8)]
 
 
 def test_store_from_before_a_node_names_all_of_it_though_the_node_says_nothing(
@@ -191,7 +191,7 @@ def test_postgresql_from_yesterday_names_what_it_lacks(tmp_path: Path, cluster: 
     with Running(argv, log=tmp_path / "restore.log") as restoring:
         assert restoring.ended() == 0
     with Store(other, clock=Clock(START)) as store, store.read() as connection:
-        assert find_tails(connection, [(NODE, 1, 8)]) == [(NODE, 1, 4, 8)]
+        assert find_missing_tails(connection, [(NODE, 1, 8)]) == [(NODE, 1, 4, 8)]
 
 
 def test_spool_from_yesterday_sends_again_and_takes_what_comes(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import cbor2
 import pytest
-from eskin_cloud.store.schema.sealed_tables import veiled
+from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.write.audit_log import check_audit_entries, list_audit_entries
 from eskin_gateway.ops.subject_sync import SubjectSync
 from eskin_gateway.upstream.subjects_client import SubjectsClient
@@ -200,7 +200,7 @@ def test_nothing_that_is_left_opens_what_was_sealed_or_names_the_person(house: H
 
     own = house.stand.cloud.key_access.of(SITE)
     with house.stand.cloud.store.read() as connection:
-        rows = connection.execute(select(veiled.c.data)).scalars().all()
+        rows = connection.execute(select(sealed_messages.c.data)).scalars().all()
     assert len(rows) == 3
     for store in (keystore, own):
         for data in rows:

@@ -11,7 +11,7 @@ from pathlib import Path
 import httpx
 import psutil
 import pytest
-from eskin_cloud.store.damage import Head
+from eskin_cloud.store.damage import RowHeader
 
 from tests.support.demos import RunningDemo
 from tests.support.processes import ESKIN, wait_until
@@ -110,7 +110,7 @@ def test_audit_sees_a_store_that_was_tampered_with(data: Path) -> None:
             "SELECT * FROM blocks WHERE node = 'palm' AND sequence < 50"
         ).fetchall():
             moved = dict(row) | {"lo": row["lo"] * 1.01}
-            said = moved["lo"], Head.of(moved).checksum(), row["cursor"]
+            said = moved["lo"], RowHeader.of(moved).checksum(), row["cursor"]
             db.execute("UPDATE blocks SET lo = ?, head = ? WHERE cursor = ?", said)
         db.commit()
     done = subprocess.run(audit, capture_output=True, text=True, timeout=300, check=False)

@@ -18,7 +18,7 @@ from eskin_cloud.access.tokens import (
     new_secret,
     token_id,
 )
-from eskin_cloud.store.row_digests import require_sound_row, sound
+from eskin_cloud.store.row_digests import intact_rows, require_intact_row
 from eskin_cloud.store.schema.tables import login_codes, sessions, tokens
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 
@@ -71,7 +71,7 @@ def redeem_login_code(
     def work(connection: Connection) -> str | None:
         here = login_codes.c.digest == digest(code)
         row = connection.execute(select(login_codes).where(here)).mappings().one_or_none()
-        row = require_sound_row(connection, login_codes, row)
+        row = require_intact_row(connection, login_codes, row)
         # The request that deletes it has it: of two at once, one gets a session.
         if row is None or connection.execute(delete(login_codes).where(here)).rowcount != 1:
             return None
@@ -107,7 +107,7 @@ def find_session(store: Store, secret: str) -> Principal | None:
     now = store.clock()
     with store.read() as connection:
         row = connection.execute(_SESSION, {"digest": digest(secret)}).mappings().one_or_none()
-        row = require_sound_row(connection, sessions, row)
+        row = require_intact_row(connection, sessions, row)
         if row is None or row["expires"] <= now:
             return None
         if row["token"] is None:
@@ -143,7 +143,7 @@ def list_sessions(connection: Connection, *, now: int) -> list[dict[str, Any]]:
     names = {row["digest"]: row["name"] for row in list_tokens(connection)}
     good = [
         row
-        for row in sound(connection, sessions, rows)
+        for row in intact_rows(connection, sessions, rows)
         if row["expires"] > now and (row["token"] is None or row["token"] in names)
     ]
     return [
@@ -181,7 +181,7 @@ def revoke_session(store: Store, number: str, *, actor: Actor | None = None) -> 
         record(connection, audit_entry, now=now)
         return True
 
-    return store.finish(work)
+    return store.write_and_wait(work)
 
 
 def refuse_session(store: Store, *, address: str) -> Future[None]:

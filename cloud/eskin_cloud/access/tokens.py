@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import bindparam, delete, func, insert, select, update
 
 from eskin_cloud.access.scopes import Scope, read_scopes, write_scopes
-from eskin_cloud.store.row_digests import require_sound_row, sound
+from eskin_cloud.store.row_digests import intact_rows, require_intact_row
 from eskin_cloud.store.schema.tables import login_codes, sessions, tokens
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 
@@ -107,7 +107,7 @@ def create_token(
         audit_entry = _audit_entry(actor, Action.TOKEN_CREATED, token_id(str(row["digest"])), said)
         record(connection, audit_entry, now=now)
 
-    store.finish(work)
+    store.write_and_wait(work)
     return token
 
 
@@ -131,7 +131,7 @@ def create_login_code(
         connection.execute(insert(login_codes), row)
         record(connection, _audit_entry(None, Action.LOGIN_LINK, "", str(row["scopes"])), now=now)
 
-    store.finish(work)
+    store.write_and_wait(work)
     return code
 
 
@@ -143,7 +143,7 @@ def token_id(key: str) -> str:
 def list_tokens(connection: Connection) -> Sequence[RowMapping]:
     """All tokens that were ever made, the latest first."""
     query = select(tokens).order_by(tokens.c.created.desc(), tokens.c.digest)
-    return sound(connection, tokens, connection.execute(query).mappings())
+    return intact_rows(connection, tokens, connection.execute(query).mappings())
 
 
 def revoke_token(store: Store, number: str, *, actor: Actor | None = None) -> bool:
@@ -176,7 +176,7 @@ def revoke_token(store: Store, number: str, *, actor: Actor | None = None) -> bo
         record(connection, _audit_entry(actor, Action.TOKEN_REVOKED, number, found[1]), now=now)
         return True
 
-    return store.finish(work)
+    return store.write_and_wait(work)
 
 
 def find_token(store: Store, token: str) -> Principal | None:
@@ -197,7 +197,7 @@ def good_token(connection: Connection, key: str, *, now: int) -> RowMapping | No
         DamagedRowError: It is not as it was written.
     """
     row = connection.execute(_TOKEN, {"digest": key}).mappings().one_or_none()
-    row = require_sound_row(connection, tokens, row)
+    row = require_intact_row(connection, tokens, row)
     if row is None or row["revoked"] is not None:
         return None
     return row if row["expires"] is None or row["expires"] > now else None

@@ -13,7 +13,7 @@ from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.ingest.node_certificates import judge_chains, read_chains
-from eskin_cloud.store.write.node_sites import keep_sites
+from eskin_cloud.store.write.node_sites import store_sites
 
 router = APIRouter(tags=["ingest"])
 
@@ -49,7 +49,7 @@ async def post_certificates(cloud: CloudState, request: Request) -> Response:
         good = [(each.node, each.certificate) for each in judged if each.reason is None]
 
         def work(connection: Connection) -> dict[str, str]:
-            return keep_sites(connection, good, site=site, gateway=gateway, now=cloud.clock())
+            return store_sites(connection, good, site=site, gateway=gateway, now=cloud.clock())
 
         sites = await asyncio.wrap_future(cloud.store.write(work)) if good else {}
     items = []

@@ -21,8 +21,7 @@ from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.commands.issue import Order, issue
 from eskin_cloud.schemas.base import NoQuery
 from eskin_cloud.schemas.commands import CommandDocument, StateDocument
-from eskin_cloud.store.read.errors import UnknownChannelError
-from eskin_cloud.store.read.lookup import find_node
+from eskin_cloud.store.read.lookup import UnknownChannelError, find_node
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 from eskin_cloud.store.write.commands import find_command, find_state
 

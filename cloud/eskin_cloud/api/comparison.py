@@ -16,11 +16,10 @@ from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.window_params import WindowQuery, opened, resumed
 from eskin_cloud.app_state import AppState
-from eskin_cloud.query.comparison import find_stretches
-from eskin_cloud.query.comparison_segments import ComparisonSegment
-from eskin_cloud.query.comparison_totals import sum_up_stretches
+from eskin_cloud.query.comparison import find_comparison_segments
+from eskin_cloud.query.comparison_segments import ComparisonSegment, total_comparison
 from eskin_cloud.query.cursors import write_cursor
-from eskin_cloud.query.neighbourhood import Source
+from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.predicate import Verdict
 from eskin_cloud.schemas.base import PageDocument, Place, page
 from eskin_cloud.schemas.comparison import (
@@ -29,8 +28,8 @@ from eskin_cloud.schemas.comparison import (
     describe_comparison_segment,
     describe_comparison_totals,
 )
-from eskin_cloud.store.read.lookup import find_channel, read_place
-from eskin_cloud.store.read.window import Window, read_window
+from eskin_cloud.store.read.lookup import find_channel, parse_channel
+from eskin_cloud.store.read.window import Window, parse_window
 
 router = APIRouter(tags=["series"])
 
@@ -89,7 +88,7 @@ def get_comparison_time(
         rows = _rows(connection, node, channel, query)
         window = _window(cloud, rows, query)
         with _sides(cloud, access, connection, rows, window) as sides:
-            found = sum_up_stretches(_stretches(*sides, window, query))
+            found = total_comparison(_stretches(*sides, window, query))
     unit = sides[0].channel["unit"]
     return describe_comparison_totals(found, window, unit, _coverage(sides))
 
@@ -98,12 +97,12 @@ def _rows(
     connection: Connection, node: str, channel: str, query: ComparisonQuery
 ) -> tuple[RowMapping, RowMapping]:
     one = find_channel(connection, node, channel)
-    return one, find_channel(connection, *read_place(query.other, "other"))
+    return one, find_channel(connection, *parse_channel(query.other, "other"))
 
 
 def _window(cloud: AppState, rows: tuple[RowMapping, RowMapping], query: WindowQuery) -> Window:
     lasts = [row["t_last"] for row in rows if row["t_last"] is not None]
-    return read_window(query.start, query.end, last=min(lasts, default=cloud.clock()))
+    return parse_window(query.start, query.end, last=min(lasts, default=cloud.clock()))
 
 
 @contextmanager
@@ -113,7 +112,7 @@ def _sides(
     connection: Connection,
     rows: tuple[RowMapping, RowMapping],
     window: Window,
-) -> Iterator[tuple[Source, Source]]:
+) -> Iterator[tuple[ChannelSource, ChannelSource]]:
     """Where both are read; what a sealed one's row on the disk says is not what its blocks say.
 
     Raises:
@@ -121,7 +120,7 @@ def _sides(
     """
     with ExitStack() as stack:
         one, other = (
-            Source(*stack.enter_context(opened(cloud, access, connection, row, window)))
+            ChannelSource(*stack.enter_context(opened(cloud, access, connection, row, window)))
             for row in rows
         )
         _require_same_unit(one.channel, other.channel)
@@ -138,11 +137,11 @@ def _require_same_unit(one: RowMapping, other: RowMapping) -> None:
 
 
 def _stretches(
-    one: Source, other: Source, window: Window, query: ComparisonQuery
+    one: ChannelSource, other: ChannelSource, window: Window, query: ComparisonQuery
 ) -> Iterator[ComparisonSegment]:
     if query.state == "below":
         one, other = other, one
-    return find_stretches(one, other, window)
+    return find_comparison_segments(one, other, window)
 
 
 def _paged(
@@ -154,5 +153,5 @@ def _paged(
     return found, None if following is None else write_cursor(following.start, window.end)
 
 
-def _coverage(sides: tuple[Source, Source]) -> float:
+def _coverage(sides: tuple[ChannelSource, ChannelSource]) -> float:
     return float(min(side.channel["coverage"] for side in sides))

@@ -15,9 +15,9 @@ from eskin_cloud.api.request_body import received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.ingest.confirmed import read_confirmed
 from eskin_cloud.schemas.ingest import ConfirmedDocument
-from eskin_cloud.store.write.missing_messages import find_tails, note_ends
+from eskin_cloud.store.write.missing_messages import find_missing_tails, record_boot_ends
 from eskin_cloud.store.write.node_sites import sites_of
-from eskin_cloud.store.write.presence import note_absent
+from eskin_cloud.store.write.presence import add_offline_node
 
 log = logging.getLogger(__name__)
 
@@ -44,7 +44,9 @@ async def post_confirmed(cloud: CloudState, request: Request) -> Response:
                 named = {each[0] for each in confirmed}
                 sites = sites_of(connection, named)
                 own = {node for node in named if sites.get(node) == posted.gateway.site}
-                tails = find_tails(connection, [each for each in confirmed if each[0] in own])
+                tails = find_missing_tails(
+                    connection, [each for each in confirmed if each[0] in own]
+                )
                 return tails, named - own
 
         missing, unknown = await asyncio.to_thread(find)
@@ -54,8 +56,10 @@ async def post_confirmed(cloud: CloudState, request: Request) -> Response:
             for node, boot, _, last in missing:
                 ends[node].append((boot, last))
             for node, stated in ends.items():
-                note_absent(connection, cloud.store.cache, node, max(stated), now=cloud.clock())
-                note_ends(connection, node, stated)
+                add_offline_node(
+                    connection, cloud.store.cache, node, max(stated), now=cloud.clock()
+                )
+                record_boot_ends(connection, node, stated)
 
         if missing:
             log.error(

@@ -21,7 +21,7 @@ from eskin_cloud.commands.command_queue import (
     find_unmarked,
     mark_delivered,
 )
-from eskin_cloud.store.write.gateways import hear
+from eskin_cloud.store.write.gateways import record_contact
 
 router = APIRouter(tags=["ingest"])
 
@@ -71,7 +71,7 @@ async def _mark(cloud: AppState, posted: Received, holding: Holding) -> None:
     def work(connection: Connection) -> None:
         now, wait = cloud.clock(), round(holding.wait_s * SECOND)
         mark_delivered(connection, sent, now=now)
-        hear(
+        record_contact(
             connection,
             posted.gateway.name,
             site=posted.gateway.site,

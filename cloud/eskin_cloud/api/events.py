@@ -11,11 +11,11 @@ from eskin_cloud.api.dependencies import CloudState, Reader
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.privacy.peaks import find_peaks
-from eskin_cloud.query.events import EventQuestion, find_events
+from eskin_cloud.query.events import EventQuery, find_events
 from eskin_cloud.schemas.base import TIME, PageDocument, Time, page
 from eskin_cloud.schemas.events import EventDocument, describe_event
 from eskin_cloud.store.read.lookup import find_node
-from eskin_cloud.store.read.window import read_moment, require_order
+from eskin_cloud.store.read.window import parse_time, require_ordered
 
 router = APIRouter(tags=["events"])
 
@@ -46,14 +46,14 @@ def get_events(
     scopes = access.holder.scopes
     if query.channel is not None and is_biometric(query.channel):
         cloud.key_access.require(scopes)
-    start, end = read_moment("start", query.start), read_moment("end", query.end)
-    require_order(start, end)
+    start, end = parse_time("start", query.start), parse_time("end", query.end)
+    require_ordered(start, end)
     ids = cloud.feed.ids
     cursor = None
     if query.cursor is not None:
         t, place = ids.read(query.cursor, 2)
         cursor = t, place
-    question = EventQuestion(
+    question = EventQuery(
         node=query.node,
         channel=query.channel,
         kind=query.kind,

@@ -19,10 +19,10 @@ from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import choose
 from eskin_cloud.app_state import AppState
 from eskin_cloud.privacy.decrypted_window import decrypted_window
-from eskin_cloud.query.export import Export, Mark, Source
+from eskin_cloud.query.export import Export, ExportChannel, ExportPosition
 from eskin_cloud.schemas.base import TIME, Place, Time
-from eskin_cloud.store.read.lookup import find_channel, read_place
-from eskin_cloud.store.read.window import Window, make_window, read_moment
+from eskin_cloud.store.read.lookup import find_channel, parse_channel
+from eskin_cloud.store.read.window import Window, make_window, parse_time
 
 router = APIRouter(tags=["series"])
 
@@ -94,7 +94,7 @@ def get_export(
 
 
 def stream_file(
-    export: Export, until: Mark | None, media: str, access: Access, opened: ExitStack
+    export: Export, until: ExportPosition | None, media: str, access: Access, opened: ExitStack
 ) -> Iterator[bytes]:
     """The file's pieces, for as long as the reader may read."""
     with opened:
@@ -104,7 +104,7 @@ def stream_file(
 
 
 def _open(cloud: AppState, access: Access, query: ExportQuery, stack: ExitStack) -> Export:
-    places = [read_place(text) for text in query.channel]
+    places = [parse_channel(text) for text in query.channel]
     with cloud.store.read() as connection:
         rows = [find_channel(connection, *place) for place in places]
         window, after = (
@@ -121,39 +121,39 @@ def _source(
     row: RowMapping,
     window: Window,
     stack: ExitStack,
-) -> Source:
+) -> ExportChannel:
     """Where a channel is read: a biometric one is decrypted in memory for the export."""
     if not is_biometric(row["channel"]):
         node = row["node"]
         if not access.uncounted(connection, [node]):
-            return Source(row, cloud.store.read)
+            return ExportChannel(row, cloud.store.read)
         ids = cloud.feed.ids
-        return Source(row, cloud.store.read, lambda p: ids.number(node, p.boot, p.sequence))
+        return ExportChannel(row, cloud.store.read, lambda p: ids.number(node, p.boot, p.sequence))
     reader = cloud.key_access.reader(access.holder.scopes, connection, access.opened)
     memory, known = stack.enter_context(decrypted_window(connection, reader, row, window))
-    return Source(known, lambda: nullcontext(memory))
+    return ExportChannel(known, lambda: nullcontext(memory))
 
 
 def _whole(rows: list[RowMapping], query: ExportQuery) -> tuple[Window, None]:
     """The window that is asked for; where it is open, it takes in all that there is."""
-    start, end = read_moment("start", query.start), read_moment("end", query.end)
+    start, end = parse_time("start", query.start), parse_time("end", query.end)
     first = min((row["t_first"] for row in rows if row["t_first"] is not None), default=0)
     last = max((row["t_last"] for row in rows if row["t_last"] is not None), default=-1)
     begin = first if start is None else start
     return make_window(begin, max(begin, last + 1) if end is None else end), None
 
 
-def _resume(cloud: AppState, query: ExportQuery, channels: int) -> tuple[Window, Mark]:
+def _resume(cloud: AppState, query: ExportQuery, channels: int) -> tuple[Window, ExportPosition]:
     """A cursor holds the window, too: new data must not move an open one."""
     start, end, *place = cloud.feed.ids.read(query.cursor or "", 6)
-    after = Mark(*place)
+    after = ExportPosition(*place)
     if not 0 <= after.channel < channels:
         raise QueryError("cursor", "belongs to other channels; name the same, in the same order")
     return make_window(start, end), after
 
 
 def _following(
-    cloud: AppState, request: Request, query: ExportQuery, window: Window, until: Mark
+    cloud: AppState, request: Request, query: ExportQuery, window: Window, until: ExportPosition
 ) -> str:
     cursor = cloud.feed.ids.write(window.start, window.end, *until)
     known = [("channel", each) for each in query.channel]

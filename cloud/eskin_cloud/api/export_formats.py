@@ -16,7 +16,7 @@ from eskin_cloud.store.read.block_index import clip
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
-    from eskin_cloud.query.export import Part
+    from eskin_cloud.query.export import ExportPart
     from eskin_cloud.store.read.window import Window
 
 _MOMENT: Final = pa.timestamp("ns", tz="UTC")
@@ -73,7 +73,7 @@ class _Outlet(io.RawIOBase):
         return taken
 
 
-def as_table(part: Part, window: Window) -> Any:
+def as_table(part: ExportPart, window: Window) -> Any:
     """The samples of a part that lie in a window, as an Arrow table (`SCHEMA`)."""
     spans = [(each, *clip(each.tube.first_moment, each.tube.dt, len(each.tube), window))
              for each in part.blocks]  # fmt: skip
@@ -150,7 +150,7 @@ WRITERS: Final[Mapping[str, Callable[[object], Any]]] = {
 """What writes each media type, in our order of preference."""
 
 
-def write(media: str, parts: Iterable[Part], window: Window) -> Iterator[bytes]:
+def write(media: str, parts: Iterable[ExportPart], window: Window) -> Iterator[bytes]:
     """Write a file while it is sent; at most one part of it is held at a time."""
     outlet = _Outlet()
     writer = WRITERS[media](outlet)

@@ -77,10 +77,10 @@ def _gateway(cloud: AppState, row: Row, *, counted: bool) -> GatewayDocument:
 
 
 def _spool(row: Row) -> SpoolDocument | None:
-    if row["told"] is None:
+    if row["reported"] is None:
         return None
     return SpoolDocument(
-        told=row["told"],
+        told=row["reported"],
         messages=row["messages"],
         bytes=row["used"],
         capacity_bytes=row["capacity"],

@@ -21,9 +21,8 @@ from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
 from eskin_cloud.ingest.batch import read_batch
 from eskin_cloud.schemas.ingest import IngestDocument
-from eskin_cloud.store.write.gateways import hear
-from eskin_cloud.store.write.ingest import UNKNOWN_NODE, IngestResult, ingest
-from eskin_cloud.store.write.ingest_individually import ingest_individually
+from eskin_cloud.store.write.gateways import record_contact
+from eskin_cloud.store.write.ingest import UNKNOWN_NODE, IngestResult, ingest, ingest_individually
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
 log = logging.getLogger(__name__)
@@ -66,7 +65,7 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
             reasons[-1],
             extra={"source": posted.gateway.name},
         )
-    cloud.metrics.dead_letters_dropped.inc(outcome.buried)
+    cloud.metrics.dead_letters_dropped.inc(outcome.dropped)
     cloud.metrics.conflicts.inc(outcome.conflicts)
     results = [{"result": result.result, "reason": result.reason} for result in outcome.results]
     own = (
@@ -92,11 +91,13 @@ async def _store(cloud: AppState, posted: Received, items: Sequence[ParsedMessag
             now=now,
             dead_letters=most,
         )
-        hear(connection, gateway, site=site, condition=posted.condition, now=now, outcome=outcome)
+        record_contact(
+            connection, gateway, site=site, condition=posted.condition, now=now, outcome=outcome
+        )
         return outcome
 
     written = store.write(
-        partial(work, ingest), instead=partial(work, ingest_individually), together=True
+        partial(work, ingest), fallback=partial(work, ingest_individually), shared=True
     )
     cloud.feed.follow(written, asyncio.get_running_loop())
     outcome = await asyncio.wrap_future(written)

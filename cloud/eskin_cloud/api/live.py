@@ -18,7 +18,7 @@ from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.app_state import AppState
 from eskin_cloud.live.stream import stream
 from eskin_cloud.live.subscription import Subscription
-from eskin_cloud.store.read.lookup import find_node, read_place
+from eskin_cloud.store.read.lookup import find_node, parse_channel
 
 router = APIRouter(tags=["live"])
 
@@ -81,7 +81,7 @@ async def get_live(
     cursor = _cursor(cloud, last_event_id)
     selection = Subscription(
         frozenset(query.node),
-        frozenset(read_place(text) for text in query.channel),
+        frozenset(parse_channel(text) for text in query.channel),
         query.points,
         query.grain,
     )

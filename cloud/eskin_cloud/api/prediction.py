@@ -19,7 +19,7 @@ from eskin_cloud.api.window_params import WindowQuery, opened, paged, window_of
 from eskin_cloud.query.anomalies import find_anomalies
 from eskin_cloud.query.cursors import read_numbers
 from eskin_cloud.query.models import MODELS
-from eskin_cloud.query.occupancy import sum_up
+from eskin_cloud.query.occupancy import total_occupancy
 from eskin_cloud.query.parse_decimal import enclose_decimal
 from eskin_cloud.query.predicate import Verdict
 from eskin_cloud.query.prediction import Prediction
@@ -35,7 +35,7 @@ from eskin_cloud.schemas.series import (
 )
 from eskin_cloud.store.read.block_index import find_next
 from eskin_cloud.store.read.lookup import find_channel
-from eskin_cloud.store.read.window import make_window, read_moment
+from eskin_cloud.store.read.window import make_window, parse_time
 from eskin_cloud.store.write.channels import UNKNOWN
 
 router = APIRouter(tags=["series"])
@@ -171,7 +171,7 @@ def get_anomalies_time(
         with opened(cloud, access, connection, row, window) as (source, known):
             prediction = _prediction(query, known, window.start)
             runs = find_anomalies(source, known, window, prediction)
-            found = sum_up(runs, window, find_next(source, known, window))
+            found = total_occupancy(runs, window, find_next(source, known, window))
     return describe_occupancy(found, window, known)
 
 
@@ -198,7 +198,7 @@ def _prediction(query: PredictionQuery, row: RowMapping, start: int) -> Predicti
     if len(parameters) < len(query.parameter):
         raise QueryError("parameter", "one is given twice; give each once")
     model.require_parameters(parameters)
-    given = read_moment("origin", query.origin)
+    given = parse_time("origin", query.origin)
     return Prediction(model, parameters, start if given is None else given)
 
 

@@ -15,7 +15,7 @@ from eskin_cloud.ingest.errors import (
     UntrustedGatewayError,
 )
 from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
-from eskin_cloud.store.read.errors import UnknownChannelError
+from eskin_cloud.store.read.lookup import UnknownChannelError
 
 PROBLEMS: Final = Problems(
     {

@@ -15,9 +15,9 @@ from eskin_cloud.api.series_formats import WRITERS
 from eskin_cloud.api.window_params import WindowQuery, opened, paged, resumed, window_of
 from eskin_cloud.query.occupancy import measure_occupancy
 from eskin_cloud.query.predicate import Predicate
+from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import read_series
-from eskin_cloud.query.threshold import find_segments
-from eskin_cloud.rollup.hulls import reach
+from eskin_cloud.rollup.hulls import widest_window
 from eskin_cloud.schemas.base import PageDocument, page
 from eskin_cloud.schemas.series import (
     OccupancyDocument,
@@ -108,7 +108,7 @@ def get_series(
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         window = window_of(cloud, row, query)
-        with opened(cloud, access, connection, row, reach(window)) as (source, known):
+        with opened(cloud, access, connection, row, widest_window(window)) as (source, known):
             series = read_series(source, known, window, points=query.points)
     return Response(WRITERS[media](series), media_type=media, headers={"Vary": "Accept"})
 

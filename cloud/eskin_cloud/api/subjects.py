@@ -23,12 +23,12 @@ from eskin_cloud.privacy.sealed_rows import open_row
 from eskin_cloud.schemas.access import SubjectDocument
 from eskin_cloud.schemas.base import NoQuery, PageDocument, dump, page
 from eskin_cloud.schemas.events import describe_block, describe_event
-from eskin_cloud.store.read.errors import UnknownChannelError
-from eskin_cloud.store.row_digests import sound
-from eskin_cloud.store.schema.sealed_tables import erased_subjects, veiled, wearers
+from eskin_cloud.store.read.lookup import UnknownChannelError
+from eskin_cloud.store.row_digests import intact_rows
+from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages, subject_nodes
+from eskin_cloud.store.schema.tables import node_sites
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 from eskin_cloud.store.write.events import peak_row
-from eskin_cloud.store.write.node_sites import node_sites
 
 router = APIRouter(tags=["subjects"])
 
@@ -41,7 +41,7 @@ def get_subjects(
 ) -> Response:
     """List the subjects, by pseudonym, with their nodes and stored messages."""
     del query
-    v = veiled.c
+    v = sealed_messages.c
     counted = select(v.node, v.subject, func.count()).group_by(v.node, v.subject)
     with cloud.store.read() as connection:
         sites = dict(_sites(connection))
@@ -49,10 +49,10 @@ def get_subjects(
         for node, subject, messages in connection.execute(counted):
             if node in sites:
                 held[sites[node], subject] += messages
-        erased = sound(connection, erased_subjects, _all(connection, erased_subjects))
+        erased = intact_rows(connection, erased_subjects, _all(connection, erased_subjects))
         gone = {(row["site"], row["subject"]): row["erased"] for row in erased}
         worn: dict[tuple[str, str], list[str]] = {}
-        wore = sound(connection, wearers, _all(connection, wearers))
+        wore = intact_rows(connection, subject_nodes, _all(connection, subject_nodes))
         for row in wore:
             if row["node"] in sites:
                 worn.setdefault((sites[row["node"]], row["subject"]), []).append(row["node"])
@@ -71,7 +71,7 @@ def get_subjects(
 
 def _sites(connection: Connection) -> Iterator[tuple[str, str]]:
     """Each node with its site."""
-    for row in sound(connection, node_sites, _all(connection, node_sites)):
+    for row in intact_rows(connection, node_sites, _all(connection, node_sites)):
         yield row["node"], row["site"]
 
 
@@ -144,12 +144,18 @@ def stream_lines(
     last = -1
     own = select(node_sites.c.node).where(node_sites.c.site == site)
     while True:
-        query = select(veiled).where(
-            veiled.c.subject == subject, veiled.c.cursor > last, veiled.c.node.in_(own)
+        query = select(sealed_messages).where(
+            sealed_messages.c.subject == subject,
+            sealed_messages.c.cursor > last,
+            sealed_messages.c.node.in_(own),
         )
         with cloud.store.read() as connection:
             cloud.key_access.apply_erasures(connection)
-            rows = connection.execute(query.order_by(veiled.c.cursor).limit(200)).mappings().all()
+            rows = (
+                connection.execute(query.order_by(sealed_messages.c.cursor).limit(200))
+                .mappings()
+                .all()
+            )
         if not rows:
             return
         for row in rows:

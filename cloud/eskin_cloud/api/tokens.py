@@ -23,7 +23,7 @@ from eskin_cloud.api.dependencies import Administrator, CloudState
 from eskin_cloud.api.problems import REFUSALS
 from eskin_cloud.schemas.access import NewTokenDocument, SessionDocument, TokenDocument
 from eskin_cloud.schemas.base import NoQuery, PageDocument
-from eskin_cloud.store.read.errors import UnknownChannelError
+from eskin_cloud.store.read.lookup import UnknownChannelError
 
 router = APIRouter(tags=["access"])
 

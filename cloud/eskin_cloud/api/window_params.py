@@ -12,7 +12,7 @@ from eskin.privacy import is_biometric
 from eskin_cloud.privacy.decrypted_window import decrypted_window
 from eskin_cloud.query.cursors import read_numbers, write_cursor
 from eskin_cloud.schemas.base import TIME, Time
-from eskin_cloud.store.read.window import Window, make_window, read_window
+from eskin_cloud.store.read.window import Window, make_window, parse_window
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -49,7 +49,7 @@ def opened(
 def window_of(cloud: AppState, row: RowMapping, query: WindowQuery) -> Window:
     """The window of a question about a channel."""
     last = row["t_last"]
-    return read_window(query.start, query.end, last=cloud.clock() if last is None else last)
+    return parse_window(query.start, query.end, last=cloud.clock() if last is None else last)
 
 
 def resumed(cursor: str) -> Window:

@@ -11,9 +11,8 @@ from sqlalchemy import func, select, update
 from eskin.errors import MessageError
 from eskin.wire.messages.cbor_map import MOST_COUNT, integer, items, load_any, real
 from eskin_cloud.ingest.errors import MalformedBatchError
-from eskin_cloud.store.schema.tables import commands
+from eskin_cloud.store.schema.tables import commands, node_sites
 from eskin_cloud.store.write.commands import find_command
-from eskin_cloud.store.write.node_sites import node_sites
 
 if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, Connection

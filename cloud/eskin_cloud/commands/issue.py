@@ -16,7 +16,7 @@ from eskin_cloud.commands.errors import BacklogError
 from eskin_cloud.store.notify import COMMANDS, notify
 from eskin_cloud.store.read.lookup import find_node
 from eskin_cloud.store.schema.tables import channels, commands
-from eskin_cloud.store.write.commands import find_command, find_state, keep_state, write_state
+from eskin_cloud.store.write.commands import encode_state, find_command, find_state, update_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -84,8 +84,8 @@ def issue(
     known = find_state(connection, node)
     desired_state = json.loads(known["desired"]) if known is not None and known["desired"] else {}
     desired_state = merge_desired_state(desired_state, order.name, order.arguments)
-    keep_state(
-        connection, node, desired=write_state(desired_state), desired_at=now, desired_by=number
+    update_state(
+        connection, node, desired=encode_state(desired_state), desired_at=now, desired_by=number
     )
     kept = find_command(connection, node, number)
     assert kept is not None  # noqa: S101 - inserted above

@@ -48,16 +48,16 @@ def _said(value: object) -> tuple[str, bytes] | ParsedMessage:
         if isinstance(node, str) and isinstance(data, bytes):
             if len(data) > MOST_BYTES:
                 reason = f"message of over {MOST_BYTES} bytes"
-                return ParsedMessage.unread(node, data, reason)
+                return ParsedMessage.unreadable(node, data, reason)
             return node, data
     reason = "the item is no array of a node's name and bytes"
-    return ParsedMessage.unread("", cbor2.dumps(value), reason)
+    return ParsedMessage.unreadable("", cbor2.dumps(value), reason)
 
 
 def _read(said: Sequence[tuple[str, bytes]]) -> Sequence[ParsedMessage]:
     """Read messages; else one that breaks what reads it would be brought for ever."""
     try:
-        return ParsedMessage.read_all(said)
+        return ParsedMessage.parse_all(said)
     except MemoryError:  # which is ours, and no message's
         raise
     except Exception as error:
@@ -66,4 +66,4 @@ def _read(said: Sequence[tuple[str, bytes]]) -> Sequence[ParsedMessage]:
         node, data = said[0]
         log.exception("message broke what reads it: bytes=%d", len(data))
         reason = f"it broke what reads it: {type(error).__name__}"
-        return [ParsedMessage.refused(node, b"", reason + WITHHELD.format(len(data)))]
+        return [ParsedMessage.rejected(node, b"", reason + WITHHELD.format(len(data)))]

@@ -7,7 +7,7 @@ import time
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from eskin.wire.timestamp import SECOND
-from eskin_cloud.store.clock_state import Reading
+from eskin_cloud.store.write.clock_state import ClockReading
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -57,7 +57,7 @@ class ClockGuard:
         clock: Callable[[], int],
         *,
         ticks: Callable[[], int] = _ticks,
-        last: Reading | None = None,
+        last: ClockReading | None = None,
     ) -> None:
         self._clock = clock
         self._ticks = ticks
@@ -81,14 +81,16 @@ class ClockGuard:
             self._ahead, self._doubt = ahead, None
         return ticks + self._ahead
 
-    def read(self) -> Reading:
+    def read(self) -> ClockReading:
         """What to go on from when the cloud starts again."""
         believed = self()
         if self._doubt is None:
-            return Reading(believed)
-        return Reading(believed, self._doubt.ahead - self._ahead, self._ticks() - self._doubt.since)
+            return ClockReading(believed)
+        return ClockReading(
+            believed, self._doubt.ahead - self._ahead, self._ticks() - self._doubt.since
+        )
 
-    def _go_on(self, last: Reading) -> None:
+    def _go_on(self, last: ClockReading) -> None:
         """Doubt a clock that went on by more than a cloud is mostly off, or was in doubt before."""
         ticks, now = self._ticks(), self._clock()
         passed = now - last.believed

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.store.compaction import find_packable, pack_some
+from eskin_cloud.store.compaction import compact_page, find_compactable
 
 if TYPE_CHECKING:
     from eskin_cloud.app_state import AppState
@@ -30,9 +30,9 @@ async def _catch_up(cloud: AppState, stopping: asyncio.Event) -> None:
     store, behind = cloud.store, 2 * cloud.settings.live.backlog
     if not cloud.settings.packing.on:
         return
-    for place in await asyncio.to_thread(find_packable, store, behind):
+    for place in await asyncio.to_thread(find_compactable, store, behind):
         more = True
         while more and not stopping.is_set():
             begun = time.monotonic()
-            more = await asyncio.to_thread(pack_some, store, place, behind)
+            more = await asyncio.to_thread(compact_page, store, place, behind)
             await asyncio.sleep(_RESTS * (time.monotonic() - begun))

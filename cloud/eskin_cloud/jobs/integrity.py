@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import StoreError
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.store.integrity import LARGE, find_fault, mend
-from eskin_cloud.store.row_digests import CHECKED, find_damaged
+from eskin_cloud.store.integrity import LARGE_TABLES, find_corruption, rebuild_indexes
+from eskin_cloud.store.row_digests import CHECKED_TABLES, find_damaged
 
 if TYPE_CHECKING:
     from sqlalchemy import Table
@@ -32,7 +32,7 @@ async def check_integrity(cloud: AppState, stopping: asyncio.Event) -> None:
 
 
 async def _look(cloud: AppState, stopping: asyncio.Event) -> None:
-    for table in LARGE:
+    for table in LARGE_TABLES:
         if stopping.is_set():
             return
         try:
@@ -48,9 +48,9 @@ def look_at(store: Store, table: Table) -> None:
         StoreError: Its pages are damaged, or the store cannot be read or written.
     """
     with store.read() as connection:
-        is_whole = find_fault(connection, table) is None
+        is_whole = find_corruption(connection, table) is None
     if not is_whole:
-        store.write(partial(mend, table=table)).result()
-    if table in CHECKED:
+        store.write(partial(rebuild_indexes, table=table)).result()
+    if table in CHECKED_TABLES:
         with store.read() as connection:
             find_damaged(connection, table)

@@ -9,8 +9,9 @@ from sqlalchemy import exists, select
 
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.periodic import run_periodically
+from eskin_cloud.store.schema.tables import missing_ranges
 from eskin_cloud.store.write.ingest import IngestResult
-from eskin_cloud.store.write.missing_messages import Boot, Span, find_missing, holes, keep_missing
+from eskin_cloud.store.write.missing_messages import Boot, Span, find_missing, update_missing
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
@@ -44,7 +45,7 @@ async def look(cloud: AppState) -> None:
     def work(connection: Connection) -> IngestResult:
         now, cache = cloud.clock(), cloud.store.cache
         return IngestResult(
-            [], keep_missing(connection, cache, found, patience=patience, now=now), 0
+            [], update_missing(connection, cache, found, patience=patience, now=now), 0
         )
 
     written = cloud.store.write(work)
@@ -54,5 +55,5 @@ async def look(cloud: AppState) -> None:
 
 def _find(cloud: AppState) -> tuple[dict[Boot, list[Span]], bool]:
     with cloud.store.read() as connection:
-        known = connection.execute(select(exists(select(holes.c.node)))).scalar_one()
+        known = connection.execute(select(exists(select(missing_ranges.c.node)))).scalar_one()
         return find_missing(connection), bool(known)

@@ -11,7 +11,7 @@ import psycopg
 from eskin.errors import StoreError
 from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.store.notify import CHANNEL, COMMANDS, FEED, WATCHED
-from eskin_cloud.store.postgres import arguments
+from eskin_cloud.store.postgres import driver_arguments
 
 if TYPE_CHECKING:
     import asyncio
@@ -39,7 +39,7 @@ async def _listen(cloud: AppState, place: URL) -> None:
     Raises:
         StoreError: The server cannot be reached.
     """
-    words = arguments(place)
+    words = driver_arguments(place)
     try:
         connection = await psycopg.AsyncConnection.connect(autocommit=True, **words)
     except psycopg.Error as error:

@@ -13,16 +13,16 @@ from eskin.privacy import is_biometric
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.clock_guard import ClockGuard
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.store.clock_state import keep_reading, last_reading
-from eskin_cloud.store.removal import Reason, Sweep, remove, sweeps_of_erased
+from eskin_cloud.store.removal import RemovalReason, Sweep, remove, sweeps_of_erased
 from eskin_cloud.store.schema.tables import channels
+from eskin_cloud.store.write.clock_state import load_clock, save_clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from eskin_cloud.app_state import AppState
     from eskin_cloud.settings import RetentionSection
-    from eskin_cloud.store.clock_state import Reading
+    from eskin_cloud.store.write.clock_state import ClockReading
 
 log = logging.getLogger(__name__)
 
@@ -60,13 +60,13 @@ class Rounds:
             self._steady = ClockGuard(self._cloud.clock, last=last)
         await sweep(self._cloud, clock=self._steady)
         reading = self._steady.read()
-        written = self._cloud.store.write(lambda connection: keep_reading(connection, reading))
+        written = self._cloud.store.write(lambda connection: save_clock(connection, reading))
         await asyncio.wrap_future(written)
 
 
-def _last(cloud: AppState) -> Reading | None:
+def _last(cloud: AppState) -> ClockReading | None:
     with cloud.store.read() as connection:
-        return last_reading(connection)
+        return load_clock(connection)
 
 
 async def sweep(cloud: AppState, *, clock: Callable[[], int] | None = None) -> int:
@@ -125,5 +125,5 @@ def _due(cloud: AppState, now: int) -> list[Sweep]:
         for node, channel in connection.execute(select(channels.c.node, channels.c.channel)):
             days = kept_for(rules, node, channel)
             if days > 0:
-                found.append(Sweep(node, channel, Reason.AGE, now - int(days * _DAY)))
+                found.append(Sweep(node, channel, RemovalReason.AGE, now - int(days * _DAY)))
     return found

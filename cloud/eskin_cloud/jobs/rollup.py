@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.rollup.builder import Key, claim, find_growing, repair
+from eskin_cloud.rollup.builder import Key, claim, find_unclaimed, rebuild_stale
 
 if TYPE_CHECKING:
     from eskin_cloud.app_state import AppState
@@ -26,13 +26,13 @@ async def build_rollup(cloud: AppState, stopping: asyncio.Event) -> None:
 
 async def _catch_up(cloud: AppState, stopping: asyncio.Event) -> None:
     store = cloud.store
-    for place in await asyncio.to_thread(find_growing, store):
+    for place in await asyncio.to_thread(find_unclaimed, store):
         while not stopping.is_set() and await asyncio.to_thread(claim, store, place):
             pass
     after: Key | None = None
     while not stopping.is_set():
         begun = time.monotonic()
-        after = await asyncio.to_thread(repair, store, after)
+        after = await asyncio.to_thread(rebuild_stale, store, after)
         if after is None:
             return
         if store.writer.waiting:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.store.write.ingest import IngestResult
-from eskin_cloud.store.write.presence import give_up
+from eskin_cloud.store.write.presence import mark_silent_offline
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
@@ -25,7 +25,9 @@ async def watch_silence(cloud: AppState, stopping: asyncio.Event) -> None:
 
     def mark(connection: Connection) -> IngestResult:
         now = cloud.clock()
-        events = give_up(connection, cloud.store.cache, silent_since=now - silence, now=now)
+        events = mark_silent_offline(
+            connection, cloud.store.cache, silent_since=now - silence, now=now
+        )
         return IngestResult([], events, 0)
 
     async def look() -> None:

@@ -20,7 +20,7 @@ _NAMES: Final = 100
 
 async def announce_viewed_nodes(cloud: AppState, stopping: asyncio.Event) -> None:
     """Notify three times in the time that a view counts."""
-    if isinstance(cloud.store.place, Path):
+    if isinstance(cloud.store.location, Path):
         return
 
     async def announce() -> None:

@@ -17,10 +17,10 @@ from sqlalchemy import select
 from eskin.wire.messages.compression import decompress
 from eskin_cloud.live.sse_encoder import SseEncoder
 from eskin_cloud.query.opaque_ids import OpaqueIds
-from eskin_cloud.store.damage import Head, is_sound
+from eskin_cloud.store.damage import RowHeader, is_intact_block
 from eskin_cloud.store.feed_entry import FeedEntry
-from eskin_cloud.store.row_digests import sound
-from eskin_cloud.store.schema.sealed_tables import veiled
+from eskin_cloud.store.row_digests import intact_rows
+from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import blocks, events, feed
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ class Feed:
         """
         if cursor >= self._floor:
             newer = takewhile(lambda entry: entry.cursor > cursor, reversed(self._recent))
-            found = [entry for entry in newer if sealed or entry.veiled is None][: -most - 1 : -1]
+            found = [entry for entry in newer if sealed or entry.sealed is None][: -most - 1 : -1]
             return found, found[-1].cursor if found else self._last
         if not sealed:
             return await asyncio.to_thread(self._read_open, cursor, most)
@@ -196,7 +196,7 @@ class Feed:
             places = _open_places(connection, cursor, self._floor, most, latest=False)
             end = places[-1] if len(places) == most else max(self._floor, cursor)
             found = read_entries(connection, cursor, end)
-        return [entry for entry in found if entry.veiled is None], end
+        return [entry for entry in found if entry.sealed is None], end
 
     def _read(self, cursor: int, end: int) -> Sequence[FeedEntry]:
         with self._store.read() as connection:
@@ -223,20 +223,20 @@ def _open_places(
 def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedEntry]:
     """Entries with ``after < cursor <= end``."""
     b = blocks.c
-    query = select(b.cursor, b.data, b.received, b.head, *(b[name] for name in Head._fields))
+    query = select(b.cursor, b.data, b.received, b.head, *(b[name] for name in RowHeader._fields))
     rows = connection.execute(query.where(b.cursor > after, b.cursor <= end))
     found = [
         FeedEntry(cursor, head[0], head[1], decompress(data), None, received)
         for cursor, data, received, own, *head in rows
-        if is_sound(data, Head(*head), own)
+        if is_intact_block(data, RowHeader(*head), own)
     ]
     e = events.c
     named = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
     found += [
         FeedEntry(row["cursor"], row["node"], row["channel"], None, dict(row), row["received"])
-        for row in sound(connection, events, named)
+        for row in intact_rows(connection, events, named)
     ]
-    v = veiled.c
+    v = sealed_messages.c
     sealed = select(v.cursor, v.node, v.channel, v.data, v.received)
     found += [
         FeedEntry(cursor, node, channel, None, None, received, data)

@@ -100,7 +100,7 @@ def _print(
 
     What was missed before a stream began is sent in full.
     """
-    if slow_since is None and all(entry.veiled is None for entry in found):
+    if slow_since is None and all(entry.sealed is None for entry in found):
         return feed.encoder.page(found, selection)
     said = _choose(found, selection, reveal)
     if slow_since is None:

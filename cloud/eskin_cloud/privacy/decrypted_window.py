@@ -18,8 +18,8 @@ from eskin.runtime.digest import digest
 from eskin.wire.messages import Block, BlockSummary
 from eskin_cloud.privacy.errors import ErasedError
 from eskin_cloud.privacy.sealed_rows import open_row
-from eskin_cloud.store.row_digests import give_function
-from eskin_cloud.store.schema.sealed_tables import veiled
+from eskin_cloud.store.row_digests import register_checksum
+from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import (
     blocks,
     channels,
@@ -30,7 +30,7 @@ from eskin_cloud.store.schema.tables import (
     nodes,
     sequences,
 )
-from eskin_cloud.store.schema.tile_tables import stale, tiles
+from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles
 from eskin_cloud.store.write.ingest import ingest
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from eskin_cloud.store.write.write_cache import WriteCache
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 MOST: Final = 20_000
 """Most sealed blocks that are opened for one question."""
-_TABLES: Final = [nodes, channels, blocks, events, sequences, digests, feed, tiles, stale]
+_TABLES: Final = [nodes, channels, blocks, events, sequences, digests, feed, tiles, stale_chunks]
 
 
 @contextmanager
@@ -76,7 +76,7 @@ def decrypted_window(
 
 
 def _sealed(connection: Connection, channel: RowMapping, window: Window) -> Sequence[RowMapping]:
-    v = veiled.c
+    v = sealed_messages.c
     query = select(v.node, v.boot, v.sequence, v.data).where(
         v.node == channel["node"],
         v.channel == channel["channel"],
@@ -120,7 +120,7 @@ def _fill(memory: Connection, channel: RowMapping, items: Sequence[ParsedMessage
     memory.exec_driver_sql("PRAGMA temp_store=MEMORY")  # a large sort must not go to the disk
     driver = memory.connection.driver_connection
     assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - as `_engine` makes it
-    give_function(driver)
+    register_checksum(driver)
     metadata.create_all(memory, _TABLES)
     memory.execute(insert(feed).values(name="feed", cursor=0))
     first = items[0].message if items else None

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy import func, select
 
-from eskin_cloud.store.row_digests import sound
+from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.sealed_tables import erased_subjects
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def unapplied_erasures(
     if connection.execute(counted).scalar_one() <= len(known):
         return set()
     rows = connection.execute(select(erased_subjects)).mappings()
-    found = sound(connection, erased_subjects, rows)
+    found = intact_rows(connection, erased_subjects, rows)
     return {(row["site"], row["subject"]) for row in found} - known
 
 

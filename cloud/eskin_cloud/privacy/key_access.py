@@ -16,8 +16,8 @@ from eskin.wire.messages import Block
 from eskin_cloud.access import Scope
 from eskin_cloud.privacy.erasures import unapplied_erasures
 from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
+from eskin_cloud.store.schema.tables import node_sites
 from eskin_cloud.store.write.events import peak_row
-from eskin_cloud.store.write.node_sites import node_sites
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -223,12 +223,12 @@ class KeyAccess:
         shown = self.may(scopes)
 
         def revealed(entry: FeedEntry) -> FeedEntry | None:
-            if entry.veiled is None:
+            if entry.sealed is None:
                 return entry
             if not shown:
                 return None
             self._require_fresh_erasures()
-            return _open(self, entry, entry.veiled)
+            return _open(self, entry, entry.sealed)
 
         return revealed
 
@@ -244,6 +244,6 @@ def _open(reader: KeyAccess, entry: FeedEntry, sealed: bytes) -> FeedEntry | Non
     except (PrivacyError, MessageError):  # erased since, never given, or damaged
         return None
     if isinstance(message, Block):
-        return entry._replace(block=data, veiled=None)
+        return entry._replace(block=data, sealed=None)
     row = peak_row(entry.node, message, data) | {"cursor": entry.cursor}
-    return entry._replace(event=row, veiled=None)
+    return entry._replace(event=row, sealed=None)

@@ -9,18 +9,18 @@ from sqlalchemy import select
 from eskin.errors import NoKeyError
 from eskin.wire.messages import Peak
 from eskin_cloud.privacy.sealed_rows import open_row
-from eskin_cloud.store.schema.sealed_tables import veiled
+from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.write.events import peak_row
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping, Select
 
     from eskin_cloud.privacy.sealed_rows import Reader
-    from eskin_cloud.query.events import EventQuestion
+    from eskin_cloud.query.events import EventQuery
 
 
 def find_peaks(
-    connection: Connection, reader: Reader, question: EventQuestion
+    connection: Connection, reader: Reader, question: EventQuery
 ) -> list[dict[str, Any]]:
     """The first sealed peaks that answer a question, in its order; one more than its limit.
 
@@ -48,9 +48,9 @@ def place(event: RowMapping | dict[str, Any]) -> tuple[int, int]:
     return event["t_lo"], event["cursor"]
 
 
-def _select(question: EventQuestion, after: tuple[int, ...] | None) -> Select[tuple[object, ...]]:
-    v = veiled.c
-    query: Select[tuple[object, ...]] = select(veiled).where(v.kind == "peak")
+def _select(question: EventQuery, after: tuple[int, ...] | None) -> Select[tuple[object, ...]]:
+    v = sealed_messages.c
+    query: Select[tuple[object, ...]] = select(sealed_messages).where(v.kind == "peak")
     if question.node is not None:
         query = query.where(v.node == question.node)
     if question.channel is not None:
@@ -85,7 +85,7 @@ def _open(reader: Reader, row: RowMapping) -> dict[str, Any] | None:
     return peak_row(row["node"], message, data) | {"cursor": row["cursor"]}
 
 
-def _answers(question: EventQuestion, event: dict[str, Any], after: tuple[int, ...] | None) -> bool:
+def _answers(question: EventQuery, event: dict[str, Any], after: tuple[int, ...] | None) -> bool:
     if after is not None:
         beyond = place(event) > after if question.order == "asc" else place(event) < after
         if not beyond:

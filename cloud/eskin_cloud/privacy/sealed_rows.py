@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from eskin.errors import BrokenSealError, MessageError
 from eskin.privacy import SealedMessage
-from eskin_cloud.store.damage import DamagedRow, note_damaged
+from eskin_cloud.store.damage import DamagedRow, report_damaged
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,5 +43,7 @@ def open_row(
     try:
         return reader.read(row["node"], SealedMessage.decode(row["data"]))
     except (BrokenSealError, MessageError):
-        note_damaged("veiled", DamagedRow(row["node"], row["boot"], row["sequence"], None))
+        report_damaged(
+            "sealed_messages", DamagedRow(row["node"], row["boot"], row["sequence"], None)
+        )
         return None

@@ -12,7 +12,7 @@ from eskin.identity import IdentityKind
 from eskin.privacy.subject import KEY_BYTES, is_pseudonym
 from eskin.wire.messages.cbor_map import items, load_any
 from eskin_cloud.ingest.errors import MalformedBatchError
-from eskin_cloud.store.schema.sealed_tables import erased_subjects, wearers
+from eskin_cloud.store.schema.sealed_tables import erased_subjects, subject_nodes
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 
 if TYPE_CHECKING:
@@ -76,10 +76,10 @@ def note(
         conflicts: Subjects whose key is another one than the one that is kept.
     """
     for worn in notice.worn:
-        here = (wearers.c.node == worn.node) & (wearers.c.subject == worn.subject)
-        if connection.execute(select(wearers.c.told).where(here)).first() is None:
-            row = {"node": worn.node, "subject": worn.subject, "told": now}
-            connection.execute(insert(wearers), row)
+        here = (subject_nodes.c.node == worn.node) & (subject_nodes.c.subject == worn.subject)
+        if connection.execute(select(subject_nodes.c.reported).where(here)).first() is None:
+            row = {"node": worn.node, "subject": worn.subject, "reported": now}
+            connection.execute(insert(subject_nodes), row)
             audit_entry = AuditEntry(gateway, "", Action.SUBJECT_ASSIGNED, worn.node, worn.subject)
             record(connection, audit_entry, now=now)
     for subject in sorted(set(conflicts)):

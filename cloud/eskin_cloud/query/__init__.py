@@ -1,3 +1,3 @@
-"""Questions to the store, and how they are answered from bounds before samples."""
+"""Queries of stored series, events and lists."""
 
 from __future__ import annotations

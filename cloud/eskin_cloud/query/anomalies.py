@@ -1,4 +1,4 @@
-"""When a channel is not as predicted, certainly or possibly: runs of samples."""
+"""Find segments in which a channel differs from a prediction."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin_cloud.query.sample_validity import after, before
 from eskin_cloud.query.segments import find_segments_of, parted
 from eskin_cloud.rollup.aggregates import concatenated
 from eskin_cloud.rollup.blocks import DECODED, decode
-from eskin_cloud.store.read.block_index import touching
+from eskin_cloud.store.read.block_index import overlaps
 from eskin_cloud.store.schema.tables import blocks
 
 if TYPE_CHECKING:
@@ -28,28 +28,28 @@ if TYPE_CHECKING:
     from eskin_cloud.store.read.window import Window
 
 MOST: Final = 100_000
-"""Most blocks that are compared with a prediction that changes, for one question."""
+"""Most blocks that a query compares with a changing prediction."""
 _AT_ONCE: Final = 256
 
 
 def find_anomalies(
     connection: Connection, channel: RowMapping, window: Window, prediction: Prediction
 ) -> Iterator[Segment]:
-    """All runs in a window, in order of time: anomalies or not.
+    """All segments of a window, in order of time.
 
-    What is predicted for a sample takes in its time error. A band that stands is asked of the
-    pyramid first, what changes of each block's bounds.
+    A prediction for a sample includes its time error. A constant band is compared with tiles first,
+    a changing prediction with each block's bounds.
 
     Raises:
-        QueryError: There is too much to be compared, or the model does not take its parameters.
+        QueryError: The window holds too many blocks, or a parameter is invalid.
     """
     if prediction.model.name == "constant":
         band = prediction.parameters["value"]
         question = Predicate(float(band.inf), float(band.sup), outside=True)
-        return find_segments_of(connection, channel, window, question, over_gaps=False)
-    here = touching(channel, window)
+        return find_segments_of(connection, channel, window, question)
+    here = overlaps(channel, window)
     if connection.execute(select(func.count()).where(here)).scalar_one() > MOST:
-        raise QueryError("start", f"to end are over {MOST} blocks; ask for less at once")
+        raise QueryError("start", f"to end are over {MOST} blocks; choose a shorter window")
     return _find(connection, channel, window, prediction)
 
 
@@ -61,7 +61,7 @@ def _find(
         whole = (pieces.first >= window.start) & (pieces.last < window.end)
         whole[1:] &= pieces.first[1:] > np.maximum.accumulate(pieces.last)[:-1]
         whole[:-1] &= pieces.last[:-1] < pieces.first[1:]
-        # Of a block that is all disjoint nothing more is asked.
+        # A block that is disjoint as a whole is not decoded.
         known = whole & ((_answers(prediction, pieces) == Verdict.CERTAIN) | (pieces.n == 1))
         samples = _decoded(
             connection, channel, window, [rows[k] for k in np.flatnonzero(~known).tolist()]
@@ -79,9 +79,9 @@ def _answers(prediction: Prediction, pieces: Aggregates) -> Any:
 def _batches(
     connection: Connection, channel: RowMapping, window: Window
 ) -> Iterator[Sequence[RowMapping]]:
-    """Blocks in order of time; those that overlap each other come together."""
+    """Batches of blocks in order of time; overlapping blocks are in one batch."""
     b = blocks.c
-    query = select(*COLUMNS).where(touching(channel, window)).order_by(b.t, b.boot, b.sequence)
+    query = select(*COLUMNS).where(overlaps(channel, window)).order_by(b.t, b.boot, b.sequence)
     batch: list[RowMapping] = []
     end = 0
     for row in connection.execute(query).mappings().yield_per(_AT_ONCE):

@@ -1,33 +1,31 @@
-"""Whether a node's statement of UTC holds, by what messages prove."""
+"""Check a node's stated time by the times of its messages."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sqlalchemy import func, or_, select
 
-from eskin.errors import StoreError
 from eskin_cloud.store.schema.tables import nodes
 
 if TYPE_CHECKING:
     from typing import Literal
 
-    from eskin_cloud.store import Store
+    from sqlalchemy import Connection
 
 
 @dataclass(frozen=True, slots=True)
 class ClockCheck:
-    """A node's statement of the moment at which it wrote a status, beside two proofs of it.
+    """The time that a node stated in a status, and two bounds of it.
 
-    The status carries the gateway's time in an acknowledgement that the node had received, so it
-    was written after that time. The cloud stored it, so it was written before it was stored. This
-    is Cristian's method (1989) with the network's delay left as an interval.
+    The status holds the gateway's time from the latest acknowledgement, so the node wrote it after
+    that time, and before the cloud stored it. This is Cristian's method (1989) with the network's
+    delay as an interval.
 
     Attributes:
-        stated: What the node's clock says: earliest and latest, UTC ns.
-        after: Gateway's time in the acknowledgement, UTC ns; ``None`` where the node had none.
+        stated: The node's time: earliest and latest, UTC ns.
+        after: Gateway's time in the acknowledgement, UTC ns; ``None`` if the node had none.
         before: When the cloud stored the status, UTC ns.
         error: Greatest error of the gateways' clocks and of the cloud's, ns.
     """
@@ -39,15 +37,15 @@ class ClockCheck:
 
     @property
     def references_agree(self) -> bool:
-        """Whether both proofs can hold; else the gateway's clock or the cloud's is wrong."""
+        """Whether both bounds can hold; else the gateway's clock or the cloud's is wrong."""
         return self.after is None or self.after - self.error <= self.before + self.error
 
     @property
     def verdict(self) -> Literal["certain", "possible", "impossible"]:
-        """Whether the stated enclosure holds the moment.
+        """Whether the stated enclosure holds the true time.
 
-        ``impossible`` proves that the node's clock is beyond its stated bound. ``certain`` says
-        that no clock of a node is needed to believe the enclosure.
+        ``impossible`` proves that the node's clock exceeds its stated error. ``certain`` is proven
+        by the gateway's and the cloud's clocks alone.
         """
         if not self.references_agree:
             return "possible"
@@ -73,11 +71,11 @@ class ClockCheck:
         return middle - (self.before + self.error), most
 
 
-def count_wrong_clocks(store: Store, error: int) -> float:
-    """How many nodes' clocks are impossible by their latest status; NaN if it cannot be read.
+def count_wrong_clocks(connection: Connection, error: int) -> int:
+    """The number of nodes whose latest status proves their clock wrong.
 
     Args:
-        store: Where the statuses are.
+        connection: Of the store.
         error: As in `ClockCheck`.
     """
     stated, proven = nodes.c, 2 * error
@@ -85,11 +83,7 @@ def count_wrong_clocks(store: Store, error: int) -> float:
         stated.clock_earliest - stated.clock_before > error,
         stated.clock_after - stated.clock_latest > error,
     )
-    # Where the reference clocks contradict each other, they say nothing about the node.
+    # Reference clocks that contradict each other prove nothing about the node.
     agree = func.coalesce(stated.clock_after - stated.clock_before, 0) <= proven
-    try:
-        with store.read() as connection:
-            counted = select(func.count()).select_from(nodes).where(wrong, agree)
-            return float(connection.execute(counted).scalar_one())
-    except StoreError:
-        return math.nan
+    counted = select(func.count()).select_from(nodes).where(wrong, agree)
+    return int(connection.execute(counted).scalar_one())

@@ -1,4 +1,4 @@
-"""Where one channel is above another: from the pyramid, else from blocks' bounds, else samples."""
+"""Compare two channels: by tiles, else by blocks' bounds, else by samples."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sqlalchemy import select
 from eskin_cloud.query.comparison_segments import ComparisonSegment, compare, merge
 from eskin_cloud.query.neighbourhood import Neighbourhood
 from eskin_cloud.query.predicate import Verdict
-from eskin_cloud.query.tile_comparison import Fate, read_grid, sort_out
+from eskin_cloud.query.tile_comparison import TileVerdict, classify, read_grid
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import STEP, TOP
 from eskin_cloud.store.schema.tables import blocks
@@ -18,25 +18,29 @@ from eskin_cloud.store.schema.tables import blocks
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from eskin_cloud.query.neighbourhood import Source
+    from eskin_cloud.query.neighbourhood import ChannelSource
 
 _TILES: Final = 64
-"""A window is so many tiles of the highest level that is looked at, or somewhat more."""
+"""Least tiles of the highest level that is read."""
 _AT_ONCE: Final = 256
 
 
-def find_stretches(one: Source, other: Source, window: Window) -> Iterator[ComparisonSegment]:
-    """All of a window in order of time: where one channel is above the other, or nothing is known.
+def find_comparison_segments(
+    one: ChannelSource, other: ChannelSource, window: Window
+) -> Iterator[ComparisonSegment]:
+    """Segments of a window with one verdict each, in order of time.
 
     Args:
-        one: The channel that is asked about.
-        other: What it is compared with, of the same unit.
-        window: When.
+        one: The channel that may be above.
+        other: The other channel, of the same unit.
+        window: The window.
     """
     return merge(_find((one, other), window))
 
 
-def _find(sides: tuple[Source, Source], window: Window) -> Iterator[ComparisonSegment]:
+def _find(
+    sides: tuple[ChannelSource, ChannelSource], window: Window
+) -> Iterator[ComparisonSegment]:
     grains = [side.channel["grain"] for side in sides]
     if window.span == 0:
         return
@@ -50,21 +54,21 @@ def _find(sides: tuple[Source, Source], window: Window) -> Iterator[ComparisonSe
 
 
 def _level(
-    sides: tuple[Source, Source], window: Window, level: int, grain: int
+    sides: tuple[ChannelSource, ChannelSource], window: Window, level: int, grain: int
 ) -> Iterator[ComparisonSegment]:
-    """The answers of a level's tiles; those that leave it open are entered."""
+    """The verdicts of a level's tiles; undecided ones are resolved by lower levels."""
     first, end = window.start >> level, ((window.end - 1) >> level) + 1
     grids = tuple(read_grid(side, level, first, end) for side in sides)
-    for fate, begin, stop, samples in sort_out(*grids):
+    for fate, begin, stop, samples in classify(*grids):
         start, over = (first + begin) << level, (first + stop) << level
         part = Window(max(start, window.start), min(over, window.end))
-        if fate is Fate.ABOVE:
+        if fate is TileVerdict.ABOVE:
             yield ComparisonSegment(part.start, part.end, Verdict.CERTAIN, samples=samples)
-        elif fate is Fate.NOT_ABOVE:
+        elif fate is TileVerdict.NOT_ABOVE:
             yield ComparisonSegment(part.start, part.end, Verdict.IMPOSSIBLE, samples=samples)
-        elif fate is Fate.EMPTY:
+        elif fate is TileVerdict.EMPTY:
             yield from _of_gap(sides, part)
-        elif fate is Fate.CHANGED or level == grain:
+        elif fate is TileVerdict.CHANGED or level == grain:
             yield from _of_blocks(sides, part)
         else:
             for at in range(part.start, part.end, _TILES << level):
@@ -72,8 +76,10 @@ def _level(
                 yield from _level(sides, within, level - STEP, grain)
 
 
-def _of_gap(sides: tuple[Source, Source], window: Window) -> Iterator[ComparisonSegment]:
-    """A window in which one of both has no samples; at its ends, one before may hold."""
+def _of_gap(
+    sides: tuple[ChannelSource, ChannelSource], window: Window
+) -> Iterator[ComparisonSegment]:
+    """A window in which a channel has no samples; an earlier one may be valid at its start."""
     at = window.start
     for start, end in _known(sides, window):
         if start > at:
@@ -84,8 +90,8 @@ def _of_gap(sides: tuple[Source, Source], window: Window) -> Iterator[Comparison
         yield ComparisonSegment(at, window.end, None)
 
 
-def _known(sides: tuple[Source, Source], window: Window) -> Iterator[tuple[int, int]]:
-    """When that channel is known which has fewer samples in a window."""
+def _known(sides: tuple[ChannelSource, ChannelSource], window: Window) -> Iterator[tuple[int, int]]:
+    """The ranges in which the channel with fewer samples is known."""
     some = [side for side in sides if not _next_blocks(side, window, 1)]
     if not some:
         yield window.start, window.end
@@ -96,15 +102,17 @@ def _known(sides: tuple[Source, Source], window: Window) -> Iterator[tuple[int, 
             yield max(start, window.start), min(end, window.end)
 
 
-def _next_blocks(side: Source, window: Window, count: int) -> list[int]:
-    """Where the next so many blocks of a channel begin."""
+def _next_blocks(side: ChannelSource, window: Window, count: int) -> list[int]:
+    """The starts of a channel's next blocks."""
     b, channel = blocks.c, side.channel
     query = select(b.t).where(b.node == channel["node"], b.channel == channel["channel"])
     query = query.where(b.t > window.start, b.t < window.end).order_by(b.t).limit(count)
     return list(side.connection.execute(query).scalars())
 
 
-def _of_blocks(sides: tuple[Source, Source], window: Window) -> Iterator[ComparisonSegment]:
+def _of_blocks(
+    sides: tuple[ChannelSource, ChannelSource], window: Window
+) -> Iterator[ComparisonSegment]:
     at = window.start
     while at < window.end:
         rest = Window(at, window.end)
@@ -113,8 +121,10 @@ def _of_blocks(sides: tuple[Source, Source], window: Window) -> Iterator[Compari
         yield from _of_few(sides, Window(rest.start, at))
 
 
-def _of_few(sides: tuple[Source, Source], window: Window) -> Iterator[ComparisonSegment]:
-    """From the bounds of blocks; those that leave the answer open are decoded."""
+def _of_few(
+    sides: tuple[ChannelSource, ChannelSource], window: Window
+) -> Iterator[ComparisonSegment]:
+    """Compare blocks' bounds; undecided blocks are decoded."""
     around = [Neighbourhood(side, window) for side in sides]
     while True:
         found = compare(around[0].holding, around[1].holding, window)

@@ -1,4 +1,4 @@
-"""Stretches of time over which a comparison of two channels has the same answer."""
+"""Segments of time with one verdict of a comparison."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from eskin_cloud.query.occupancy import EntryCount
 from eskin_cloud.query.predicate import Verdict
 
 if TYPE_CHECKING:
@@ -23,15 +24,15 @@ _UNKNOWN: Final = -1
 
 @dataclass(slots=True)
 class ComparisonSegment:
-    """A stretch of time with one answer.
+    """A segment with one verdict.
 
     Attributes:
         start: UTC ns, included.
         end: UTC ns, excluded.
-        answer: Whether one channel is above the other; ``None`` where that is not known.
-        slots: How often the answer might change at most, and one more.
-        shared: Samples of both that may hold at the start and before.
-        samples: Samples of both that it rests on, at most.
+        answer: Whether one channel is above the other; ``None`` where unknown.
+        slots: Most changes of the answer, plus one.
+        shared: Samples of both that may be valid at the start and before.
+        samples: Most samples of both that were compared.
     """
 
     start: int
@@ -42,14 +43,14 @@ class ComparisonSegment:
     samples: int = 0
 
     def grow(self, following: ComparisonSegment) -> None:
-        """Take in the next stretch, whose answer is the same."""
+        """Append the next segment, which has the same verdict."""
         self.end = following.end
         self.slots += following.slots + 1 - following.shared
         self.samples += following.samples
 
 
 def merge(stretches: Iterable[ComparisonSegment]) -> Iterator[ComparisonSegment]:
-    """Stretches with neighbours of the same answer made one."""
+    """Merge neighbours with the same verdict."""
     current: ComparisonSegment | None = None
     for stretch in stretches:
         if current is None:
@@ -65,14 +66,14 @@ def merge(stretches: Iterable[ComparisonSegment]) -> Iterator[ComparisonSegment]
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Whether one channel is above another, moment by moment.
+    """Whether one channel is above another, at each time.
 
     Attributes:
         sides: The one, and the other.
-        edges: Where answers may change, from the window's start to its end, UTC ns.
-        runs: Of each side, the first and the last piece that may hold from each edge on.
-        answers: From each edge but the last on; -1 where one of both is not known.
-        open: Whether a look at the samples of each such stretch may tell more.
+        edges: Times at which answers may change, from the window's start to its end, UTC ns.
+        runs: Of each side, the first and the last entry that may be valid from each edge on.
+        answers: Verdicts from each edge but the last on; -1 where a side is unknown.
+        open: Whether decoding samples may decide each segment.
     """
 
     sides: tuple[SampleValidity, SampleValidity]
@@ -82,7 +83,7 @@ class Comparison:
     open: NDArray[np.bool_]
 
     def stretches(self) -> Iterator[ComparisonSegment]:
-        """All stretches in order of time."""
+        """All segments in order of time."""
         cut = np.flatnonzero(np.diff(self.answers, prepend=self.answers[:1] - 1))
         ends = np.append(cut[1:], self.answers.size)
         counts = np.zeros((3, cut.size), np.int64)
@@ -93,14 +94,14 @@ class Comparison:
             counts += np.maximum([rows[0], rows[1], rows[2] - total[first[cut]]], 0)
         starts, stops = self.edges[cut].tolist(), self.edges[ends].tolist()
         answers = self.answers[cut].tolist()
-        for start, end, said, *row in zip(starts, stops, answers, *counts.tolist(), strict=True):
-            if said == _UNKNOWN:
+        for start, end, answer, *row in zip(starts, stops, answers, *counts.tolist(), strict=True):
+            if answer == _UNKNOWN:
                 yield ComparisonSegment(start, end, None)
             else:
-                yield ComparisonSegment(start, end, Verdict(said), row[0] - 1, row[1], row[2])
+                yield ComparisonSegment(start, end, Verdict(answer), row[0] - 1, row[1], row[2])
 
     def straddling(self, number: int) -> NDArray[np.bool_]:
-        """Which pieces of a side must be looked into."""
+        """Which entries of a side must be decoded."""
         side, (first, last) = self.sides[number], self.runs[number]
         wanted = np.zeros(len(side.pieces) + 1, np.int64)
         np.add.at(wanted, first[self.open], 1)
@@ -111,8 +112,8 @@ class Comparison:
 def compare(one: SampleValidity, other: SampleValidity, window: Window) -> Comparison:
     """Compare two channels over a window that is not empty.
 
-    The one is above the other, certainly, where the hull of all its samples that may hold is above
-    that of the other's; not, where none of its is; nothing is known where either has a gap.
+    One is certainly above the other where the hull of its possibly valid samples is above the
+    other's hull, impossibly where it is not above anywhere, and unknown where either has a gap.
     """
     edges = np.concatenate([one.edges, other.edges])
     edges = edges[(edges > window.start) & (edges < window.end)]
@@ -132,3 +133,38 @@ def compare(one: SampleValidity, other: SampleValidity, window: Window) -> Compa
         coarse[known] |= many[last[known] + 1] > many[first[known]]
     straddled = coarse & (answers == Verdict.POSSIBLE)
     return Comparison((one, other), edges, runs, answers, straddled)
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonTotals:
+    """Totals of a comparison over a window.
+
+    Attributes:
+        time: Least and greatest time above, ns, while both are known.
+        unknown: Time in which a channel is unknown, ns.
+        entries: Least and greatest number of entries; each gap starts a new count.
+        samples: Most samples of both that were compared.
+    """
+
+    time: tuple[int, int]
+    unknown: int
+    entries: tuple[int, int]
+    samples: int
+
+
+def total_comparison(stretches: Iterable[ComparisonSegment]) -> ComparisonTotals:
+    """Total merged segments in order of time."""
+    spent, unknown, samples, entries = [0, 0, 0], 0, 0, EntryCount()
+    for stretch in stretches:
+        if stretch.answer is None:
+            unknown += stretch.end - stretch.start
+            entries.part()
+        else:
+            spent[stretch.answer] += stretch.end - stretch.start
+            entries.add(stretch.answer, stretch.slots)
+        samples += stretch.samples
+    entries.part()
+    sure = spent[Verdict.CERTAIN]
+    return ComparisonTotals(
+        (sure, sure + spent[Verdict.POSSIBLE]), unknown, (entries.least, entries.most), samples
+    )

@@ -1,4 +1,4 @@
-"""Cursors: where a list goes on, opaque to the one who asks."""
+"""Cursors of paged lists, opaque to the client."""
 
 from __future__ import annotations
 
@@ -18,32 +18,33 @@ def read_texts(cursor: str, count: int) -> list[str]:
     """Read a cursor of ``count`` texts.
 
     Raises:
-        QueryError: It is none of ours.
+        QueryError: The cursor is invalid.
     """
     try:
         padded = cursor + "=" * (-len(cursor) % 4)
         parts = base64.b64decode(padded, altchars=b"-_", validate=True).decode().split("\n")
     except (binascii.Error, ValueError) as error:
-        raise _refusal() from error
+        raise invalid_cursor() from error
     if len(parts) != count:
-        raise _refusal()
+        raise invalid_cursor()
     return parts
 
 
 def read_numbers(cursor: str, count: int) -> list[int]:
-    """Read a cursor of ``count`` integers of 64 bit.
+    """Read a cursor of ``count`` 64-bit integers.
 
     Raises:
-        QueryError: It is none of ours.
+        QueryError: The cursor is invalid.
     """
     try:
         numbers = [int(part) for part in read_texts(cursor, count)]
     except ValueError as error:
-        raise _refusal() from error
+        raise invalid_cursor() from error
     if any(abs(number) >= 2**63 for number in numbers):
-        raise _refusal()
+        raise invalid_cursor()
     return numbers
 
 
-def _refusal() -> QueryError:
-    return QueryError("cursor", "is none of ours; pass on what `next` said, or leave it out")
+def invalid_cursor() -> QueryError:
+    """The error for a cursor that this cloud did not issue."""
+    return QueryError("cursor", "is invalid; pass the `next` of an earlier answer, or leave it out")

@@ -1,4 +1,4 @@
-"""Events: peaks, gaps, and what changed in a node's status."""
+"""Query events: peaks, gaps and changes of a node's status."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from sqlalchemy import false, select, tuple_
 
-from eskin_cloud.store.row_digests import sound
+from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.tables import events
 
 if TYPE_CHECKING:
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class EventQuestion:
-    """Which events, and in which order.
+class EventQuery:
+    """A query of events.
 
     Attributes:
         node: Of this node only.
         channel: Of this channel only.
         kind: Of this kind only.
         verdict: With this verdict only.
-        start: Not over before, UTC ns.
-        end: Begun before, UTC ns.
-        limit: How many at once.
-        cursor: Where to go on.
+        start: Events that end before it, UTC ns, are left out.
+        end: Events that begin at or after it, UTC ns, are left out.
+        limit: Most events.
+        cursor: Continue after this event.
         order: By time; ``desc`` gives the latest first.
     """
 
@@ -46,19 +46,19 @@ class EventQuestion:
 
     @property
     def is_of_no_time(self) -> bool:
-        """Whether its window is empty, which nothing overlaps."""
+        """Whether the window is empty; no event overlaps it."""
         return self.start is not None and self.start == self.end
 
 
 def find_events(
-    connection: Connection, question: EventQuestion, opened: Sequence[Row] = ()
+    connection: Connection, question: EventQuery, opened: Sequence[Row] = ()
 ) -> tuple[list[RowMapping | Row], tuple[int, int] | None]:
-    """One page of events, and where the next goes on.
+    """One page of events, and the cursor of the next.
 
     Args:
-        connection: Reads one state of the store.
-        question: Which.
-        opened: More events that answer the question: its first in its order, from elsewhere.
+        connection: In a read transaction.
+        question: The query.
+        opened: The first decrypted events that match the query, in its order.
     """
     found: list[RowMapping | Row] = [*connection.execute(_select(question)).mappings(), *opened]
     if opened:
@@ -67,12 +67,13 @@ def find_events(
     following = (page[-1]["t_lo"], page[-1]["cursor"]) if more else None
     of_people = {id(row) for row in opened}
     stored = {
-        id(row) for row in sound(connection, events, (r for r in page if id(r) not in of_people))
+        id(row)
+        for row in intact_rows(connection, events, (r for r in page if id(r) not in of_people))
     }
     return [row for row in page if id(row) in stored or id(row) in of_people], following
 
 
-def _select(question: EventQuestion) -> Select[tuple[object, ...]]:
+def _select(question: EventQuery) -> Select[tuple[object, ...]]:
     e = events.c
     query: Select[tuple[object, ...]] = select(events)
     for column, value in (

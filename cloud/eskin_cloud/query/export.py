@@ -1,7 +1,7 @@
-"""Exports: all samples of channels in a window, part by part, resumable behind any block.
+"""Export all samples of channels in a window, in parts, resumable after any block.
 
-Nothing is held between two parts but a place in the order of blocks, so that an export of any
-length takes constant memory and no transaction stays open while a slow client reads.
+The only state between two parts is a position in the order of blocks, so that an export of any
+length takes constant memory, and no transaction stays open while a slow client reads.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from eskin.tube import Tube
 from eskin.wire.messages import Block, Position
 from eskin.wire.messages.compacted_block import Pack
 from eskin.wire.messages.compression import decompress
-from eskin_cloud.store.damage import DamagedRowError, Head, is_sound, is_sound_head
-from eskin_cloud.store.read.block_index import before, clip, count, touching
+from eskin_cloud.store.damage import DamagedRowError, RowHeader, is_intact_block, is_intact_header
+from eskin_cloud.store.read.block_index import before, clip, count_samples, overlaps
 from eskin_cloud.store.schema.tables import blocks, channels
 
 if TYPE_CHECKING:
@@ -31,19 +31,19 @@ if TYPE_CHECKING:
     from eskin_cloud.store.read.window import Window
 
 _AT_ONCE: Final = 128
-"""Blocks in one part: 128,000 samples at most; rows that are read for it."""
-_MARKS: Final = 4096
-"""Rows that are counted at a time."""
+"""Blocks of a part: at most 128,000 samples."""
+_ROWS: Final = 4096
+"""Rows that are counted at once."""
 
 
-class Mark(NamedTuple):
-    """A block's place in an export: channel by channel, each in order of time.
+class ExportPosition(NamedTuple):
+    """A block's position in an export: channel by channel, each in order of time.
 
     Attributes:
-        channel: Which of the channels, as they were asked for.
-        t: Middle of its first moment, UTC ns.
-        boot: Of its node.
-        sequence: Of that boot.
+        channel: Index of the channel in the query.
+        t: Middle of its first sample's time, UTC ns.
+        boot: Its node's boot.
+        sequence: Its sequence number.
     """
 
     channel: int
@@ -53,18 +53,18 @@ class Mark(NamedTuple):
 
 
 def sequence_of(position: Position) -> int:
-    """A block's sequence number, as its node gave it."""
+    """A block's sequence number."""
     return position.sequence
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
-    """A channel, and where its blocks are read.
+class ExportChannel:
+    """A channel to export, and where its blocks are read.
 
     Attributes:
         channel: The channel's row.
-        open: Gives a connection, for one part.
-        number: What is told as a block's sequence number.
+        open: Opens a read transaction, for one part.
+        number: Returns the exported sequence number of a block.
     """
 
     channel: RowMapping
@@ -72,66 +72,68 @@ class Source:
     number: Callable[[Position], int] = sequence_of
 
 
-class Unknown(NamedTuple):
-    """A damaged block: when its samples were taken, and nothing else."""
+class DamagedBlock(NamedTuple):
+    """A damaged block: the times of its samples, with unbounded values."""
 
     position: Position
     tube: Tube
 
 
-class Part(NamedTuple):
-    """Some consecutive blocks of one channel."""
+class ExportPart(NamedTuple):
+    """Consecutive blocks of one channel."""
 
     channel: RowMapping
-    blocks: Sequence[Block | Unknown]
+    blocks: Sequence[Block | DamagedBlock]
     number: Callable[[Position], int]
 
 
 @dataclass(frozen=True, slots=True)
 class Export:
-    """What is asked for.
+    """An export.
 
     Attributes:
-        sources: The channels, in the order of their answer.
-        window: When.
-        after: The last block that is not wanted any more; ``None`` for all from the beginning.
+        sources: The channels, in the order of the answer.
+        window: The window.
+        after: The last block of an earlier part; ``None`` for the beginning.
     """
 
-    sources: Sequence[Source]
+    sources: Sequence[ExportChannel]
     window: Window
-    after: Mark | None
+    after: ExportPosition | None
 
     def samples(self) -> int:
-        """How many samples lie in the window, in all channels."""
+        """The number of samples in the window, of all channels."""
         total = 0
         for source in self.sources:
             with source.open() as connection:
-                total += count(connection, _as_it_is(connection, source.channel), self.window)
+                total += count_samples(
+                    connection, _as_it_is(connection, source.channel), self.window
+                )
         return total
 
-    def find_end(self, limit: int) -> Mark | None:
-        """The block with which ``limit`` samples are full; ``None`` where there is nothing behind.
+    def find_end(self, limit: int) -> ExportPosition | None:
+        """The block that completes ``limit`` samples; ``None`` if no block follows it.
 
-        A block is never cut for it: the last one may bring some more.
+        A block is never cut: the last one may exceed the limit.
         """
         left = limit
-        last: Mark | None = None
+        last: ExportPosition | None = None
         for index, begin in self._marks():
             for found in chain.from_iterable(self._pages(index, begin, None, whole=False)):
                 if left <= 0:
                     return last
                 first, final = clip(found.place[0], found.dt, found.n, self.window)
                 left -= max(0, final - first + 1)
-                last = Mark(index, *found.place)
+                last = ExportPosition(index, *found.place)
         return None
 
-    def read(self, until: Mark | None) -> Iterator[Part]:
-        """Decode blocks in order, up to and with ``until``.
+    def read(self, until: ExportPosition | None) -> Iterator[ExportPart]:
+        """Decode blocks in order, up to and including ``until``.
 
-        Of a damaged block each sample is there, and unbounded.
+        The samples of a damaged block are unbounded.
 
         Raises:
-            DamagedRowError: Nobody can tell when a damaged block's samples were.
+            DamagedRowError: The times of a damaged block are damaged, too.
         """
         for index, begin in self._marks():
             if until is not None and index > until.channel:
@@ -142,36 +144,41 @@ class Export:
                     decoded = [
                         _decoded(found, source.channel["unit"]) for found in page[k : k + _AT_ONCE]
                     ]
-                    yield Part(source.channel, decoded, source.number)
+                    yield ExportPart(source.channel, decoded, source.number)
 
     def _pages(
-        self, index: int, after: Mark | None, until: Mark | None, *, whole: bool
-    ) -> Iterator[Sequence[_Found]]:
-        """A channel's blocks in order, some at a time; ``whole`` with their bytes.
+        self, index: int, after: ExportPosition | None, until: ExportPosition | None, *, whole: bool
+    ) -> Iterator[Sequence[_StoredBlock]]:
+        """A channel's blocks in order, in pages; ``whole`` with their bytes.
 
-        Each page goes on behind the last block of the one before, whatever was packed meanwhile.
+        Each page starts after the last block of the one before, whatever was compacted meanwhile.
         """
-        most = _AT_ONCE if whole else _MARKS
+        most = _AT_ONCE if whole else _ROWS
         while True:
             with self.sources[index].open() as connection:
                 query = self._ordered(connection, index, after, until, whole=whole)
                 rows = connection.execute(query.limit(most)).all()
             full = len(rows) == most
-            # Behind the last row others begin, and blocks of packs before it may lie among them.
-            last = Mark(index, *rows[-1][:3]) if full else _later(until, index)
+            # Blocks of packs before the last row may lie among those after it.
+            last = ExportPosition(index, *rows[-1][:3]) if full else _later(until, index)
             page = self._between(rows, after, min(last, _later(until, index)), whole=whole)
             if page:
                 yield page
-                after = Mark(index, *page[-1].place)
+                after = ExportPosition(index, *page[-1].place)
             elif full:
                 most *= 2
             if not full:
                 return
 
     def _between(
-        self, rows: Sequence[Any], after: Mark | None, last: Mark, *, whole: bool
-    ) -> list[_Found]:
-        """The blocks of rows that lie behind a mark, up to another one, and in the window."""
+        self,
+        rows: Sequence[Any],
+        after: ExportPosition | None,
+        last: ExportPosition,
+        *,
+        whole: bool,
+    ) -> list[_StoredBlock]:
+        """The blocks of rows between two positions, in the window."""
         found = (block for row in rows for block in _blocks(row, whole=whole))
         chosen = [
             block
@@ -183,8 +190,8 @@ class Export:
         ]
         return sorted(chosen)
 
-    def _marks(self) -> Iterator[tuple[int, Mark | None]]:
-        """The channels that are left, each with the block behind which it begins."""
+    def _marks(self) -> Iterator[tuple[int, ExportPosition | None]]:
+        """The remaining channels, each with the block after which it starts."""
         first = 0 if self.after is None else self.after.channel
         for index in range(first, len(self.sources)):
             yield index, self.after if index == first else None
@@ -193,79 +200,76 @@ class Export:
         self,
         connection: Connection,
         index: int,
-        after: Mark | None,
-        until: Mark | None,
+        after: ExportPosition | None,
+        until: ExportPosition | None,
         *,
         whole: bool,
     ) -> Select[Any]:
         b = blocks.c
         key = tuple_(b.t, b.boot, b.sequence)
         channel = _as_it_is(connection, self.sources[index].channel)
-        where: list[ColumnElement[bool]] = [touching(channel, self.window)]
+        where: list[ColumnElement[bool]] = [overlaps(channel, self.window)]
         if after is not None:
             reaching = and_(b.packed.is_not(None), b.t_end >= after.t)
             where += [b.t >= before(after.t, channel["longest"]), or_(key > after[1:], reaching)]
         if until is not None and until.channel == index:
             where += [b.t <= until.t, key <= until[1:]]
         data = b.data if whole else case((b.packed.is_not(None), b.data), else_=None)
-        head = (b[name] for name in Head._fields)
+        head = (b[name] for name in RowHeader._fields)
         query = select(b.t, b.boot, b.sequence, b.n, b.dt, b.packed, data, b.head, *head)
         return query.where(*where).order_by(b.t, b.boot, b.sequence)
 
 
-class _Found(NamedTuple):
-    """A block: middle of its first moment, boot and sequence; its samples; its bytes.
-
-    Of a damaged row only the columns are known.
-    """
+class _StoredBlock(NamedTuple):
+    """A block: its key (time, boot, sequence), samples and bytes; of a damaged row the header."""
 
     place: tuple[int, int, int]
     n: int
     dt: int
     data: bytes
-    damaged: Head | None = None
+    damaged: RowHeader | None = None
 
 
-def _blocks(row: Sequence[Any], *, whole: bool) -> Iterable[_Found]:
-    """The blocks of a row, as `Export._ordered` asks for it; a damaged pack is one block.
+def _blocks(row: Sequence[Any], *, whole: bool) -> Iterable[_StoredBlock]:
+    """The blocks of a row of `Export._ordered`; a damaged pack is one block.
 
     Raises:
-        DamagedRowError: Nobody can tell when its samples were.
+        DamagedRowError: The row's header is damaged.
     """
     t, boot, sequence, n, dt, packed, data, own, *head = row
-    said = Head(*head)
-    if not is_sound_head(said, own):
-        raise DamagedRowError(said.place)
-    if data is not None and not is_sound(data, said, own):
-        return [_Found((t, boot, sequence), n, dt, b"", said)]
+    header = RowHeader(*head)
+    if not is_intact_header(header, own):
+        raise DamagedRowError(header.place)
+    if data is not None and not is_intact_block(data, header, own):
+        return [_StoredBlock((t, boot, sequence), n, dt, b"", header)]
     if packed is None:
-        return [_Found((t, boot, sequence), n, dt, data)]
+        return [_StoredBlock((t, boot, sequence), n, dt, data)]
     pack = Pack.read(data)
     counts, sequences = pack.n.tolist(), pack.column("sequence").tolist()
     times = (t + dt * (np.cumsum(pack.n) - pack.n)).tolist()
     places = zip(times, repeat(boot), sequences, strict=False)
     each = [kept.data for kept in pack.blocks()] if whole else repeat(b"", packed)
-    return map(_Found, places, counts, repeat(dt), each)
+    return map(_StoredBlock, places, counts, repeat(dt), each)
 
 
-def _decoded(found: _Found, unit: str) -> Block | Unknown:
+def _decoded(found: _StoredBlock, unit: str) -> Block | DamagedBlock:
     if found.damaged is None:
         return Block.decode(decompress(found.data))
     head = found.damaged
     unknown = Interval(np.full(head.n, -np.inf), np.full(head.n, np.inf))
     time = head.t - head.error, head.t + head.error
     tube = Tube(time, head.dt, unknown, unit, head.coverage)
-    return Unknown(Position(head.boot, head.sequence), tube)
+    return DamagedBlock(Position(head.boot, head.sequence), tube)
 
 
-def _later(until: Mark | None, index: int) -> Mark:
-    """The last mark of a channel that is wanted."""
+def _later(until: ExportPosition | None, index: int) -> ExportPosition:
+    """The last position of a channel to export."""
     if until is not None and until.channel == index:
         return until
-    return Mark(index, 2**63, 0, 0)
+    return ExportPosition(index, 2**63, 0, 0)
 
 
 def _as_it_is(connection: Connection, channel: RowMapping) -> RowMapping:
-    """The channel's row in this state of the store: rows may have become longer since."""
+    """The channel's current row: blocks may have become longer meanwhile."""
     here = (channels.c.node == channel["node"]) & (channels.c.channel == channel["channel"])
     return connection.execute(select(channels).where(here)).mappings().one()

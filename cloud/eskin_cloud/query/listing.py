@@ -1,4 +1,4 @@
-"""Lists of nodes and of a node's channels."""
+"""List nodes and channels."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from sqlalchemy import func, or_, select
 
 from eskin.privacy.biometric import BIOMETRIC, MARK
 from eskin_cloud.query.cursors import read_texts, write_cursor
-from eskin_cloud.store.row_digests import sound
+from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import channels, nodes
 
@@ -26,7 +26,7 @@ def list_nodes(
     """One page of nodes, by name, and the cursor of the next.
 
     Raises:
-        QueryError: The cursor is none.
+        QueryError: The cursor is invalid.
     """
     return _page(connection, nodes.c.node, cursor)
 
@@ -37,19 +37,19 @@ def list_channels(
     """One page of a node's channels, by name, and the cursor of the next.
 
     Raises:
-        QueryError: The cursor is none.
+        QueryError: The cursor is invalid.
     """
     return _page(connection, channels.c.channel, cursor, channels.c.node == node)
 
 
 def count_channels(connection: Connection, names: Sequence[str]) -> dict[str, int]:
-    """How many channels each of these nodes has."""
+    """The number of channels of each node."""
     query = select(channels.c.node, func.count()).where(channels.c.node.in_(names))
     return {row[0]: row[1] for row in connection.execute(query.group_by(channels.c.node))}
 
 
 def sealed_nodes(connection: Connection, names: Sequence[str] | None = None) -> set[str]:
-    """Those of these nodes, or of all, that have a biometric channel."""
+    """The nodes, of ``names`` or of all, that have a biometric channel."""
     c = channels.c
     named = or_(c.channel.like(f"{MARK}%"), *(c.channel.like(f"%.{q}") for q in BIOMETRIC))
     query = select(c.node).distinct().where(named)
@@ -59,10 +59,10 @@ def sealed_nodes(connection: Connection, names: Sequence[str] | None = None) -> 
 
 
 def list_removed(connection: Connection, node: str) -> dict[str, tuple[int, int]]:
-    """How many messages of each of a node's channels were removed, and before when, UTC ns."""
+    """The number of removed messages of each channel, and before when, UTC ns."""
     rows = connection.execute(select(removals).where(removals.c.node == node)).mappings()
     found: dict[str, tuple[int, int]] = {}
-    for row in sound(connection, removals, rows):
+    for row in intact_rows(connection, removals, rows):
         messages, before = found.get(row["channel"], (0, row["before"]))
         found[row["channel"]] = messages + row["messages"], max(before, row["before"])
     return found
@@ -78,7 +78,7 @@ def _page(
     if cursor is not None:
         query = query.where(name > read_texts(cursor, 1)[0])
     found = connection.execute(query).mappings().all()
-    page = sound(connection, name.table, found[:_PAGE])
+    page = intact_rows(connection, name.table, found[:_PAGE])
     if len(found) <= _PAGE:
         return page, None
     return page, write_cursor(found[_PAGE - 1][name])

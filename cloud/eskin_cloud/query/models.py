@@ -1,4 +1,4 @@
-"""Which quantities of the ³S models may be asked for, and with which parameters."""
+"""Quantities of the ³S models that queries may use, with their parameters."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def constant(_time: Interval, *, value: Interval) -> Interval:
-    """The same at all times: a band."""
+    """A constant band."""
     return value
 
 
@@ -26,11 +26,10 @@ class ModelParameter:
     """A parameter of a model.
 
     Attributes:
-        name: Of the keyword of its function.
-        unit: UCUM code; ``None`` where it is that of the channel.
+        name: Name of its function's keyword.
+        unit: UCUM code; ``None`` for the channel's unit.
         required: Whether it must be given.
-        usual: Bounds to begin with: what is taken where it is left out, or the paper's value with
-            its tolerance; ``None`` where there is none.
+        usual: Default bounds, or the paper's value with its tolerance; ``None`` without any.
     """
 
     name: str
@@ -44,9 +43,9 @@ class Model:
     """A quantity over time.
 
     Attributes:
-        name: Of a function of `eskin.models`, or `constant`.
-        part: Which of what it gives; ``None`` where it gives one.
-        unit: UCUM code; ``None`` where it is whatever its parameters have.
+        name: A function of `eskin.models`, or `constant`.
+        part: Attribute of its result; ``None`` for the result itself.
+        unit: UCUM code; ``None`` for the parameters' unit.
     """
 
     name: str
@@ -55,18 +54,18 @@ class Model:
 
     @property
     def function(self) -> Callable[..., Any]:
-        """Time and parameters to intervals."""
+        """The function of time and parameters."""
         return constant if self.name == "constant" else getattr(eskin.models, self.name)
 
     @property
     def description(self) -> str:
-        """What it is, in one line."""
+        """A description of one line."""
         return (self.function.__doc__ or "").partition("\n")[0].replace("``", "")
 
     @property
     def parameters(self) -> list[ModelParameter]:
-        """All that it takes, in order."""
-        usual = USUAL.get(self.name, {})
+        """Its parameters, in order."""
+        usual = DEFAULTS.get(self.name, {})
         return [
             ModelParameter(
                 name,
@@ -78,10 +77,10 @@ class Model:
         ]
 
     def require_parameters(self, given: Mapping[str, Interval]) -> None:
-        """Check names.
+        """Check the names of given parameters.
 
         Raises:
-            QueryError: One is missing, or none of the model's.
+            QueryError: A parameter is missing or unknown.
         """
         known = self._keywords()
         for name in given:
@@ -92,7 +91,7 @@ class Model:
                 raise QueryError("parameter", f"{name} is missing; give parameter={name}:LO:HI")
 
     def _keywords(self) -> dict[str, Any]:
-        """Its parameters' defaults by name."""
+        """The parameters' defaults by name."""
         taken = signature(self.function).parameters
         return {
             name: each.default
@@ -128,7 +127,7 @@ MODELS: Final = {
         Model("touch", "energy", "J"),
     )
 }
-"""All that may be asked for, by name."""
+"""All quantities by name."""
 
 UNITS: Final[Mapping[str, str | None]] = {
     "value": None,
@@ -158,16 +157,16 @@ UNITS: Final[Mapping[str, str | None]] = {
 }
 """UCUM code of each parameter; ``None`` for the channel's own."""
 
-_SWING: Final = {
+_SINUSOID: Final = {
     "minimum_capacitance": (9e-12, 1.1e-11),
     "maximum_capacitance": (9e-11, 1.1e-10),
 }
-USUAL: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
-    "alternating_capacitance": _SWING,
-    "alternating_capacitance_paper": _SWING,
-    "harmonic_capacitance": _SWING,
+DEFAULTS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
+    "alternating_capacitance": _SINUSOID,
+    "alternating_capacitance_paper": _SINUSOID,
+    "harmonic_capacitance": _SINUSOID,
     "capacitive_chain": {
-        **_SWING,
+        **_SINUSOID,
         "resistance": (900.0, 1100.0),
         "transconductance": (9e-7, 1.1e-6),
     },
@@ -200,5 +199,5 @@ USUAL: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
         "voltage": (0.45, 0.55),
     },
 }
-"""For each function the paper's values with a tenth of tolerance; frequencies are thin, since a
-wide one soon blurs the tube. The paper gives no values for eq. 14's capacitance and swing."""
+"""For each function the paper's values ± 10 %; frequencies are exact, as a wide one soon blurs the
+tube. The paper states no values for the capacitance and amplitude of eq. 14."""

@@ -1,4 +1,4 @@
-"""A channel around a window: all that may hold in it, by blocks' bounds, by samples where asked."""
+"""Read a channel around a window: blocks' bounds, and samples on demand."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.query.sample_validity import SampleValidity
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
 from eskin_cloud.rollup.blocks import DECODED, decode
-from eskin_cloud.store.damage import Head, sound_heads
-from eskin_cloud.store.read.block_index import touching
+from eskin_cloud.store.damage import RowHeader, intact_headers
+from eskin_cloud.store.read.block_index import overlaps
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.tables import blocks
 
@@ -26,27 +26,27 @@ if TYPE_CHECKING:
     from eskin_cloud.rollup.aggregates import Integers
 
 _ALWAYS: Final = Window(-MOST_MOMENT, MOST_MOMENT)
-COLUMNS: Final = tuple(blocks.c[name] for name in (*Head._fields, "head"))
-"""What of a block's row tells of its bounds."""
+COLUMNS: Final = tuple(blocks.c[name] for name in (*RowHeader._fields, "head"))
+"""Columns of a block's bounds."""
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
-    """Where a channel is read: a connection that sees one state of a store, and its row there."""
+class ChannelSource:
+    """A channel's row, and the read transaction that holds it."""
 
     connection: Connection
     channel: RowMapping
 
 
 class Neighbourhood:
-    """What a channel may be in a window; it may be asked to look closer.
+    """The possible values of a channel in a window, refined by `look`.
 
     Args:
-        source: Where the channel is read.
-        window: When.
+        source: The channel.
+        window: The window.
     """
 
-    def __init__(self, source: Source, window: Window) -> None:
+    def __init__(self, source: ChannelSource, window: Window) -> None:
         self._source = source
         self._rows = _read_around(source, window)
         self._looked: dict[int, Aggregates] = {}
@@ -61,14 +61,14 @@ class Neighbourhood:
 
     @property
     def holding(self) -> SampleValidity:
-        """When each of its pieces may hold."""
+        """The validity of each entry."""
         return SampleValidity.of(self._pieces())
 
     def look(self, chosen: NDArray[np.bool_]) -> None:
-        """Decode the blocks that some of the pieces stand for.
+        """Decode the blocks of some entries.
 
         Args:
-            chosen: Of the pieces of `holding`.
+            chosen: Which entries of `holding`.
         """
         begun = np.unique(self._pieces().first[chosen])
         self._look(np.flatnonzero(np.isin(self._bounds.first, begun)))
@@ -94,8 +94,8 @@ class Neighbourhood:
             self._looked[number] = decode([found[row["boot"], row["sequence"]]], _ALWAYS)
 
 
-def _read_around(source: Source, window: Window) -> Sequence[RowMapping]:
-    """Blocks in and around a window: so far that no other one may hold in it."""
+def _read_around(source: ChannelSource, window: Window) -> Sequence[RowMapping]:
+    """The blocks in and around a window, so far that no other may be valid in it."""
     channel = source.channel
     if channel["t_first"] is None:
         return []
@@ -105,8 +105,8 @@ def _read_around(source: Source, window: Window) -> Sequence[RowMapping]:
         wide = Window(
             max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT)
         )
-        query = select(*COLUMNS).where(touching(channel, wide)).order_by(b.t, b.boot, b.sequence)
-        rows = list(sound_heads(source.connection.execute(query).mappings()))
+        query = select(*COLUMNS).where(overlaps(channel, wide)).order_by(b.t, b.boot, b.sequence)
+        rows = list(intact_headers(source.connection.execute(query).mappings()))
         if _is_enough(rows, window, wide, channel):
             return rows
         margin *= 4
@@ -122,7 +122,7 @@ def _is_enough(
 
 
 def as_pieces(rows: Sequence[RowMapping]) -> Aggregates:
-    """One piece for each block, as its bounds tell it."""
+    """One entry for each block, by its bounds."""
     if not rows:
         return EMPTY
     t, t_end, n, dt, error = (

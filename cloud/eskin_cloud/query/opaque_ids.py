@@ -1,7 +1,7 @@
-"""Ids and cursors that say nothing of the messages between them.
+"""Ids and cursors that reveal no number of messages.
 
-A place in the feed counts all messages, sealed ones, too: who saw it could count heartbeats. So
-places leave the cloud encrypted, under a key of the store, and always as the same text.
+A cursor counts all messages, including sealed ones: a reader could count heartbeats. So cursors
+leave the cloud encrypted, deterministically, under a key of the store.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESSIV
 from sqlalchemy import select
 
-from eskin.errors import QueryError
+from eskin_cloud.query.cursors import invalid_cursor
 from eskin_cloud.store.schema.tables import feed
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class OpaqueIds:
-    """Encrypts numbers by AES-SIV (RFC 5297): deterministic, and what was not made here is refused.
+    """Encrypts numbers by AES-SIV (RFC 5297): deterministic and authenticated.
 
     Args:
         key: 32 bytes.
@@ -35,35 +35,31 @@ class OpaqueIds:
 
     @classmethod
     def of(cls, connection: Connection) -> Self:
-        """Those of a store, the same in all processes on it."""
-        return cls(connection.execute(select(feed.c.ids)).scalar_one())
+        """Ids under a store's key, the same in all processes."""
+        return cls(connection.execute(select(feed.c.cursor_key)).scalar_one())
 
     def write(self, *numbers: int) -> str:
-        """Numbers as a text that tells none of them."""
+        """Encrypt numbers."""
         data = ",".join(map(str, numbers)).encode()
         return base64.urlsafe_b64encode(self._aead.encrypt(data, None)).decode().rstrip("=")
 
     def read(self, text: str, count: int) -> list[int]:
-        """The numbers of a text.
+        """Decrypt numbers.
 
         Raises:
-            QueryError: It is none of ours, or of another count.
+            QueryError: The text was not encrypted here, or holds another count.
         """
         try:
             data = base64.b64decode(text + "=" * (-len(text) % 4), altchars=b"-_", validate=True)
             numbers = [int(part) for part in self._aead.decrypt(data, None).split(b",")]
         except (InvalidTag, binascii.Error, ValueError) as error:
-            raise _refusal() from error
+            raise invalid_cursor() from error
         if len(numbers) != count:
-            raise _refusal()
+            raise invalid_cursor()
         return numbers
 
     def number(self, node: str, boot: int, sequence: int) -> int:
-        """A number of 52 bit that names a message, and not how many came before it."""
-        said = f"{node} {boot} {sequence}".encode()
-        digest = hashlib.blake2b(said, key=self._key, digest_size=8).digest()
+        """A 52-bit id of a message, which reveals no count."""
+        name = f"{node} {boot} {sequence}".encode()
+        digest = hashlib.blake2b(name, key=self._key, digest_size=8).digest()
         return int.from_bytes(digest, "big") >> 12
-
-
-def _refusal() -> QueryError:
-    return QueryError("cursor", "is none of ours; pass on what `next` said, or leave it out")

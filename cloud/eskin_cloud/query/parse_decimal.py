@@ -1,4 +1,4 @@
-"""Numbers of questions, from their text: enclosed, as few of them are floats."""
+"""Enclose decimal numbers of queries by floats."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from decimal import MAX_EMAX, MIN_EMIN, ROUND_CEILING, ROUND_FLOOR, Context, Dec
 from typing import Final
 
 _DIGITS: Final = 200
-"""More than any text that is asked has."""
+"""More digits than any parameter has."""
 
 
 def enclose_decimal(text: str) -> tuple[float, float]:
@@ -17,20 +17,20 @@ def enclose_decimal(text: str) -> tuple[float, float]:
         text: Such as ``0.1``, ``1e-3`` or ``inf``.
 
     Raises:
-        ValueError: It is no number.
+        ValueError: The text is no number.
     """
     near = float(text)
     lo, hi = (_read(text.strip(), rounding) for rounding in (ROUND_FLOOR, ROUND_CEILING))
     if lo.is_nan():
         raise ValueError(f"{text!r} is no number")
-    told = Decimal(near)
+    exact = Decimal(near)
     return (
-        near if told <= lo else math.nextafter(near, -math.inf),
-        near if told >= hi else math.nextafter(near, math.inf),
+        near if exact <= lo else math.nextafter(near, -math.inf),
+        near if exact >= hi else math.nextafter(near, math.inf),
     )
 
 
 def _read(text: str, rounding: str) -> Decimal:
-    """Exactly, but for exponents that no float has."""
+    """Parse exactly, except for exponents beyond those of floats."""
     limits = Context(_DIGITS, rounding, MIN_EMIN, MAX_EMAX, capitals=1, clamp=0, flags=[], traps=[])
     return limits.create_decimal(text)

@@ -1,4 +1,4 @@
-"""A question for a state, with three honest answers for each sample."""
+"""Three-valued predicates on samples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Verdict(IntEnum):
-    """Three honest answers."""
+    """The three verdicts."""
 
     IMPOSSIBLE = 0
     POSSIBLE = 1
@@ -26,8 +26,8 @@ class Verdict(IntEnum):
 class Predicate:
     """Whether a value lies in a band, or outside of it; at least one end is given.
 
-    A sample's answer is certain if all of its interval is in that state, impossible if none of it
-    is, else possible; so it is possible for a sample of which nothing is known.
+    The verdict of a sample is certain if its whole interval is in that state, impossible if none of
+    it is, else possible; an unknown sample is possible.
 
     Attributes:
         low: The band's lower end, in the channel's unit; ``None`` for a band without one.

@@ -1,4 +1,4 @@
-"""Predictions: a quantity of a ³S model over time, with intervals for parameters."""
+"""Predict a quantity of a ³S model over time, with interval parameters."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class Prediction:
     origin: int
 
     def between(self, first: Integers, last: Integers) -> tuple[Floats, Floats]:
-        """An enclosure of the quantity over each stretch of time, its ends included, UTC ns.
+        """An enclosure of the quantity over each closed range of time, UTC ns.
 
         Raises:
-            QueryError: The model does not take such parameters.
+            QueryError: A parameter is out of the model's domain.
         """
         size = np.broadcast_shapes(first.shape, last.shape)
         time = Interval(self._seconds(first, -np.inf), self._seconds(last, np.inf))
@@ -54,12 +54,12 @@ class Prediction:
         return np.broadcast_to(values.inf, size), np.broadcast_to(values.sup, size)
 
     def answers(self, first: Integers, last: Integers, lo: Floats, hi: Floats) -> NDArray[np.int8]:
-        """Whether measured intervals are anomalies: certain if disjoint from what is predicted.
+        """Whether measured intervals are anomalies.
 
-        Impossible if inside of it, else possible.
+        Certain if disjoint from the prediction, impossible if inside of it, else possible.
 
         Args:
-            first: The earliest moment at which each was measured, UTC ns.
+            first: The earliest time of each measurement, UTC ns.
             last: The latest.
             lo: Lower bounds.
             hi: Upper bounds.
@@ -69,9 +69,9 @@ class Prediction:
         return disjoint.astype(np.int8) + ~inside
 
     def _seconds(self, moments: Integers, side: float) -> Floats:
-        """On their side of the exact time; the sum and the division round once each.
+        """Times in s, rounded outward; the sum and the division round once each.
 
-        Differences may need 65 bits, so both halves of the moments are taken apart.
+        Differences may need 65 bits, so each half is subtracted separately.
         """
         high = (moments >> _HALF) - (self.origin >> _HALF)
         low = (moments & _LOWER) - (self.origin & _LOWER)

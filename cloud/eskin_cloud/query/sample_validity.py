@@ -1,7 +1,7 @@
-"""What a channel may be at each moment: the hull of all samples that may hold then.
+"""When samples are valid, given their time errors.
 
-A sample's moment lies within its time error, and the samples of a channel were taken in the order
-of their times. A sample holds from its moment until the next one's; before a gap, for its period.
+A sample's true time lies within its time error, and samples were taken in the order of their stated
+times. A sample is valid from its time until the next one's; before a gap, for its period.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SampleValidity:
-    """When each of some pieces may hold, and when one of them surely does.
+    """When each entry may be valid, and when one certainly is.
 
     Attributes:
-        pieces: In order of time, none with a gap inside, each of one time error.
-        begin: The earliest moment at which each may hold, UTC ns; never falls.
-        end: The moment from which on each surely holds no more; never falls.
-        known: Begins and ends of the stretches in which some sample surely holds.
+        pieces: Entries in order of time, none with a gap inside, each of one time error.
+        begin: The earliest time at which each may be valid, UTC ns; sorted.
+        end: The time from which on each is certainly not valid; sorted.
+        known: Starts and ends of the ranges in which a sample is certainly valid.
     """
 
     pieces: Aggregates
@@ -41,7 +41,7 @@ class SampleValidity:
 
     @classmethod
     def of(cls, pieces: Aggregates) -> Self:
-        """Work it out."""
+        """Compute the validity of entries."""
         first, last, dt, error = pieces.first, pieces.last, pieces.dt, pieces.error
         if len(pieces) == 0:
             return cls(pieces, first, first, (first, first))
@@ -59,45 +59,45 @@ class SampleValidity:
 
     @property
     def edges(self) -> Integers:
-        """All moments at which something changes."""
+        """All times at which the validity changes."""
         return np.concatenate([self.begin, self.end, *self.known])
 
     def is_known(self, moments: Integers) -> NDArray[np.bool_]:
-        """Whether a sample surely holds, at each moment."""
+        """Whether a sample is certainly valid, at each time."""
         begun, over = (np.searchsorted(each, moments, side="right") for each in self.known)
         return np.asarray(begun > over)
 
     def at(self, moments: Integers) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """The first and the last piece that may hold, at each moment; reversed if there is none."""
+        """The first and the last possibly valid entry at each time; last < first if none."""
         first = np.searchsorted(self.end, moments, side="right")
         return first, np.searchsorted(self.begin, moments, side="right") - 1
 
     def hulls(self, first: NDArray[np.intp], last: NDArray[np.intp]) -> tuple[Floats, Floats]:
-        """The hull of each run of pieces from a first to a last."""
+        """The hull of each run of entries from first to last."""
         lo, hi = self.pieces.lo, self.pieces.hi
         return run_extremes(np.minimum, lo, first, last), run_extremes(np.maximum, hi, first, last)
 
 
 def after(moments: Integers, spans: Integers) -> Integers:
-    """Moments and so much, up to the end of time."""
+    """Times plus spans, limited to 64 bits."""
     return np.where(moments > MOST_MOMENT - spans, MOST_MOMENT, moments + spans)
 
 
 def before(moments: Integers, spans: Integers) -> Integers:
-    """Moments less so much, down to the beginning of time."""
+    """Times minus spans, limited to 64 bits."""
     return np.where(moments < spans - MOST_MOMENT, -MOST_MOMENT, moments - spans)
 
 
 def run_extremes(
     extreme: Any, values: Floats, first: NDArray[np.intp], last: NDArray[np.intp]
 ) -> Floats:
-    """The extreme of each run of values, from a first to a last, as runs of powers of two.
+    """The extreme of each run of values, by a sparse table.
 
     Args:
         extreme: ``np.minimum`` or ``np.maximum``.
-        values: One a place.
-        first: Where each run begins.
-        last: Where it ends, not before.
+        values: The values.
+        first: Start of each run.
+        last: End of each run, included.
     """
     found = np.empty(first.size)
     _, bits = np.frexp(last - first + 1)

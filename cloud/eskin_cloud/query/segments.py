@@ -1,4 +1,4 @@
-"""Runs of samples with the same answer: from tiles, else from blocks' bounds, else from samples."""
+"""Segments of samples with one verdict: by tiles, else blocks' bounds, else samples."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from sqlalchemy import case, select, tuple_
 from eskin_cloud.query.predicate import Verdict
 from eskin_cloud.query.tile_drilldown import TileDrilldown
 from eskin_cloud.rollup.blocks import DECODED, decode
-from eskin_cloud.store.damage import Head, sound_heads
-from eskin_cloud.store.read.block_index import clip, longest_step, touching
+from eskin_cloud.store.damage import RowHeader, intact_headers
+from eskin_cloud.store.read.block_index import clip, longest_step, overlaps
 from eskin_cloud.store.schema.tables import blocks
 
 if TYPE_CHECKING:
@@ -26,21 +26,21 @@ if TYPE_CHECKING:
     from eskin_cloud.store.read.window import Window
 
 _AT_ONCE: Final = 1000
-_COLUMNS: Final = tuple(blocks.c[name] for name in (*Head._fields, "head"))
+_COLUMNS: Final = tuple(blocks.c[name] for name in (*RowHeader._fields, "head"))
 
 
 @dataclass(slots=True)
 class Segment:
-    """A run of samples with the same answer.
+    """Consecutive samples with one verdict.
 
     Attributes:
-        start: The first sample's moment, UTC ns.
-        end: The last sample's moment.
-        answer: Their answer.
-        dt: The last sample's period, ns.
-        n: How many samples.
-        held: For how long all but the last hold, ns: each until the next, a period at most.
-        error: How far a sample's true moment may lie from the one that is told, ns.
+        start: Time of the first sample, UTC ns.
+        end: Time of the last sample.
+        answer: The verdict.
+        dt: Period of the last sample, ns.
+        n: Number of samples.
+        held: Total validity of all but the last sample, ns: each until the next, a period at most.
+        error: Greatest distance of a sample's true time from its stated time, ns.
     """
 
     start: int
@@ -52,11 +52,11 @@ class Segment:
     error: int
 
     def reaches(self, following: Segment) -> bool:
-        """Whether no gap lies between this run and the next."""
+        """Whether no gap lies between this segment and the next."""
         return following.start - self.end <= self.dt + self.dt // 2
 
     def grow(self, following: Segment) -> None:
-        """Take in the next run."""
+        """Append the next segment."""
         self.held += min(max(following.start - self.end, 0), self.dt) + following.held
         self.n += following.n
         self.error = max(self.error, following.error)
@@ -68,20 +68,17 @@ def find_segments_of(
     channel: RowMapping,
     window: Window,
     question: Predicate,
-    *,
-    over_gaps: bool,
 ) -> Iterator[Segment]:
-    """All runs in a window, in order of time; neighbours may have the same answer.
+    """All segments of a window, in order of time; neighbours may have the same verdict.
 
     Args:
-        connection: Reads one state of the store.
+        connection: In a read transaction.
         channel: The channel's row.
-        window: When.
-        question: What is asked of each sample.
-        over_gaps: Whether a run may hold a gap, too: then fewer tiles are looked into.
+        window: The window.
+        question: The predicate.
     """
-    descent = TileDrilldown(connection, channel, window, question, over_gaps=over_gaps)
-    for part in descent.parts():
+    drilldown = TileDrilldown(connection, channel, window, question)
+    for part in drilldown.parts():
         if isinstance(part, tuple):
             pieces, answer = part
             yield from as_runs(pieces, [answer])
@@ -90,7 +87,7 @@ def find_segments_of(
 
 
 def merge(runs: Iterable[Segment]) -> Iterator[Segment]:
-    """Runs with those made one that have the same answer and no gap between them."""
+    """Merge neighbours with the same verdict and no gap between them."""
     current: Segment | None = None
     for run in runs:
         if current is None:
@@ -124,18 +121,18 @@ def _of_blocks(
 def _clusters(
     connection: Connection, channel: RowMapping, window: Window, question: Predicate
 ) -> Iterator[list[RowMapping]]:
-    """Blocks in order of time; those that overlap each other come together.
+    """Groups of blocks in order of time; overlapping blocks are in one group.
 
-    Bytes come along only with blocks whose bounds leave the answer open.
+    Only undecided blocks are read with their bytes.
     """
     b = blocks.c
     straddled = question.possible(b.lo, b.hi) & ~question.certain(b.lo, b.hi)
     data = case((straddled, b.data), else_=None).label("data")
     query = select(*_COLUMNS, data)
-    query = query.where(touching(channel, window)).order_by(b.t, b.boot, b.sequence)
+    query = query.where(overlaps(channel, window)).order_by(b.t, b.boot, b.sequence)
     cluster: list[RowMapping] = []
     end = 0
-    for row in sound_heads(connection.execute(query).mappings().yield_per(_AT_ONCE)):
+    for row in intact_headers(connection.execute(query).mappings().yield_per(_AT_ONCE)):
         if cluster and row["t"] > end:
             yield cluster
             cluster = []
@@ -146,7 +143,7 @@ def _clusters(
 
 
 def _samples(connection: Connection, cluster: list[RowMapping], window: Window) -> Aggregates:
-    """The samples of a cluster, also of blocks that straddle nothing."""
+    """The samples of a cluster."""
     b = blocks.c
     if all(row["data"] is not None for row in cluster):
         return decode([[row[c.name] for c in DECODED] for row in cluster], window)
@@ -163,7 +160,7 @@ def _of_samples(samples: Aggregates, question: Predicate) -> Iterator[Segment]:
 
 
 def parted(pieces: Aggregates, answers: NDArray[np.int8]) -> Iterator[Segment]:
-    """Runs of pieces with the same answer and no gap between them; there is one at least."""
+    """Segments of at least one entry, with one verdict and no gap each."""
     broken = pieces.first[1:] - pieces.last[:-1] > longest_step(pieces.dt[:-1])
     cut = np.concatenate([[False], (np.diff(answers) != 0) | broken])
     grouped = pieces.grouped(np.cumsum(cut, dtype=np.int64))
@@ -171,8 +168,16 @@ def parted(pieces: Aggregates, answers: NDArray[np.int8]) -> Iterator[Segment]:
 
 
 def as_runs(pieces: Aggregates, answers: Iterable[int]) -> Iterator[Segment]:
-    """A run for each piece, with its answer."""
+    """A segment for each entry."""
     columns = (pieces.first, pieces.last, pieces.dt, pieces.n, pieces.held, pieces.error)
     rows = zip(*(column.tolist() for column in columns), strict=True)
     for (first, last, *rest), answer in zip(rows, answers, strict=True):
         yield Segment(first, last, Verdict(int(answer)), *rest)
+
+
+def find_segments(
+    connection: Connection, channel: RowMapping, window: Window, question: Predicate
+) -> Iterator[Segment]:
+    """Segments with a certain or possible verdict, in order of time, none across a gap."""
+    runs = merge(find_segments_of(connection, channel, window, question))
+    return (run for run in runs if run.answer is not Verdict.IMPOSSIBLE)

@@ -1,4 +1,4 @@
-"""A series: samples where they are few, else the hull of each bucket's samples."""
+"""Read a series: samples if few, else the hull of each bucket."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """A window of one channel, fit to be drawn.
+    """A window of one channel, to be drawn.
 
     Attributes:
         node: Node.
         channel: Channel.
         unit: UCUM code.
-        coverage: Probability with which each entry's interval encloses what it speaks of.
+        coverage: Probability that each entry's interval encloses its true values.
         resolution: ``sample``: each entry is one sample at its instant. ``hull``: each entry is
             the hull of all samples in ``[t, t + dt)``.
         t0: UTC ns.
-        t: Entries' times in ns after ``t0``, each a float64's integer.
-        lo: Lower bounds; both infinite where nothing is known.
+        t: Times in ns after ``t0``, each exact as a float64.
+        lo: Lower bounds; infinite where unknown.
         hi: Upper bounds.
         dt: Sampling period, or width of the buckets, in ns.
-        time_error: How far a sample's true moment may lie from its time, in ns.
+        time_error: Greatest distance of a sample's true time from its stated time, ns.
         mean: Bounds of the mean of each entry's samples; ``None`` for samples, and in live ones.
     """
 
@@ -58,13 +58,13 @@ class Series:
 def read_series(
     connection: Connection, channel: RowMapping, window: Window, *, points: int
 ) -> Series:
-    """Answer a question for a series.
+    """Read a series.
 
     Args:
-        connection: Reads one state of the store.
+        connection: In a read transaction.
         channel: The channel's row.
-        window: When.
-        points: Samples that are answered as they are; beyond, buckets.
+        window: The window.
+        points: Most samples; beyond, most buckets.
     """
     if not exceeds(connection, channel, window, points):
         samples = read_samples(connection, channel, window)
@@ -131,13 +131,13 @@ def _means(pieces: Aggregates) -> Floats:
 
 
 def reduce_samples(samples: Samples, points: int) -> tuple[Samples, int, int]:
-    """The hulls of runs of equally many samples, at most ``points`` of them.
+    """The hulls of at most ``points`` runs of equal length.
 
-    The last run is as long as the others where a length up to twice the least one makes it so: a
-    shorter one would claim a time that belongs to what follows.
+    The last run is as long as the others if a length up to twice the least one divides evenly: a
+    shorter run would claim a time that belongs to later samples.
 
     Returns:
-        One entry a run, the run's length in samples, and the samples of the largest run.
+        One entry a run, the run's length in samples, and the length of the longest run.
     """
     n = samples.t.size
     least = -(-n // points)

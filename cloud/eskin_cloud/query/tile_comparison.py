@@ -1,4 +1,4 @@
-"""Tiles of one level side by side: which of them tell how two channels compare."""
+"""Compare two channels by tiles of one level."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eskin_cloud.rollup.reading import find_open, read_tiles
+from eskin_cloud.rollup.reading import find_unbuilt, read_tiles
 from eskin_cloud.store.read.block_index import longest_step
 
 if TYPE_CHECKING:
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
-    from eskin_cloud.query.neighbourhood import Source
+    from eskin_cloud.query.neighbourhood import ChannelSource
     from eskin_cloud.rollup.aggregates import Integers
 
 
-class Fate(IntEnum):
-    """What becomes of a tile."""
+class TileVerdict(IntEnum):
+    """The verdict of a tile."""
 
     NOT_ABOVE = 0
     OPEN = 1
@@ -32,14 +32,14 @@ class Fate(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class TileBounds:
     """Neighbouring tiles of a channel, by number.
 
     Attributes:
-        good: Whether its samples hold throughout each tile, and no others than those that
-            ``lo`` and ``hi`` span: known by the tile and both of its neighbours.
-        empty: Whether no sample lies in a tile or in its neighbours.
-        changed: Whether all of a tile must be asked of blocks.
+        good: Whether samples within ``lo`` and ``hi`` are valid throughout each tile; decided by
+            the tile and both neighbours.
+        empty: Whether neither the tile nor its neighbours hold a sample.
+        changed: Whether the whole tile must be read from blocks.
         lo: Least lower bound of a tile and its neighbours.
         hi: Greatest upper bound.
         n: Samples in each tile, and in the neighbours of the first and the last.
@@ -53,7 +53,7 @@ class Grid:
     n: Integers
 
 
-def read_grid(source: Source, level: int, first: int, end: int) -> Grid:
+def read_grid(source: ChannelSource, level: int, first: int, end: int) -> TileBounds:
     """Read some tiles of a level, from ``first`` up to, and without, ``end``."""
     numbers = np.arange(first - 1, end + 1, dtype=np.int64)
     ranges = [(first - 1, end + 1)]
@@ -76,7 +76,7 @@ def read_grid(source: Source, level: int, first: int, end: int) -> Grid:
     good &= begun[:-2] - (numbers[1:-1] << level) <= -error[:-2]
     good &= last[2:] - (numbers[2:] << level) >= error[2:]
     none = ~full & ~opened
-    return Grid(
+    return TileBounds(
         good=good,
         empty=none[:-2] & none[1:-1] & none[2:],
         changed=changed[1:-1],
@@ -87,12 +87,12 @@ def read_grid(source: Source, level: int, first: int, end: int) -> Grid:
 
 
 def _find_changed(
-    source: Source, level: int, numbers: Integers
+    source: ChannelSource, level: int, numbers: Integers
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether blocks must be asked in some of a tile, and in all of it."""
+    """Whether blocks must be read in a part of a tile, and in all of it."""
     within = int(numbers[0]) << level, (int(numbers[-1]) + 1) << level
     touched = np.zeros((2, numbers.size + 1), np.int64)
-    for start, end in find_open(source.connection, source.channel, within):
+    for start, end in find_unbuilt(source.connection, source.channel, within):
         some = (start >> level) - numbers[0], -(-end >> level) - numbers[0]
         every = -(-start >> level) - numbers[0], (end >> level) - numbers[0]
         for row, (begin, stop) in zip(touched, (some, every), strict=True):
@@ -103,18 +103,18 @@ def _find_changed(
     return opened, changed
 
 
-def sort_out(one: Grid, other: Grid) -> Iterator[tuple[Fate, int, int, int]]:
-    """Runs of tiles with the same fate: it, the first, the one after the last, and samples."""
-    fates = np.full(one.good.size, Fate.OPEN, np.int8)
+def classify(one: TileBounds, other: TileBounds) -> Iterator[tuple[TileVerdict, int, int, int]]:
+    """Runs of tiles with one verdict: verdict, first, end, and number of samples."""
+    fates = np.full(one.good.size, TileVerdict.OPEN, np.int8)
     good = one.good & other.good
-    fates[good & (one.lo > other.hi)] = Fate.ABOVE
-    fates[good & (one.hi <= other.lo)] = Fate.NOT_ABOVE
-    fates[one.changed | other.changed] = Fate.CHANGED
-    fates[one.empty | other.empty] = Fate.EMPTY
+    fates[good & (one.lo > other.hi)] = TileVerdict.ABOVE
+    fates[good & (one.hi <= other.lo)] = TileVerdict.NOT_ABOVE
+    fates[one.changed | other.changed] = TileVerdict.CHANGED
+    fates[one.empty | other.empty] = TileVerdict.EMPTY
     cut = np.flatnonzero(np.diff(fates, prepend=-1))
     ends = np.append(cut[1:], fates.size)
     total = np.concatenate([[0], np.cumsum(one.n + other.n)])
     samples = total[ends + 2] - total[cut]
     rows = zip(cut.tolist(), ends.tolist(), samples.tolist(), strict=True)
     for (begin, stop, n), fate in zip(rows, fates[cut].tolist(), strict=True):
-        yield Fate(fate), begin, stop, n
+        yield TileVerdict(fate), begin, stop, n

@@ -1,4 +1,4 @@
-"""Down the pyramid: which stretches of a window tiles answer, and in which blocks are looked at."""
+"""Decide a predicate by tiles, from the highest level down, and find where to read blocks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 import numpy as np
 
 from eskin_cloud.query.predicate import Verdict
-from eskin_cloud.rollup.reading import find_open, read_tiles
+from eskin_cloud.rollup.reading import find_unbuilt, read_tiles
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import CHUNK, STEP, TOP
 
@@ -20,20 +20,19 @@ if TYPE_CHECKING:
     from eskin_cloud.query.predicate import Predicate
     from eskin_cloud.rollup.aggregates import Aggregates
 
-Part: TypeAlias = "tuple[Aggregates, Verdict] | Window"
+TileAnswer: TypeAlias = "tuple[Aggregates, Verdict] | Window"
 _TILES: Final = 64
-"""A window is so many tiles of the highest level that is looked at, or somewhat more."""
+"""Least tiles of the highest level that is read."""
 
 
 class TileDrilldown:
-    """Asks tiles from the highest down; only those whose bounds leave the answer open are entered.
+    """Reads tiles from the highest level down; undecided tiles are resolved by lower levels.
 
     Args:
-        connection: Reads one state of the store.
+        connection: In a read transaction.
         channel: The channel's row.
-        window: When.
-        question: What is asked of each sample.
-        over_gaps: Whether a tile with a gap in it may answer, too.
+        window: The window.
+        question: The predicate.
     """
 
     def __init__(
@@ -42,21 +41,19 @@ class TileDrilldown:
         channel: RowMapping,
         window: Window,
         question: Predicate,
-        *,
-        over_gaps: bool,
     ) -> None:
         self._connection, self._channel = connection, channel
-        self._window, self._question, self._over_gaps = window, question, over_gaps
+        self._window, self._question = window, question
         self._chunks: dict[int, tuple[int, Aggregates]] = {}
         self._opened: list[tuple[int, int]] = []
 
-    def parts(self) -> Iterator[Part]:
-        """Tiles with their answer, and windows in which blocks must be asked, in order of time."""
+    def parts(self) -> Iterator[TileAnswer]:
+        """Decided tiles, and windows in which blocks must be read, in order of time."""
         window, grain = self._window, self._channel["grain"]
         if grain is None or window.span >> grain < _TILES:
             yield window
             return
-        self._opened = find_open(self._connection, self._channel, (window.start, window.end))
+        self._opened = find_unbuilt(self._connection, self._channel, (window.start, window.end))
         level = grain
         while level + STEP <= TOP and window.span >> (level + STEP) >= _TILES:
             level += STEP
@@ -73,11 +70,11 @@ class TileDrilldown:
         if waiting is not None:
             yield waiting
 
-    def _level(self, level: int, first: int, last: int) -> Iterator[Part]:
+    def _level(self, level: int, first: int, last: int) -> Iterator[TileAnswer]:
         for number in range(first, last + 1):
             yield from self._tile(level, number)
 
-    def _tile(self, level: int, number: int) -> Iterator[Part]:
+    def _tile(self, level: int, number: int) -> Iterator[TileAnswer]:
         first, end = number << level, (number + 1) << level
         window, grain = self._window, self._channel["grain"]
         inside = Window(max(first, window.start), min(end, window.end))
@@ -85,7 +82,7 @@ class TileDrilldown:
             return
         stretch = self._open_stretch(inside)
         if stretch is not None and stretch[0] <= inside.start and inside.end <= stretch[1]:
-            yield inside  # as a whole: below there may be billions of tiles without a sample
+            yield inside  # at once: lower levels may have billions of empty tiles
             return
         if stretch is None:
             piece = self._find(level, number)
@@ -102,11 +99,11 @@ class TileDrilldown:
 
     def _answer(self, piece: Aggregates) -> Verdict | None:
         answer = self._question.answer(piece.lo[0], piece.hi[0])
-        whole = self._over_gaps or answer is Verdict.IMPOSSIBLE or piece.breaks[0] == 0
+        whole = answer is Verdict.IMPOSSIBLE or piece.breaks[0] == 0
         return answer if whole else None
 
     def _open_stretch(self, inside: Window) -> tuple[int, int] | None:
-        """The last stretch in a window whose blocks must be read in the place of tiles."""
+        """The last range in a window in which blocks must be read instead of tiles."""
         at = bisect_right(self._opened, (inside.end - 1, self._window.end))
         return self._opened[at - 1] if at and self._opened[at - 1][1] > inside.start else None
 

@@ -1,3 +1,3 @@
-"""The pyramid: exact hulls of ever longer stretches, kept while blocks arrive, and read back."""
+"""Rollups: exact hulls of samples over ever longer buckets."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Samples, and pieces, folded into longer pieces in one compiled pass."""
+"""Compiled kernels that aggregate samples and aggregates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     Integers: TypeAlias = NDArray[np.int64]
     Bytes: TypeAlias = NDArray[np.uint8]
 
-# Rows of what comes out, in the order of a piece's attributes.
+# Rows of the output, in the order of the attributes of `Aggregates`.
 _FIRST, _LAST, _N, _BREAKS, _DT, _HELD, _ERROR = range(7)
 _LO, _HI, _SUM_LO, _SUM_HI, _COVERAGE = range(5)
 
@@ -31,18 +31,18 @@ def fold_samples(
     grid: tuple[int, int],
     out: tuple[Integers, Floats],
 ) -> int:
-    """Samples of blocks that follow each other, one piece for each bucket that holds any.
+    """Aggregate the samples of consecutive blocks, one entry for each bucket with samples.
 
     Args:
         bounds: Lower and upper bounds.
-        runs: Of each block: its first sample's moment, its period, how many of its samples count,
-            where they lie in the bounds, and its time error; shape ``(blocks, 5)``.
+        runs: Of each block: time of the first sample, period, number of samples, their offset in
+            the bounds, and time error; shape ``(blocks, 5)``.
         coverage: Of each block.
-        grid: Where a bucket begins, and how wide all are, in ns.
-        out: For the pieces; shapes ``(7, room)`` and ``(5, room)``.
+        grid: Start of a bucket, and the width of all, in ns.
+        out: Output; shapes ``(7, room)`` and ``(5, room)``.
 
     Returns:
-        How many pieces there are.
+        The number of entries.
     """
     whole, real = out
     count, current, begin, end = 0, 0, 0, 0
@@ -73,7 +73,7 @@ def fold_samples(
 
 @part
 def _open(whole: Integers, real: Floats, t: int) -> None:
-    """A piece without samples."""
+    """Initialise an entry without samples."""
     whole[:] = 0
     whole[_FIRST] = t
     real[_LO], real[_HI], real[_COVERAGE] = np.inf, -np.inf, np.inf
@@ -81,7 +81,7 @@ def _open(whole: Integers, real: Floats, t: int) -> None:
 
 @part
 def _link(whole: Integers, step: int) -> None:
-    """The step from a piece's last sample to the next one of the same piece."""
+    """Add the step from an entry's last sample to its next one."""
     dt = whole[_DT]
     whole[_BREAKS] += step > dt + dt // 2
     whole[_HELD] += max(min(step, dt), 0)
@@ -117,16 +117,16 @@ def fold_pieces(
     real: tuple[Floats, ...],
     out: tuple[Integers, Floats],
 ) -> int:
-    """One piece for each run of pieces with the same key.
+    """Aggregate each run of entries with the same key.
 
     Args:
-        key: Never falls.
-        whole: The pieces' whole numbers, an array an attribute.
-        real: Their floats.
-        out: For the result; shapes ``(7, pieces)`` and ``(5, pieces)``.
+        key: Sorted keys.
+        whole: The integer attributes, an array each.
+        real: The float attributes.
+        out: Output; shapes ``(7, entries)`` and ``(5, entries)``.
 
     Returns:
-        How many runs there are.
+        The number of runs.
     """
     count, begin = 0, 0
     for k in range(key.size):
@@ -162,18 +162,18 @@ def _join(
 
 @kernel
 def gather(body: Bytes, out: Integers, at: int, n: int) -> None:
-    """Numbers whose bytes of the same weight lie side by side, the lowest first.
+    """Reassemble integers from byte planes, the lowest byte first.
 
     Args:
-        body: Of ``n`` numbers in each of the result's rows.
-        out: For the result.
-        at: Its column from which on they are put.
-        n: How many.
+        body: The planes of ``n`` integers for each row of ``out``.
+        out: Output.
+        at: First column of ``out`` to write.
+        n: Number of integers a row.
     """
     rows = out.shape[0]
     planes = body.reshape((8, rows, n))
     for row in range(rows):
-        line = out[row, at : at + n]  # one line in itself becomes vector instructions
+        line = out[row, at : at + n]  # a contiguous row is vectorised
         for k in range(n):
             number = np.int64(0)
             for weight in range(8):

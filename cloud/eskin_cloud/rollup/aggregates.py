@@ -1,4 +1,4 @@
-"""Pieces: runs of neighbouring samples, each summed up by what questions need of them."""
+"""Aggregates of runs of samples: hulls, sums, counts and times."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ _CODEC: Final = "zstd"
 
 @dataclass(frozen=True, slots=True)
 class Aggregates:
-    """Pieces in order of time; all arrays have one entry a piece.
+    """Aggregates in order of time, an array entry each.
 
     Attributes:
-        first: The first sample's moment, UTC ns.
-        last: The last sample's moment.
-        n: How many samples.
-        breaks: How many gaps lie between them.
-        dt: The last sample's period in ns.
-        held: For how long the others are drawn, in ns: until the next, a period at most.
+        first: Time of the first sample, UTC ns.
+        last: Time of the last sample.
+        n: Number of samples.
+        breaks: Number of gaps between them.
+        dt: Period of the last sample, ns.
+        held: Total validity of all but the last sample, ns: each until the next, a period at most.
         error: The greatest time error, in ns.
         lo: Least lower bound.
         hi: Greatest upper bound.
-        sum_lo: The lower bounds' sum or less.
-        sum_hi: The upper bounds' sum or more.
+        sum_lo: A lower bound of the sum of lower bounds.
+        sum_hi: An upper bound of the sum of upper bounds.
         coverage: The least coverage.
     """
 
@@ -58,14 +58,14 @@ class Aggregates:
         return self.first.size
 
     def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Aggregates:
-        """Some of them."""
+        """A selection."""
         return Aggregates(*(getattr(self, name)[chosen] for name in _NAMES))
 
     def grouped(self, key: Integers) -> Aggregates:
-        """One piece for each run of pieces with the same key.
+        """Aggregate each run of entries with the same key.
 
         Args:
-            key: Never falls.
+            key: Sorted keys.
         """
         if len(self) == 0:
             return self
@@ -75,16 +75,16 @@ class Aggregates:
         return Aggregates(*whole[:, :n], *real[:, :n])
 
     def pack(self) -> bytes:
-        """As the store keeps them; how many they are comes first."""
+        """Serialise and compress; the number of entries comes first."""
         columns = np.stack([getattr(self, name).view(np.int64) for name in _NAMES])
-        # Bytes of the same weight side by side: neighbours are much alike.
+        # Byte planes: neighbouring values differ little, so they compress well.
         body = columns.view(np.uint8).reshape(-1, 8).T.tobytes()
         packed: bytes = pa.compress(body, codec=_CODEC, asbytes=True)
         return len(self).to_bytes(4, "little") + packed
 
     @classmethod
     def unpack(cls, packed: Sequence[bytes]) -> Aggregates:
-        """What several chunks hold, in their order."""
+        """Deserialise several chunks, in order."""
         if not packed:
             return EMPTY
         sizes = [int.from_bytes(data[:4], "little") for data in packed]
@@ -104,14 +104,14 @@ class Aggregates:
         grid: tuple[int, int],
         most: int,
     ) -> Aggregates:
-        """One piece for each bucket of a grid that holds any of some samples.
+        """Aggregate samples by the buckets of a grid.
 
         Args:
-            bounds: Of the samples.
-            runs: Of blocks that follow each other, see `fold_samples`.
-            coverage: Of each block.
-            grid: Where a bucket begins, and how wide all are, in ns.
-            most: Buckets there may be.
+            bounds: Bounds of the samples.
+            runs: Consecutive blocks, see `fold_samples`.
+            coverage: Coverage of each block.
+            grid: Start of a bucket, and the width of all, in ns.
+            most: Most buckets.
         """
         room = min(most, bounds[0].size)
         whole, real = np.empty((_WHOLE, room), np.int64), np.empty((_REAL, room))
@@ -120,7 +120,7 @@ class Aggregates:
 
 
 def concatenated(parts: Sequence[Aggregates]) -> Aggregates:
-    """Several lots as one, in order of time."""
+    """Concatenate, in order of time."""
     parts = [part for part in parts if len(part)]
     if not parts:
         return EMPTY
@@ -132,7 +132,7 @@ def concatenated(parts: Sequence[Aggregates]) -> Aggregates:
 
 _NAMES: Final = tuple(field.name for field in fields(Aggregates))
 _WHOLE: Final = 7
-"""So many columns are of whole numbers; the others are of floats."""
+"""Number of integer columns; the others are floats."""
 _REAL: Final = len(_NAMES) - _WHOLE
 _NOTHING: Final = np.empty((len(_NAMES), 0), np.int64)
 EMPTY: Final = Aggregates(*_NOTHING[:_WHOLE], *_NOTHING[_WHOLE:].view(np.float64))

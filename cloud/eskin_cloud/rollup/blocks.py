@@ -1,4 +1,4 @@
-"""Blocks as pieces: by their samples, or by their bounds where nothing finer is asked."""
+"""Read blocks as aggregates: of single samples, of buckets, or of blocks' bounds."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from eskin.wire.messages.compacted_block import Pack, is_pack
 from eskin.wire.messages.stored_bounds import read_bounds
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
-from eskin_cloud.store.damage import Head, is_sound
-from eskin_cloud.store.read.block_index import TOUCHING, clip, near, touching
+from eskin_cloud.store.damage import RowHeader, is_intact_block
+from eskin_cloud.store.read.block_index import OVERLAPS, clip, overlaps, window_parameters
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.tables import blocks
 
@@ -31,27 +31,27 @@ DECODED: Final = tuple(
     blocks.c[name]
     for name in (
         *("t", "dt", "n", "error", "coverage", "data"),
-        *("head", *Head._fields),
+        *("head", *RowHeader._fields),
     )
 )
-"""Columns of a block's row that describe its samples, its digests, and what these are of."""
+"""Columns that `decode` reads: a block's samples, its digests and its header."""
 _IN_ORDER: Final = select(*DECODED).order_by(blocks.c.t, blocks.c.boot, blocks.c.sequence)
-_TOUCHING: Final = _IN_ORDER.where(TOUCHING)
-_COUNTS: Final = select(blocks.c.n).where(TOUCHING).limit(bindparam("most"))
+_TOUCHING: Final = _IN_ORDER.where(OVERLAPS)
+_COUNTS: Final = select(blocks.c.n).where(OVERLAPS).limit(bindparam("most"))
 _FEW: Final = 600
-"""So many blocks are decoded, whatever is asked of them, …"""
+"""Up to so many blocks are decoded in any case, …"""
 _FEW_SAMPLES: Final = 300_000
-"""… if they hold no more than this, as packs might."""
+"""… unless they hold more samples than this, as packs may."""
 
 
 @dataclass(frozen=True, slots=True)
 class Buckets:
-    """Equal stretches of time that follow each other.
+    """Consecutive buckets of equal width.
 
     Attributes:
-        start: Where the first begins, UTC ns.
-        width: Of each, in ns.
-        count: How many.
+        start: Start of the first, UTC ns.
+        width: Width of each, ns.
+        count: Number of buckets.
     """
 
     start: int
@@ -59,40 +59,40 @@ class Buckets:
     count: int
 
     def of(self, moments: Integers) -> Integers:
-        """The numbers of the buckets in which moments lie."""
+        """The numbers of the buckets that hold some times."""
         return (moments - self.start) // self.width
 
     @property
     def window(self) -> Window:
-        """All that they span, as far as there is time."""
+        """The window of all buckets, limited to 64-bit times."""
         return Window(self.start, min(self.start + self.width * self.count, MOST_MOMENT))
 
 
 def decode(rows: Sequence[Any], window: Window) -> Aggregates:
-    """One piece for each sample in a window.
+    """One entry for each sample in a window.
 
     Args:
-        rows: Blocks by the columns ``DECODED``, in order of time, then of boot and sequence.
-        window: Which samples.
+        rows: Columns ``DECODED`` of blocks, in order of time, boot and sequence.
+        window: The window.
     """
     rows = _holding(rows, window)
     return _apart(*_opened(rows), window) if rows else EMPTY
 
 
 def fold(rows: Sequence[Any], window: Window, buckets: Buckets) -> Aggregates:
-    """The same, with all samples of a bucket in one piece.
+    """One entry for each bucket with samples in a window.
 
     Args:
         rows: As in `decode`.
-        window: Which samples; it lies within the buckets.
-        buckets: Some.
+        window: A window within the buckets.
+        buckets: The buckets.
     """
     rows = _holding(rows, window)
     if not rows:
         return EMPTY
     heads, bounds = _opened(rows)
     if any(after.t < head.t + head.dt * (head.n - 1) for head, after in pairwise(heads)):
-        samples = _apart(heads, bounds, window)  # blocks lie over each other
+        samples = _apart(heads, bounds, window)  # blocks overlap
         return samples.grouped(buckets.of(samples.first))
     runs, place = [], 0
     for t, dt, n, error, _ in heads:
@@ -112,12 +112,13 @@ def _holding(rows: Sequence[Any], window: Window) -> list[Any]:
     return [
         row[:6]
         for row in rows
-        if le(*clip(row[0], row[1], row[2], window)) and is_sound(row[5], Head(*row[7:]), row[6])
+        if le(*clip(row[0], row[1], row[2], window))
+        and is_intact_block(row[5], RowHeader(*row[7:]), row[6])
     ]
 
 
 class _Head(NamedTuple):
-    """What is said of a block beside its samples."""
+    """A block without its samples."""
 
     t: int
     dt: int
@@ -127,7 +128,7 @@ class _Head(NamedTuple):
 
 
 def _opened(rows: Sequence[Any]) -> tuple[list[_Head], tuple[Floats, Floats]]:
-    """Heads of all blocks in some rows, and the bounds of all their samples."""
+    """Headers of all blocks in some rows, and the bounds of their samples."""
     heads, found = [], []
     for *head, data in rows:
         if not is_pack(data):
@@ -157,28 +158,28 @@ def _apart(heads: Sequence[_Head], bounds: tuple[Floats, Floats], window: Window
 
 
 def read_samples(connection: Connection, channel: RowMapping, window: Window) -> Aggregates:
-    """One piece for each sample in a window."""
+    """One entry for each sample in a window."""
     return decode(_touching(connection, channel, window), window)
 
 
 def read_folded(
     connection: Connection, channel: RowMapping, window: Window, buckets: Buckets
 ) -> Aggregates:
-    """The same, with all samples of a bucket in one piece."""
+    """One entry for each bucket with samples in a window."""
     return fold(_touching(connection, channel, window), window, buckets)
 
 
 def read_buckets(
     connection: Connection, channel: RowMapping, window: Window, buckets: Buckets
 ) -> Aggregates:
-    """Pieces of the blocks in a window, none of which reaches over a bucket's end.
+    """Aggregates of a window's samples, none across a bucket's end.
 
-    Where blocks are many, those that lie in one bucket as a whole are told by their bounds: then
-    their sums are enclosed by theirs, and gaps between them are not told.
+    If there are many blocks, those within one bucket are aggregated by their bounds: then sums are
+    enclosed by these, and gaps between blocks are not counted.
     """
     if _are_few(connection, channel, window):
         return read_folded(connection, channel, window, buckets)
-    b, here = blocks.c, touching(channel, window)
+    b, here = blocks.c, overlaps(channel, window)
     bucket = (b.t - buckets.start) // buckets.width
     within = and_(b.t >= window.start, b.t_end < window.end)
     alone = and_(within, bucket == (b.t_end - buckets.start) // buckets.width)
@@ -204,9 +205,13 @@ def _bounded(rows: Sequence[Any]) -> Aggregates:
 
 
 def _are_few(connection: Connection, channel: RowMapping, window: Window) -> bool:
-    n = connection.execute(_COUNTS, near(channel, window) | {"most": _FEW + 1}).scalars().all()
+    n = (
+        connection.execute(_COUNTS, window_parameters(channel, window) | {"most": _FEW + 1})
+        .scalars()
+        .all()
+    )
     return len(n) <= _FEW and sum(n) <= _FEW_SAMPLES
 
 
 def _touching(connection: Connection, channel: RowMapping, window: Window) -> Sequence[Any]:
-    return connection.execute(_TOUCHING, near(channel, window)).all()
+    return connection.execute(_TOUCHING, window_parameters(channel, window)).all()

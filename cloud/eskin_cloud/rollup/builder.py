@@ -1,10 +1,10 @@
-"""Building the pyramid behind ingest: what is new is claimed, made, then written in one step.
+"""Build tiles in the background: claim chunks, build them, then write them.
 
-First a channel's chunks are claimed: marked as stale, and the channel as built beyond them. From
-then on a block that comes late for them marks them anew, in its own transaction. A chunk is made
-from one state of the store, without the write lock; it is written, with all levels above it, if its
-mark still stands, else made again. Between channels it gives way to whoever else writes: chunks of
-all channels of a node are whole at the same moment, and together they take a quarter of a second.
+To claim chunks marks them as stale, and the channel as built beyond them. From then on a late block
+marks its chunk again, in its own transaction. A chunk is built from a snapshot, without the write
+lock; it is written, with all levels above, if its mark is unchanged, and built again otherwise.
+Between channels the builder yields to other writers: the chunks of all channels of a node are
+complete at the same time, and take a quarter of a second together.
 """
 
 from __future__ import annotations
@@ -16,24 +16,26 @@ from itertools import accumulate, groupby
 from operator import attrgetter
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from sqlalchemy import bindparam, case, delete, select, tuple_
+import numpy as np
+from sqlalchemy import bindparam, case, delete, insert, select, tuple_
 
+from eskin.runtime.digest import digest
 from eskin.wire.timestamp import MOST_MOMENT
+from eskin_cloud.rollup.aggregates import Aggregates, concatenated
 from eskin_cloud.rollup.blocks import Buckets, read_folded
-from eskin_cloud.rollup.levels import write_levels
+from eskin_cloud.store.damage import is_intact_tile
 from eskin_cloud.store.read.block_index import before
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
-from eskin_cloud.store.sample_grid import CHUNK, MOST_CHUNKS, SampleGrid
+from eskin_cloud.store.sample_grid import CHUNK, MOST_CHUNKS, STEP, TOP, SampleGrid
 from eskin_cloud.store.schema.tables import blocks, channels
-from eskin_cloud.store.schema.tile_tables import stale, tiles
+from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
-    from sqlalchemy import Connection
+    from sqlalchemy import ColumnElement, Connection
 
-    from eskin_cloud.rollup.aggregates import Aggregates
     from eskin_cloud.store import Store
     from eskin_cloud.store.write.write_cache import WriteCache
     from eskin_cloud.store.write.writer import Writer
@@ -43,15 +45,15 @@ Key: TypeAlias = tuple[str, str, int]
 
 _PAGE: Final = 4096
 _MARKS: Final = _PAGE * MOST_CHUNKS
-"""Chunks that are marked at once, as packs of slow samples have many."""
+"""Chunks that are marked at once: packs of slow samples have many."""
 _CLEARED: Final = 1024
 AT_ONCE: Final = 64
-"""Chunks that are made in one step, and written in one where nobody else waits to write."""
-_DELETE: Final = delete(stale).where(
-    stale.c.node == bindparam("n"),
-    stale.c.channel == bindparam("c"),
-    stale.c.chunk == bindparam("k"),
-    stale.c.mark == bindparam("m"),
+"""Chunks that are built at once, and written at once unless other writes wait."""
+_DELETE: Final = delete(stale_chunks).where(
+    stale_chunks.c.node == bindparam("n"),
+    stale_chunks.c.channel == bindparam("c"),
+    stale_chunks.c.chunk == bindparam("k"),
+    stale_chunks.c.mark == bindparam("m"),
 )
 _OLD: Final = (
     select(tiles.c.level, tiles.c.chunk)
@@ -63,12 +65,12 @@ _CLEAR: Final = delete(tiles).where(
     tiles.c.channel == bindparam("c"),
     tuple_(tiles.c.level, tiles.c.chunk).in_(_OLD),
 )
-"""What is left of a pyramid that does not count any more, some of it at once."""
+"""Deletes some old tiles of a channel."""
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
-    """A chunk of a channel's lowest level, and the mark that it had when it was made."""
+class BuiltChunk:
+    """A built chunk of a channel's lowest level, and its mark at that time."""
 
     node: str
     channel: str
@@ -79,21 +81,21 @@ class Made:
 
 
 def build(store: Store) -> None:
-    """Bring the pyramid up to date at once.
+    """Build all tiles that are due.
 
     Raises:
         StoreError: The store cannot be read or written.
     """
-    for place in find_growing(store):
+    for place in find_unclaimed(store):
         while claim(store, place):
             pass
     after: Key | None = None
-    while (after := repair(store, after)) is not None:
+    while (after := rebuild_stale(store, after)) is not None:
         pass
 
 
-def find_growing(store: Store) -> list[Place]:
-    """Channels with blocks of whole chunks that nobody claimed.
+def find_unclaimed(store: Store) -> list[Place]:
+    """Channels with complete chunks that are not claimed.
 
     Raises:
         StoreError: The store cannot be read.
@@ -112,7 +114,7 @@ def find_growing(store: Store) -> list[Place]:
 
 
 def claim(store: Store, place: Place) -> bool:
-    """Claim some of a channel's chunks; gives whether there are more.
+    """Claim some of a channel's chunks; returns whether there are more.
 
     Raises:
         StoreError: The store cannot be written.
@@ -127,7 +129,7 @@ def _claim(connection: Connection, cache: WriteCache, place: Place) -> bool:
     if row["built"] is None and connection.execute(_CLEAR, {"n": place[0], "c": place[1]}).rowcount:
         return True
     bits, b = row["grain"] + CHUNK, blocks.c
-    # Nothing beside the index is read, but of the few rows that reach far.
+    # Reads only the index, but for the few rows with a long span.
     wide = min((MOST_CHUNKS - 1) << bits, MOST_MOMENT)
     messages = case((b.t_end - b.t >= wide, b.packed))
     query = select(b.t, b.dt, b.n, messages).where(b.node == place[0], b.channel == place[1])
@@ -141,49 +143,49 @@ def _claim(connection: Connection, cache: WriteCache, place: Place) -> bool:
     begun = (found[0].t >> bits << bits) if found else row["t_last"]
     begun = begun if row["built"] is None else max(begun, row["built"])
     horizon = row["t_last"] >> bits << bits
-    if full:  # what follows begins after the last; one chunk is always whole
+    if full:  # later rows begin after the last one; one chunk is always complete
         horizon = max(found[-1].t >> bits << bits, begun + (1 << bits))
     if found and horizon <= begun:
         return False
     row["built"] = horizon
-    for comb in found:
-        cache.outdate(row, comb, since=begun)
+    for samples in found:
+        cache.invalidate_tiles(row, samples, since=begun)
     more = full or row["built"] is None
     cache.change(channels, *place)
     return more
 
 
-def _most_marks(comb: SampleGrid) -> int:
-    return min(comb.n, MOST_CHUNKS * comb.messages)
+def _most_marks(samples: SampleGrid) -> int:
+    return min(samples.n, MOST_CHUNKS * samples.messages)
 
 
-def repair(store: Store, after: Key | None) -> Key | None:
-    """Make some stale chunks anew.
+def rebuild_stale(store: Store, after: Key | None) -> Key | None:
+    """Rebuild some stale chunks.
 
     Args:
         store: The store.
-        after: Go on behind this one.
+        after: The last chunk of the previous call.
 
     Returns:
-        The last one looked at; ``None`` if there was none.
+        The last chunk; ``None`` if there was none.
 
     Raises:
         StoreError: The store cannot be read or written.
     """
     with store.read() as connection:
-        made = _make(connection, after)
+        made = _build(connection, after)
     if not made:
         return None
-    left: Sequence[Made] = made
+    left: Sequence[BuiltChunk] = made
     while left:
-        keep = partial(_keep, made=left, writer=store.writer)
+        keep = partial(_write, made=left, writer=store.writer)
         left = left[store.write(keep).result() :]
     return made[-1].node, made[-1].channel, made[-1].chunk
 
 
-def _make(connection: Connection, after: Key | None) -> list[Made]:
-    s = stale.c
-    query = select(stale).order_by(s.node, s.channel, s.chunk).limit(AT_ONCE)
+def _build(connection: Connection, after: Key | None) -> list[BuiltChunk]:
+    s = stale_chunks.c
+    query = select(stale_chunks).order_by(s.node, s.channel, s.chunk).limit(AT_ONCE)
     if after is not None:
         query = query.where(tuple_(s.node, s.channel, s.chunk) > tuple_(*after))
     made, known = [], {}
@@ -195,16 +197,16 @@ def _make(connection: Connection, after: Key | None) -> list[Made]:
         first, end = row.chunk << (grain + CHUNK), (row.chunk + 1) << (grain + CHUNK)
         buckets = Buckets(first, 1 << grain, 1 << CHUNK)
         pieces = read_folded(connection, channel, Window(first, min(end, MOST_MOMENT)), buckets)
-        made.append(Made(row.node, row.channel, grain, row.chunk, row.mark, pieces))
+        made.append(BuiltChunk(row.node, row.channel, grain, row.chunk, row.mark, pieces))
     return made
 
 
-def _keep(connection: Connection, made: Sequence[Made], writer: Writer) -> int:
-    """Write what was made where nothing changed meanwhile, a channel at least; gives how many."""
+def _write(connection: Connection, made: Sequence[BuiltChunk], writer: Writer) -> int:
+    """Write unchanged chunks, at least one channel's; returns how many were handled."""
     done = 0
     for (node, channel, grain), each in groupby(made, attrgetter("node", "channel", "grain")):
         mine = list(each)
-        good = {one.chunk: one.pieces for one in mine if _still_stands(connection, one)}
+        good = {one.chunk: one.pieces for one in mine if _clear_mark(connection, one)}
         if good:
             write_levels(connection, (node, channel), grain, good)
         done += len(mine)
@@ -213,7 +215,69 @@ def _keep(connection: Connection, made: Sequence[Made], writer: Writer) -> int:
     return done
 
 
-def _still_stands(connection: Connection, made: Made) -> bool:
-    """Whether the mark is there with which a chunk was made; it is taken away."""
-    said = {"n": made.node, "c": made.channel, "k": made.chunk, "m": made.mark}
-    return connection.execute(_DELETE, said).rowcount > 0
+def _clear_mark(connection: Connection, made: BuiltChunk) -> bool:
+    """Delete a chunk's mark; returns whether it was unchanged."""
+    parameters = {"n": made.node, "c": made.channel, "k": made.chunk, "m": made.mark}
+    return connection.execute(_DELETE, parameters).rowcount > 0
+
+
+def write_levels(
+    connection: Connection, place: tuple[str, str], grain: int, chunks: Mapping[int, Aggregates]
+) -> None:
+    """Replace chunks of a channel's lowest level, and update each level above.
+
+    Args:
+        connection: The writer's, in a transaction.
+        place: Node and channel.
+        grain: The lowest level.
+        chunks: The chunks by number.
+    """
+    _replace(connection, place, grain, chunks)
+    for level in range(grain + STEP, TOP + 1, STEP):
+        chunks = _next_level(connection, place, level, chunks)
+        _replace(connection, place, level, chunks)
+
+
+def _next_level(
+    connection: Connection, place: tuple[str, str], level: int, below: Mapping[int, Aggregates]
+) -> dict[int, Aggregates]:
+    """The chunks of a level above some changed chunks."""
+    numbers = sorted({chunk >> STEP for chunk in below})
+    query = select(tiles.c.chunk, tiles.c.data, tiles.c.digest)
+    query = query.where(_at(place, level, numbers))
+    standing = connection.execute(query).all()
+    changed = np.array(sorted(below), np.int64)
+    parts: dict[int, list[Aggregates]] = {number: [] for number in numbers}
+    for number, data, own in standing:
+        sound = is_intact_tile(data, own, (*place, level, number))
+        old = Aggregates.unpack([data]) if sound else _rebuild(connection, place, level, number)
+        beneath = old.first >> (level - STEP + CHUNK)
+        parts[number].append(old[~np.isin(beneath, changed)])
+    for chunk, pieces in below.items():
+        parts[chunk >> STEP].append(pieces.grouped(pieces.first >> level))
+    return {number: concatenated(each) for number, each in parts.items()}
+
+
+def _rebuild(connection: Connection, place: tuple[str, str], level: int, number: int) -> Aggregates:
+    """Rebuild a damaged chunk from its blocks."""
+    start, end = number << (level + CHUNK), (number + 1) << (level + CHUNK)
+    buckets = Buckets(start, 1 << level, 1 << CHUNK)
+    channel = find_channel(connection, *place)
+    return read_folded(connection, channel, Window(start, min(end, MOST_MOMENT)), buckets)
+
+
+def _replace(
+    connection: Connection, place: tuple[str, str], level: int, chunks: Mapping[int, Aggregates]
+) -> None:
+    connection.execute(delete(tiles).where(_at(place, level, chunks)))
+    key = {"node": place[0], "channel": place[1], "level": level}
+    packed = {n: each.pack() for n, each in chunks.items() if len(each)}
+    rows = [key | {"chunk": n, "data": d, "digest": digest(d)} for n, d in packed.items()]
+    if rows:
+        connection.execute(insert(tiles), rows)
+
+
+def _at(place: tuple[str, str], level: int, chunks: Iterable[int]) -> ColumnElement[bool]:
+    t = tiles.c
+    here = (t.node == place[0]) & (t.channel == place[1]) & (t.level == level)
+    return here & t.chunk.in_(list(chunks))

@@ -1,4 +1,4 @@
-"""Which buckets a window is answered in, and their pieces: of tiles if it is long, else blocks."""
+"""Choose a window's buckets, and aggregate them: from tiles if long, else from blocks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.wire.timestamp import MOST_MOMENT, SECOND
 from eskin_cloud.rollup.blocks import Buckets, read_buckets
-from eskin_cloud.rollup.reading import TileRange, read_stretch
+from eskin_cloud.rollup.reading import TileRange, read_range
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import STEP, TOP
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 EXACT: Final = 2**53
 """JavaScript keeps integers up to here."""
 _TILES: Final = 1024
-"""A window is as many tiles long at least, where there are any: its ends move by less than that."""
+"""Least tiles of a window that is read from tiles; its ends move by less than a tile."""
 
 
 def read_hulls(
     connection: Connection, channel: RowMapping, window: Window, points: int
 ) -> tuple[Aggregates, Buckets]:
-    """Pieces of all samples in at most ``points`` buckets that span a window.
+    """Aggregates of a window's samples, in at most ``points`` buckets.
 
-    A long window's buckets are whole tiles, so that the first may begin before the window does; the
-    last may end behind it. Each piece lies in one bucket as a whole.
+    A long window's buckets are whole tiles: the first may begin before the window, and the last
+    may end after it. No aggregate crosses a bucket's end.
     """
     grain = channel["grain"]
     if grain is None or window.span >> grain < max(points, _TILES):
@@ -42,14 +42,14 @@ def read_hulls(
     count = -(-(last + 1 - first) // each)
     buckets = Buckets(first << level, each << level, count)
     stretch = TileRange(level, first, first + each * count)
-    return read_stretch(connection, channel, stretch), buckets
+    return read_range(connection, channel, stretch), buckets
 
 
-def reach(window: Window) -> Window:
-    """All that the buckets of a window may span, whatever its channel's tiles are.
+def widest_window(window: Window) -> Window:
+    """The widest window that `read_hulls` may read, whatever the channel's tiles.
 
-    They are 1024 at least, of which one may begin before the window, and fewer than their number's
-    root end behind it. Where buckets are no tiles, they reach over its end by less than a second.
+    Of at least 1024 tiles, one may begin before the window, and fewer than the square root of their
+    number end after it. Buckets that are no tiles exceed its end by less than a second.
     """
     margin = (window.span >> 4) + SECOND
     return Window(max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT))
@@ -58,7 +58,7 @@ def reach(window: Window) -> Window:
 def bucket_width(span: int, points: int) -> int:
     """The least width for which ``points`` buckets span the window, in ns.
 
-    Every bucket's start is then an integer that a float64 keeps exact.
+    A float64 represents each bucket's start exactly.
     """
     width = max(1, -(-span // points))
     grain = 1

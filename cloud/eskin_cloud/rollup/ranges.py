@@ -1,4 +1,4 @@
-"""Half-open ranges of whole numbers, as sorted lists of ``(first, end)`` apart from each other."""
+"""Half-open ranges of integers: sorted lists of disjoint ``(first, end)``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Range: TypeAlias = tuple[int, int]
 
 
 def merged(ranges: Iterable[Range]) -> list[Range]:
-    """Ranges in any order, with those made one that touch each other."""
+    """Sort ranges, and merge those that touch."""
     found: list[Range] = []
     for first, end in sorted(ranges):
         if first >= end:
@@ -24,7 +24,7 @@ def merged(ranges: Iterable[Range]) -> list[Range]:
 
 
 def without(ranges: Iterable[Range], holes: Iterable[Range]) -> list[Range]:
-    """What is left of ranges without some others; both sorted and apart."""
+    """Ranges without ``holes``; both sorted and disjoint."""
     left: list[Range] = []
     waiting = list(holes)[::-1]
     for first, end in ranges:
@@ -43,7 +43,7 @@ def without(ranges: Iterable[Range], holes: Iterable[Range]) -> list[Range]:
 
 
 def coarsened(ranges: Iterable[Range], bits: int) -> list[Range]:
-    """The ranges of ``2^bits`` times larger units that hold all of these."""
+    """The ranges in units ``2^bits`` times larger that cover all of these."""
     return merged((first >> bits, -(-end >> bits)) for first, end in ranges)
 
 

@@ -1,4 +1,4 @@
-"""Reading the pyramid: a stretch of time from its tiles, from blocks where they are not good."""
+"""Read aggregates from tiles, and from blocks where tiles are stale or damaged."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
 from eskin_cloud.rollup.blocks import Buckets, read_buckets, read_folded
 from eskin_cloud.rollup.ranges import Range, coarsened, merged, refined, without
-from eskin_cloud.store.damage import is_sound_tile
+from eskin_cloud.store.damage import is_intact_tile
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import CHUNK, STEP
-from eskin_cloud.store.schema.tile_tables import stale, tiles
+from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
 
     from eskin_cloud.rollup.aggregates import Integers
 
-_STALE: Final = select(stale.c.chunk).where(
-    stale.c.node == bindparam("node"),
-    stale.c.channel == bindparam("channel"),
-    stale.c.chunk.between(bindparam("first"), bindparam("last")),
+_STALE: Final = select(stale_chunks.c.chunk).where(
+    stale_chunks.c.node == bindparam("node"),
+    stale_chunks.c.channel == bindparam("channel"),
+    stale_chunks.c.chunk.between(bindparam("first"), bindparam("last")),
 )
 _TILES: Final = (
     select(tiles.c.chunk, tiles.c.data, tiles.c.digest)
@@ -49,22 +49,21 @@ class TileRange:
 
     @property
     def range(self) -> Range:
-        """When they are, UTC ns, as far as there is time."""
+        """Their times, UTC ns, limited to 64 bits."""
         return self.first << self.level, min(self.end << self.level, MOST_MOMENT)
 
 
-def read_stretch(connection: Connection, channel: RowMapping, stretch: TileRange) -> Aggregates:
-    """Exact pieces of all samples in a stretch, none of which reaches over a tile's end.
+def read_range(connection: Connection, channel: RowMapping, stretch: TileRange) -> Aggregates:
+    """Exact aggregates of all samples in a range of tiles, none across a tile's end.
 
-    Tiles over what changed since they were made are left alone, for those below them; on the lowest
-    chunks, blocks are read.
+    Tiles above stale chunks are replaced by those of lower levels, and stale chunks by blocks.
 
     Args:
-        connection: Reads one state of the store.
+        connection: In a read transaction.
         channel: The channel's row.
-        stretch: Of the channel's lowest level, or a whole number of steps above.
+        stretch: Tiles of a level of the channel.
     """
-    opened = find_open(connection, channel, stretch.range)
+    opened = find_unbuilt(connection, channel, stretch.range)
     region, found = [(stretch.first, stretch.end)], []
     for level in range(stretch.level, channel["grain"] - 1, -STEP):
         holes = coarsened(opened, level)
@@ -78,13 +77,13 @@ def read_stretch(connection: Connection, channel: RowMapping, stretch: TileRange
     return concatenated(found)
 
 
-def find_open(connection: Connection, channel: RowMapping, within: Range) -> list[Range]:
-    """When blocks must be read in the place of tiles, UTC ns."""
+def find_unbuilt(connection: Connection, channel: RowMapping, within: Range) -> list[Range]:
+    """The ranges in which blocks must be read instead of tiles, UTC ns."""
     built, bits = channel["built"], channel["grain"] + CHUNK
     if built is None:
         return [within]
-    said = _said(channel, within[0] >> bits, within[1] >> bits)
-    found = connection.execute(_STALE, said).scalars()
+    parameters = _parameters(channel, within[0] >> bits, within[1] >> bits)
+    found = connection.execute(_STALE, parameters).scalars()
     opened = [(chunk << bits, (chunk + 1) << bits) for chunk in found]
     clipped = ((max(a, within[0]), min(b, within[1])) for a, b in [*opened, (built, MOST_MOMENT)])
     return merged(clipped)
@@ -93,21 +92,21 @@ def find_open(connection: Connection, channel: RowMapping, within: Range) -> lis
 def read_tiles(
     connection: Connection, channel: RowMapping, level: int, ranges: list[Range]
 ) -> Aggregates:
-    """The tiles of a level whose numbers lie in some ranges, as they stand.
+    """The tiles of a level in some ranges of numbers; stale ones included.
 
-    In the place of chunks that are damaged, blocks are read.
+    Blocks are read instead of damaged chunks.
     """
     chunks = [n for first, end in coarsened(ranges, CHUNK) for n in range(first, end)]
     if not chunks:
         return EMPTY
-    query, said = _TILES, _said(channel, chunks[0], chunks[-1]) | {"level": level}
+    query, parameters = _TILES, _parameters(channel, chunks[0], chunks[-1]) | {"level": level}
     if chunks[-1] - chunks[0] >= len(chunks):
         query = query.where(tiles.c.chunk.in_(chunks))
     place = channel["node"], channel["channel"], level
     sound: list[bytes] = []
     damaged: list[Range] = []
-    for chunk, data, own in connection.execute(query, said):
-        if is_sound_tile(data, own, (*place, chunk)):
+    for chunk, data, own in connection.execute(query, parameters):
+        if is_intact_tile(data, own, (*place, chunk)):
             sound.append(data)
         else:
             damaged.append((chunk << CHUNK, (chunk + 1) << CHUNK))
@@ -120,24 +119,24 @@ def read_tiles(
 
 
 def _folded(connection: Connection, channel: RowMapping, level: int, within: Range) -> Aggregates:
-    """Tiles with some numbers of a level, from blocks."""
+    """Compute tiles from blocks."""
     start, end = within[0] << level, min(within[1] << level, MOST_MOMENT)
     buckets = Buckets(start, 1 << level, within[1] - within[0])
     return read_folded(connection, channel, Window(start, end), buckets)
 
 
 def _common(ranges: list[Range], others: list[Range]) -> list[Range]:
-    """What lies in one of some ranges and in one of others."""
+    """The intersection of ranges."""
     found = [(max(a, c), min(b, d)) for a, b in ranges for c, d in others]
     return [(first, end) for first, end in found if first < end]
 
 
-def _said(channel: RowMapping, first: int, last: int) -> dict[str, str | int]:
+def _parameters(channel: RowMapping, first: int, last: int) -> dict[str, str | int]:
     return {"node": channel["node"], "channel": channel["channel"], "first": first, "last": last}
 
 
 def _inside(pieces: Aggregates, numbers: Integers, ranges: list[Range]) -> Aggregates:
-    """Those whose numbers, which never fall, lie in some ranges."""
+    """The entries whose sorted ``numbers`` lie in some ranges."""
     places = np.searchsorted(numbers, np.array(ranges, np.int64).ravel()).reshape(-1, 2).tolist()
     if len(places) == 1:
         return pieces[slice(*places[0])]

@@ -8,8 +8,7 @@ from typing_extensions import TypedDict
 
 from eskin.union_bound import union_coverage
 from eskin.wire.timestamp import format_timestamp
-from eskin_cloud.query.comparison_segments import ComparisonSegment
-from eskin_cloud.query.comparison_totals import ComparisonTotals
+from eskin_cloud.query.comparison_segments import ComparisonSegment, ComparisonTotals
 from eskin_cloud.schemas.base import CountDocument, IntervalDocument, Moment, seconds
 from eskin_cloud.schemas.series import verdict_of
 from eskin_cloud.store.read.window import Window

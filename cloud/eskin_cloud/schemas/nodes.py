@@ -214,7 +214,7 @@ def describe_channel(
 
 def _missing(holes: Sequence[MissingSpan]) -> MissingDocument | None:
     """What is missing of a node, as events name it."""
-    named = [hole for hole in holes if hole.named]
+    named = [hole for hole in holes if hole.reported]
     if not named:
         return None
     ranges: list[MissingRangeDocument] = [

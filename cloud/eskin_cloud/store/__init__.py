@@ -1,4 +1,4 @@
-"""The store: one schema, one writer, several readers."""
+"""The store: one schema, one writer thread, several readers."""
 
 from __future__ import annotations
 

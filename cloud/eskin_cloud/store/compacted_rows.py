@@ -1,7 +1,6 @@
-"""Rows that hold several blocks as one pack, and the blocks' own rows again.
+"""Convert rows of blocks to rows of packs, and back.
 
-A pack's row is that of one longer block: its samples follow each other in even steps, and its
-columns say of them what a block's columns say. So all that is asked of rows goes for packs, too.
+A pack's row looks like that of one longer block, so queries treat both alike.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from eskin.runtime.digest import digest
 from eskin.wire.messages.compacted_block import Kept, Pack, pack
 from eskin.wire.messages.compression import decompress
 from eskin.wire.messages.fast_decode import scan
-from eskin_cloud.store.damage import Head, require_sound
+from eskin_cloud.store.damage import RowHeader, require_intact_block
 from eskin_cloud.store.write.block_row import BlockRow
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ _ALIKE: Final = ("node", "channel", "boot", "dt", "coverage")
 
 
 def follows(before: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
-    """Whether a block may stand behind another one in a pack."""
+    """Whether a block may follow another one in a pack."""
     return (
         row["t"] == before["t_end"] + before["dt"]
         and row["sequence"] > before["sequence"]
@@ -35,15 +34,15 @@ def follows(before: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
     )
 
 
-def join(rows: Sequence[Mapping[str, Any]]) -> Row:
+def join_blocks(rows: Sequence[Mapping[str, Any]]) -> Row:
     """The row of a pack of blocks, each of which `follows` the one before.
 
     Raises:
-        MessageError: They are of a kind that is not packed.
-        DamagedRowError: One is not as it was written.
+        MessageError: The blocks are of a kind that is not compacted.
+        DamagedRowError: A block is damaged.
     """
     for row in rows:
-        require_sound(row)
+        require_intact_block(row)
     first = rows[0]
     data = pack([Kept(row["data"], row["cursor"], row["received"]) for row in rows])
     made = dict(first) | {
@@ -58,34 +57,34 @@ def join(rows: Sequence[Mapping[str, Any]]) -> Row:
         "digest": digest(data),
         "packed": len(rows),
     }
-    return made | {"head": Head.of(made).checksum()}
+    return made | {"head": RowHeader.of(made).checksum()}
 
 
-def part(row: Mapping[str, Any]) -> list[Row]:
-    """The rows of a pack's blocks, as they were.
+def split_blocks(row: Mapping[str, Any]) -> list[Row]:
+    """The original rows of a pack's blocks.
 
     Raises:
-        DamagedRowError: The pack is not as it was written.
+        DamagedRowError: The pack is damaged.
     """
-    require_sound(row)
+    require_intact_block(row)
     rows = []
     for kept in Pack.read(row["data"]).blocks():
-        said = scan(kept.data)
-        if said is None:
-            raise StoreError(f"a pack of {row['node']}/{row['channel']} holds what is no block")
+        block = scan(kept.data)
+        if block is None:
+            raise StoreError(f"a pack of {row['node']}/{row['channel']} holds an invalid block")
         place = kept.cursor, kept.received
-        made = BlockRow.of(row["node"], said, kept.data, digest(kept.data), *place)
+        made = BlockRow.of(row["node"], block, kept.data, digest(kept.data), *place)
         rows.append(made._asdict())
     return rows
 
 
-def bytes_of(row: RowMapping) -> list[bytes]:
-    """The blocks that a row holds, byte for byte.
+def block_bytes(row: RowMapping) -> list[bytes]:
+    """The blocks of a row, byte for byte.
 
     Raises:
-        DamagedRowError: It is not as it was written.
+        DamagedRowError: The row is damaged.
     """
-    require_sound(row)
+    require_intact_block(row)
     if row["packed"] is None:
         return [decompress(row["data"])]
     return [kept.data for kept in Pack.read(row["data"]).blocks()]

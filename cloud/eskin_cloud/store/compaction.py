@@ -1,7 +1,7 @@
-"""Packing what lies in the store for long: blocks of a channel become packs, a few at a time.
+"""Compact old blocks of a channel into packs, a page at a time.
 
-Packs are made from one state of the store, without the write lock; in one transaction they take
-their blocks' place, if those are all there still. So each block is there once at every moment.
+Packs are built from a snapshot, without the write lock; one transaction replaces the blocks by
+their pack, if all of them still exist.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from sqlalchemy import and_, delete, func, select, tuple_
 
 from eskin.errors import MessageError
 from eskin.wire.messages.compacted_block import is_packable
-from eskin_cloud.store.compacted_rows import follows, join
+from eskin_cloud.store.compacted_rows import follows, join_blocks
 from eskin_cloud.store.damage import DamagedRowError
 from eskin_cloud.store.schema.tables import blocks, channels, feed
 from eskin_cloud.store.write.bulk_insert import insert_many
@@ -27,28 +27,28 @@ if TYPE_CHECKING:
     from eskin_cloud.store.write.write_cache import Row
 
 _PAGE: Final = 256
-"""Blocks that are looked at, and then written, at once."""
+"""Blocks that are read, and then replaced, at once."""
 _SAMPLES: Final = 2048
-"""With so many a pack is full: then a few fit a page of either store, and little of it is left."""
+"""Samples of a full pack, so that a few packs fit a database page."""
 _BLOCKS: Final = 64
-"""However few samples they have."""
+"""Most blocks of a pack."""
 _KEY: Final = tuple(blocks.primary_key.columns)
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
-    """What became of a page of a channel's blocks.
+class CompactedPage:
+    """A compacted page of a channel's blocks.
 
     Attributes:
         node: The node.
         channel: The channel.
-        gone: Keys of the blocks that were packed.
-        rows: Their packs.
-        size: Bytes of the blocks that were packed.
-        saved: How many bytes fewer the packs have.
-        since: From when on the page was, UTC ns; ``None`` for the channel's beginning.
-        until: From when on the next one is.
-        more: Whether there is a next one.
+        gone: Keys of the replaced blocks.
+        rows: Rows of their packs.
+        size: Bytes of the replaced blocks.
+        saved: Bytes saved by the packs.
+        since: Start of the page, UTC ns; ``None`` for the channel's beginning.
+        until: Start of the next page.
+        more: Whether there is a next page.
     """
 
     node: str
@@ -62,12 +62,12 @@ class Made:
     more: bool
 
 
-def find_packable(store: Store, behind: int) -> list[tuple[str, str]]:
-    """Channels with blocks that are old enough and that nobody looked at.
+def find_compactable(store: Store, behind: int) -> list[tuple[str, str]]:
+    """Channels with blocks that are old enough and not compacted yet.
 
     Args:
         store: The store.
-        behind: A block is old enough once so many messages came after it.
+        behind: A block is old enough once so many messages followed it.
 
     Raises:
         StoreError: The store cannot be read.
@@ -77,30 +77,30 @@ def find_packable(store: Store, behind: int) -> list[tuple[str, str]]:
     here = and_(b.node == c.node, b.channel == c.channel, b.t >= since, b.packed.is_(None))
     with store.read() as connection:
         old = _horizon(connection, behind)
-        # The first one only: where it is young, so are those after it, and they may be many.
+        # Only the first one: if it is too young, so are the others, which may be many.
         first = select(b.cursor).where(here).order_by(b.t).limit(1).correlate(channels)
         query = select(c.node, c.channel).where(c.blocks > 0, first.scalar_subquery() <= old)
         rows = connection.execute(query).all()
     return [(node, channel) for node, channel in rows]
 
 
-def pack_some(store: Store, place: tuple[str, str], behind: int) -> bool:
-    """Pack some of a channel's blocks; gives whether there may be more.
+def compact_page(store: Store, place: tuple[str, str], behind: int) -> bool:
+    """Compact a page of a channel's blocks; returns whether there may be more.
 
     Args:
         store: The store.
         place: Node and channel.
-        behind: See `find_packable`.
+        behind: See `find_compactable`.
 
     Raises:
         StoreError: The store cannot be read or written.
     """
     with store.read() as connection:
-        made = _make(connection, place, behind)
+        made = _compact(connection, place, behind)
     if made is None:
         return False
     store.packed += made.size
-    written = store.write(lambda connection: _keep(connection, store, made))
+    written = store.write(lambda connection: _replace(connection, store, made))
     return written.result() and made.more
 
 
@@ -108,8 +108,8 @@ def _horizon(connection: Connection, behind: int) -> int:
     return int(connection.execute(select(feed.c.cursor)).scalar_one()) - behind
 
 
-def _make(connection: Connection, place: tuple[str, str], behind: int) -> Made | None:
-    """Packs of the channel's next blocks; of the last of them only if more will not join them."""
+def _compact(connection: Connection, place: tuple[str, str], behind: int) -> CompactedPage | None:
+    """Build packs of the channel's next blocks; the last pack only if it is full."""
     b, c = blocks.c, channels.c
     here = and_(c.node == place[0], c.channel == place[1])
     since = connection.execute(select(c.packed).where(here)).scalar_one_or_none()
@@ -129,19 +129,19 @@ def _make(connection: Connection, place: tuple[str, str], behind: int) -> Made |
     size = saved = 0
     for group in groups:
         try:
-            packs.append(join(group))
+            packs.append(join_blocks(group))
         except (MessageError, DamagedRowError):
-            continue  # of a kind that stays as it came, or not as it was written
+            continue  # of a kind that is not compacted, or damaged
         gone += [tuple(row[column.name] for column in _KEY) for row in group]
         came = sum(len(row["data"]) for row in group)
         size, saved = size + came, saved + came - len(packs[-1]["data"])
     if until == since and not packs:
         return None
-    return Made(*place, gone, packs, size, saved, since, until, full)
+    return CompactedPage(*place, gone, packs, size, saved, since, until, full)
 
 
 def _group(rows: Sequence[Any]) -> tuple[list[list[Any]], int]:
-    """Blocks as packs' worth, and how many are left at the end that do not fill one."""
+    """Group blocks by pack; returns also how many at the end do not fill one."""
     groups: list[list[Any]] = []
     open_: list[Any] = []
     for row in rows:
@@ -161,8 +161,8 @@ def _is_full(group: Sequence[Any]) -> bool:
     return len(group) >= _BLOCKS or sum(row["n"] for row in group) >= _SAMPLES
 
 
-def _keep(connection: Connection, store: Store, made: Made) -> bool:
-    """Write packs in the place of their blocks; not if anything changed meanwhile."""
+def _replace(connection: Connection, store: Store, made: CompactedPage) -> bool:
+    """Replace blocks by their packs, unless a block changed meanwhile."""
     cache = store.cache
     row = cache.row(connection, channels, made.node, made.channel)
     if row is None or row["packed"] != made.since:

@@ -1,8 +1,7 @@
-"""Rows that are not as they were written: a reader goes on without them, and says which they are.
+"""Damaged rows: detected by their digests, skipped by readers, and reported.
 
-A flipped bit on a disk is told by the row's digest. What a damaged row held is a gap from then on:
-its samples are unknown, never invented. Each row is logged and counted once by a process; whoever
-answers a question collects those that the answer lacks (`collected`).
+The samples of a damaged row are unknown from then on, never invented. A process logs and counts
+each row once; a query collects the rows that its answer lacks (`collect_damaged_rows`).
 """
 
 from __future__ import annotations
@@ -29,14 +28,14 @@ log = logging.getLogger(__name__)
 _MOST: Final = 100_000
 
 
-_HEAD: Final = Struct("<10q8s3d")
+_HEADER: Final = Struct("<10q8s3d")
 
 
-class Head(NamedTuple):
-    """The columns of a block's row that say what ``data`` holds, and the digest of ``data``.
+class RowHeader(NamedTuple):
+    """The columns that describe a block's ``data``, and the digest of ``data``.
 
     Attributes:
-        node: As in its table, like all the others.
+        node: As in `schema.tables.blocks`, like all others.
     """
 
     node: str
@@ -58,26 +57,26 @@ class Head(NamedTuple):
 
     @classmethod
     def of(cls, row: Mapping[str, Any] | RowMapping) -> Self:
-        """Those of a row."""
+        """The header of a row."""
         return cls(*(row[name] for name in cls._fields))
 
     @property
     def place(self) -> DamagedRow:
-        """Where the row is."""
+        """The row's key."""
         return DamagedRow(self.node, self.boot, self.sequence, self.packed)
 
     def checksum(self) -> int | None:
-        """What column ``head`` holds; ``None`` where a damaged column has another type."""
+        """The value of column ``head``; ``None`` if a damaged column has another type."""
         packed = -1 if self.packed is None else self.packed
         try:
-            said = _HEAD.pack(*self[2:11], packed, self.digest, *self[11:14])
+            packed_columns = _HEADER.pack(*self[2:11], packed, self.digest, *self[11:14])
         except StructError:
             return None
-        return checksum(f"{self.node} {self.channel} ".encode() + said)
+        return checksum(f"{self.node} {self.channel} ".encode() + packed_columns)
 
 
 class DamagedRow(NamedTuple):
-    """Where a damaged row is: of a pack, ``packed`` blocks from this one on."""
+    """Key of a damaged row; a pack holds ``packed`` blocks from this one on."""
 
     node: str
     boot: int
@@ -90,19 +89,19 @@ class DamagedRow(NamedTuple):
 
 
 class DamagedRowError(StoreError):
-    """A row is not as it was written.
+    """A row differs from what was written.
 
     Attributes:
-        row: Where it is.
+        row: Its key.
     """
 
     def __init__(self, row: object) -> None:
         self.row = row
-        super().__init__(f"{row}: damaged in the store; bring it back from a backup")
+        super().__init__(f"{row}: damaged in the store; restore a backup")
 
 
-class _Damages:
-    """The damaged rows that this process has met."""
+class _DamagedRows:
+    """The damaged rows that this process has read."""
 
     def __init__(self) -> None:
         self._known: set[object] = set()
@@ -112,7 +111,7 @@ class _Damages:
         return len(self._known)
 
     def note(self, table: str, place: object) -> None:
-        """Log a row, once."""
+        """Log a row once."""
         with self._lock:
             if place in self._known or len(self._known) >= _MOST:
                 return
@@ -120,73 +119,73 @@ class _Damages:
         log.error("row damaged: table=%s row=%s", table, place)
 
 
-damages: Final = _Damages()
-_collected: ContextVar[list[object] | None] = ContextVar("damaged rows", default=None)
+damaged_rows: Final = _DamagedRows()
+_current: ContextVar[list[object] | None] = ContextVar("damaged rows", default=None)
 
 
 @contextmanager
-def collected() -> Iterator[list[object]]:
-    """The damaged rows that are met while this runs, here and in threads that it starts."""
+def collect_damaged_rows() -> Iterator[list[object]]:
+    """Collect the damaged rows that are read in this context and its threads."""
     found: list[object] = []
-    token = _collected.set(found)
+    token = _current.set(found)
     try:
         yield found
     finally:
-        _collected.reset(token)
+        _current.reset(token)
 
 
-def require_sound(row: Mapping[str, Any] | RowMapping) -> None:
-    """Require that a row of blocks is as it was written.
+def require_intact_block(row: Mapping[str, Any] | RowMapping) -> None:
+    """Verify the digests of a row of blocks.
 
     Args:
-        row: With all columns but what tells when it came.
+        row: With the columns of `RowHeader`, ``head`` and ``data``.
 
     Raises:
-        DamagedRowError: It is not.
+        DamagedRowError: The row is damaged.
     """
-    head = Head.of(row)
-    if not is_sound(row["data"], head, row["head"]):
+    head = RowHeader.of(row)
+    if not is_intact_block(row["data"], head, row["head"]):
         raise DamagedRowError(head.place)
 
 
-def is_sound(data: bytes, head: Head, own: int) -> bool:
-    """Whether a block's row is as it was written; one that is not is noted, and left out.
+def is_intact_block(data: bytes, head: RowHeader, own: int) -> bool:
+    """Whether a row of blocks is intact; a damaged one is reported.
 
     Args:
-        data: Its bytes.
-        head: Its columns.
+        data: Column ``data``.
+        head: The row's header.
         own: Column ``head``.
     """
-    if digest_of(data) == head.digest and is_sound_head(head, own):
+    if digest_of(data) == head.digest and is_intact_header(head, own):
         return True
-    note_damaged("blocks", head.place)
+    report_damaged("blocks", head.place)
     return False
 
 
-def is_sound_head(head: Head, own: int) -> bool:
-    """The same of its columns alone."""
+def is_intact_header(head: RowHeader, own: int) -> bool:
+    """Whether a row's header is intact; a damaged one is reported."""
     if head.checksum() == own:
         return True
-    note_damaged("blocks", head.place)
+    report_damaged("blocks", head.place)
     return False
 
 
-def sound_heads(rows: Iterable[RowMapping]) -> Iterator[RowMapping]:
-    """Those of rows of blocks, read without their bytes, whose columns are as they were written."""
-    return (row for row in rows if is_sound_head(Head.of(row), row["head"]))
+def intact_headers(rows: Iterable[RowMapping]) -> Iterator[RowMapping]:
+    """The rows of blocks with intact headers; ``data`` is not checked."""
+    return (row for row in rows if is_intact_header(RowHeader.of(row), row["head"]))
 
 
-def note_damaged(table: str, place: object) -> None:
-    """Log and count a damaged row, and tell whoever collects them."""
-    damages.note(table, place)
-    found = _collected.get()
+def report_damaged(table: str, place: object) -> None:
+    """Log, count and collect a damaged row."""
+    damaged_rows.note(table, place)
+    found = _current.get()
     if found is not None and place not in found:
         found.append(place)
 
 
-def is_sound_tile(data: bytes, digest: bytes, place: tuple[object, ...]) -> bool:
-    """The same of a chunk of tiles, in whose place blocks are read."""
+def is_intact_tile(data: bytes, digest: bytes, place: tuple[object, ...]) -> bool:
+    """Whether a chunk of tiles is intact; blocks are read in place of a damaged one."""
     if digest_of(data) == digest:
         return True
-    damages.note("tiles", place)
+    damaged_rows.note("tiles", place)
     return False

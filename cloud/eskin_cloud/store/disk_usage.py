@@ -1,4 +1,4 @@
-"""How much of the disk a store takes."""
+"""Measure the disk space of a store."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _COARSE: Final = 2**24
 
 
 class DiskUse(NamedTuple):
-    """What a store takes; all NaN while it cannot be read.
+    """The disk space of a store; all NaN while the store cannot be read.
 
     Attributes:
-        taken: Bytes of its file, or its database; without what waits in a log.
-        free: Bytes of these in which nothing lies, and where what comes next is written.
-        samples: How many samples are in it.
+        taken: Bytes of the file or database, without write-ahead logs.
+        free: Bytes of these that are unused.
+        samples: Number of stored samples.
     """
 
     taken: float
@@ -32,11 +32,11 @@ class DiskUse(NamedTuple):
 
     @property
     def each(self) -> float | None:
-        """Bytes a sample, of what is taken and not free; ``None`` where there is no sample."""
+        """Used bytes a sample; ``None`` without samples."""
         return (self.taken - self.free) / self.samples if self.samples else None
 
     def coarse(self) -> DiskUse:
-        """The same in steps of 16 MiB, so that no single message shows."""
+        """The same in steps of 16 MiB, so that no single message can be inferred."""
         if math.isnan(self.taken):
             return self
         taken, free = math.ceil(self.taken / _COARSE), math.floor(self.free / _COARSE)
@@ -44,7 +44,7 @@ class DiskUse(NamedTuple):
 
 
 def measure_disk(store: Store) -> DiskUse:
-    """Look how much a store takes now; PostgreSQL does not tell what is free, so it is 0 there."""
+    """Measure a store; ``free`` is 0 on PostgreSQL, which does not state it."""
     try:
         with store.read() as connection:
             samples = connection.execute(select(func.sum(channels.c.samples))).scalar_one() or 0

@@ -1,4 +1,4 @@
-"""What the live feed is told of each message that was stored."""
+"""Entries of the live feed."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import Any, NamedTuple
 
 
 class FeedEntry(NamedTuple):
-    """One block or event, at its place in the feed; a tuple, because there are many.
+    """A stored block or event, with its cursor; a tuple, because there are many.
 
     Attributes:
-        cursor: Place in the feed; later messages have a greater one.
-        node: Who said it.
-        channel: Of which channel; ``None`` for a gap or a status.
+        cursor: Position in the feed; it grows with each message.
+        node: The node.
+        channel: The channel; ``None`` for a gap or a status.
         block: The block's bytes; ``None`` for an event.
         event: The event's row; ``None`` for a block.
         received: When the cloud stored it, UTC ns.
-        veiled: A sealed block or peak; then there is neither of them.
+        sealed: A sealed block or peak; ``block`` and ``event`` are then ``None``.
     """
 
     cursor: int
@@ -24,12 +24,12 @@ class FeedEntry(NamedTuple):
     block: bytes | None
     event: dict[str, Any] | None
     received: int
-    veiled: bytes | None = None
+    sealed: bytes | None = None
 
     @property
     def size(self) -> int:
         """Bytes of the message."""
-        body = self.block or self.veiled
+        body = self.block or self.sealed
         if body is None and self.event is not None:
             body = self.event.get("data")
         return len(body or b"")

@@ -1,8 +1,8 @@
-"""Whether an SQLite store is whole: pages, and indexes that fit their tables.
+"""Check the pages and indexes of an SQLite store.
 
-A flipped bit in an index hides a row, or finds another one, which no row's digest tells. SQLite
-tells by reading a table as a whole: small ones when the store is opened, those that may have
-gigabytes by `jobs.integrity`. Indexes are made anew from their tables, whose rows have digests.
+A flipped bit in an index hides a row or finds another one, which no row's digest shows. SQLite
+finds it by reading the whole table: small tables are checked when the store opens, large ones by
+`jobs.integrity`. Indexes are rebuilt from their tables.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import logging
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import StoreError
-from eskin_cloud.store.row_digests import CHECKED, find_damaged
-from eskin_cloud.store.schema.sealed_tables import veiled
+from eskin_cloud.store.row_digests import CHECKED_TABLES, find_damaged
+from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import (
     blocks,
     dead_letters,
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-LARGE: Final = (blocks, veiled, events, digests, sequences, dead_letters, tiles)
-"""Tables that grow with what nodes say."""
+LARGE_TABLES: Final = (blocks, sealed_messages, events, digests, sequences, dead_letters, tiles)
+"""Tables that grow with the nodes' messages."""
 
 
-def require_whole(connection: Connection) -> None:
-    """Check the tables that are small, and mend their indexes; damaged rows are noted.
+def check_small_tables(connection: Connection) -> None:
+    """Check the small tables, rebuild damaged indexes, and report damaged rows.
 
     Args:
         connection: In a transaction that may write.
@@ -42,14 +42,14 @@ def require_whole(connection: Connection) -> None:
         StoreError: Pages are damaged.
     """
     for table in metadata.sorted_tables:
-        if table not in LARGE and find_fault(connection, table) is not None:
-            mend(connection, table)
-        if table not in LARGE and table in CHECKED:
+        if table not in LARGE_TABLES and find_corruption(connection, table) is not None:
+            rebuild_indexes(connection, table)
+        if table not in LARGE_TABLES and table in CHECKED_TABLES:
             find_damaged(connection, table)
 
 
-def find_fault(connection: Connection, table: Table) -> str | None:
-    """What is wrong with a table or its indexes, in SQLite's words; ``None`` on a server."""
+def find_corruption(connection: Connection, table: Table) -> str | None:
+    """SQLite's description of a damage; ``None`` if intact, or on PostgreSQL."""
     if connection.dialect.name != "sqlite":
         return None
     check = f"PRAGMA integrity_check({table.name})"
@@ -57,17 +57,17 @@ def find_fault(connection: Connection, table: Table) -> str | None:
     return None if found == "ok" else found
 
 
-def mend(connection: Connection, table: Table) -> None:
-    """Make a table's indexes anew.
+def rebuild_indexes(connection: Connection, table: Table) -> None:
+    """Rebuild a table's indexes if they are damaged.
 
     Raises:
-        StoreError: That does not help: the table's own pages are damaged.
+        StoreError: The table's own pages are damaged.
     """
-    fault = find_fault(connection, table)
+    fault = find_corruption(connection, table)
     if fault is None:
         return
     connection.exec_driver_sql(f"REINDEX {table.name}")
-    log.error("indexes did not fit and were made anew: table=%s reason=%s", table.name, fault)
-    fault = find_fault(connection, table)
+    log.error("indexes rebuilt: table=%s reason=%s", table.name, fault)
+    fault = find_corruption(connection, table)
     if fault is not None:
-        raise StoreError(f"table {table.name} is damaged: {fault}; bring back a copy of the store")
+        raise StoreError(f"table {table.name} is damaged: {fault}; restore a backup of the store")

@@ -1,4 +1,4 @@
-"""Where a store is: an SQLite file, or a database of a PostgreSQL server."""
+"""The location of a store: an SQLite file or a PostgreSQL database."""
 
 from __future__ import annotations
 
@@ -14,47 +14,47 @@ from eskin_cloud.store import postgres, sqlite
 if TYPE_CHECKING:
     from sqlalchemy import Engine
 
-Place: TypeAlias = Path | URL
+StoreLocation: TypeAlias = Path | URL
 
-_ALLOWED: Final = "is none of a server; write postgresql://USER@HOST:PORT/DATABASE"
+_INVALID_URL: Final = "is no PostgreSQL URL; write postgresql://USER@HOST:PORT/DATABASE"
 
 
-def read_url(text: str) -> URL:
-    """A server's URL, for our driver.
+def parse_url(text: str) -> URL:
+    """Parse a server's URL, and set the driver.
 
     Raises:
-        ValueError: It is none; says what is allowed.
+        ValueError: The text is no such URL.
     """
     try:
         url = make_url(text)
     except (ArgumentError, ValueError) as error:
-        raise ValueError(_ALLOWED) from error
+        raise ValueError(_INVALID_URL) from error
     if url.drivername != "postgresql" or not url.database or not _hosts(url):
-        raise ValueError(_ALLOWED)
+        raise ValueError(_INVALID_URL)
     if url.password is not None:
-        raise ValueError("a password is no part of it; put it into store.password_file")
+        raise ValueError("must not hold a password; put it into store.password_file")
     unknown = sorted(set(url.query) - {"host"})
     if unknown:
-        raise ValueError(f"{unknown[0]!r} is not allowed in it; only host is")
+        raise ValueError(f"{unknown[0]!r} is not allowed in the URL; only host is")
     return url.set(drivername="postgresql+psycopg")
 
 
-def writing_engine(place: Place) -> Engine:
-    """An engine with one connection; each transaction has the store for itself."""
+def writing_engine(place: StoreLocation) -> Engine:
+    """An engine with one connection, whose transactions hold the write lock."""
     if isinstance(place, Path):
         return sqlite.writing_engine(place)
     return postgres.writing_engine(place)
 
 
-def reading_engine(place: Place, *, readers: int) -> Engine:
+def reading_engine(place: StoreLocation, *, readers: int) -> Engine:
     """An engine with ``readers`` connections; each transaction sees one state of the store."""
     if isinstance(place, Path):
         return sqlite.reading_engine(place, readers=readers)
     return postgres.reading_engine(place, readers=readers)
 
 
-def stays_here(url: URL) -> bool:
-    """Whether a connection stays on this machine: loopback, or a folder with a Unix socket."""
+def is_local(url: URL) -> bool:
+    """Whether the server is on this machine: loopback or a Unix socket."""
     return all(host.startswith("/") or is_loopback(host) for host in _hosts(url))
 
 
@@ -62,8 +62,8 @@ def _hosts(url: URL) -> tuple[str, ...]:
     return (url.host,) if url.host else tuple(url.normalized_query.get("host", ()))
 
 
-def show(place: Place) -> str:
-    """A place as people may read it, without a password."""
+def describe(place: StoreLocation) -> str:
+    """The location as text, without credentials."""
     if isinstance(place, Path):
         return str(place)
     bare = place.set(drivername="postgresql", username=None, password=None, query={})

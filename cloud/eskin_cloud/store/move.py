@@ -1,8 +1,8 @@
-"""Moving a store to another place: page by page, resumable, compared to the last byte.
+"""Move a store to another location: page by page, resumable, and verified.
 
-The source must not be written meanwhile. Rows go over in the order of their keys, each page in one
-transaction, so that what has arrived is always a first part of the source, and a move that was
-interrupted goes on behind it. Until all has arrived and was compared, no cloud writes there.
+The source must not be written meanwhile. Rows are copied in the order of their keys, one page a
+transaction, so that an interrupted move resumes after the last copied row. No cloud writes to the
+target until all rows are copied and compared.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import StoreError
 from eskin_cloud.store.db_errors import explain
-from eskin_cloud.store.location import reading_engine, show, writing_engine
+from eskin_cloud.store.location import describe, reading_engine, writing_engine
 from eskin_cloud.store.schema.tables import feed, metadata, versions
-from eskin_cloud.store.version import prepare, require_current
+from eskin_cloud.store.version import create_tables, require_version
 from eskin_cloud.store.write.bulk_insert import insert_many
 from eskin_cloud.store.write.write_cache import MOVING
 
@@ -28,95 +28,95 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection, Engine, RowMapping, Select, Table
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
 _PAGE: Final = 500
 TABLES: Final = tuple(t for t in metadata.sorted_tables if t not in {versions, feed})
-"""What is moved; the feed's row goes last, and says that all has arrived."""
+"""The tables to copy; the row of ``feed`` follows at the end and marks completion."""
 
 
 @dataclass(slots=True)
-class Steps:
-    """How far a move is: each row is carried over, then compared.
+class MoveProgress:
+    """The progress of a move: each row is copied, then compared.
 
     Attributes:
-        total: Rows to carry and to compare.
-        told: Called with what is done and the total.
-        done: What is done.
+        total: Rows to copy, plus rows to compare.
+        report: Called with ``done`` and ``total``.
+        done: Rows done.
     """
 
     total: int
-    told: Callable[[int, int], None]
+    report: Callable[[int, int], None]
     done: int = 0
 
     def advance(self, rows: int) -> None:
-        """Some more rows are done."""
+        """Count and report more rows."""
         self.done += rows
-        self.told(self.done, self.total)
+        self.report(self.done, self.total)
 
 
 def move(
-    source: Place,
-    target: Place,
+    source: StoreLocation,
+    target: StoreLocation,
     *,
     now: int,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> dict[str, int]:
-    """Carry everything over, or go on with it, then compare.
+    """Copy all rows, or resume an interrupted move, then compare.
 
     Args:
-        source: A store that nobody writes.
-        target: Where it goes; empty, or with a part of it from a move before.
-        now: UTC ns, for the record of when its tables were made.
-        progress: Told steps done and steps in all.
+        source: A store that no cloud writes.
+        target: Empty, or with the rows of an interrupted move.
+        now: UTC ns.
+        progress: Called with steps done and steps in total.
 
     Returns:
-        How many rows each table has.
+        The number of rows of each table.
 
     Raises:
-        StoreError: One of the two cannot be used, the target holds something else, or the two
-            differ afterwards.
+        StoreError: A store cannot be used, the target holds other rows, or the two differ
+            afterwards.
     """
     reading, writing = reading_engine(source, readers=1), writing_engine(target)
     try:
         with reading.begin() as before:
-            require_current(before)
+            require_version(before)
             counts = {table.name: _count(before, table) for table in TABLES}
-            steps = Steps(2 * sum(counts.values()), progress)
+            steps = MoveProgress(2 * sum(counts.values()), progress)
             _prepare(writing, target, now)
             for table in TABLES:
-                _carry(before, writing, table, steps)
+                _copy(before, writing, table, steps)
             with writing.begin() as after:
                 for table in TABLES:
                     _compare(before, after, table, steps)
-                cursor, ids = before.execute(select(feed.c.cursor, feed.c.ids)).one()
-                after.execute(update(feed).values(cursor=cursor, ids=ids, writer=None))
+                cursor, key = before.execute(select(feed.c.cursor, feed.c.cursor_key)).one()
+                after.execute(update(feed).values(cursor=cursor, cursor_key=key, writer=None))
             return counts
     except SQLAlchemyError as error:
         raise StoreError(
-            f"{show(source)} to {show(target)}: the move failed: {explain(error)}; then start it "
-            "again: it goes on where it was"
+            f"move of {describe(source)} to {describe(target)} failed: {explain(error)}; "
+            "then start it again to resume"
         ) from error
     finally:
         reading.dispose()
         writing.dispose()
 
 
-def _prepare(writing: Engine, target: Place, now: int) -> None:
-    """Make the target's tables, and keep clouds away from it."""
+def _prepare(writing: Engine, target: StoreLocation, now: int) -> None:
+    """Create the target's tables, and keep clouds from writing there."""
     with writing.begin() as connection:
-        prepare(connection, now=now)
+        create_tables(connection, now=now)
         if connection.execute(select(feed.c.writer)).scalar_one() == MOVING:
             return
         full = next((table.name for table in TABLES if _count(connection, table)), None)
         if full is not None:
             raise StoreError(
-                f"{show(target)}: is no empty store: it has {full}; name an empty database"
+                f"{describe(target)}: not empty: it has rows of {full}; name an empty database"
             )
         connection.execute(update(feed).values(writer=MOVING))
 
 
-def _carry(before: Connection, writing: Engine, table: Table, steps: Steps) -> None:
+def _copy(before: Connection, writing: Engine, table: Table, steps: MoveProgress) -> None:
     with writing.begin() as connection:
         steps.advance(_count(connection, table))
         last = connection.execute(_in_order(table, descending=True).limit(1)).mappings().first()
@@ -126,17 +126,19 @@ def _carry(before: Connection, writing: Engine, table: Table, steps: Steps) -> N
         steps.advance(len(page))
 
 
-def _compare(before: Connection, after: Connection, table: Table, steps: Steps) -> None:
+def _compare(before: Connection, after: Connection, table: Table, steps: MoveProgress) -> None:
     for old, new in zip_longest(_pages(before, table), _pages(after, table), fillvalue=()):
         if _digest(old) != _digest(new):
-            raise StoreError(f"{table.name}: what arrived differs from its source; move anew")
+            raise StoreError(
+                f"{table.name}: the copy differs from the source; clear the target and move again"
+            )
         steps.advance(len(old))
 
 
 def _pages(
     connection: Connection, table: Table, last: RowMapping | None = None
 ) -> Iterator[Sequence[RowMapping]]:
-    """A table's rows after one of them, in the order of their key."""
+    """A table's rows after ``last``, in the order of the primary key."""
     key = tuple_(*table.primary_key.columns)
     while True:
         query = _in_order(table).limit(_PAGE)

@@ -1,6 +1,6 @@
-"""What one process tells the others that share its store: by NOTIFY, within the transaction.
+"""Notify the other processes on a PostgreSQL store, by NOTIFY within the transaction.
 
-A server hands it on after the commit only. An SQLite file has one process: there is nobody to tell.
+The server delivers a notification after the commit. An SQLite store has one process only.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 
 CHANNEL: Final = "eskin"
 FEED: Final = "feed"
-"""Something was stored; its last cursor follows, and who stored it."""
+"""Messages were stored; arguments: the last cursor, the writer's name."""
 COMMANDS: Final = "commands"
 """A command was issued or answered."""
 WATCHED: Final = "watched"
-"""Somebody looks at nodes, whose names follow."""
+"""Viewers watch nodes; arguments: the nodes' names."""
 
 
-def notify(connection: Connection, kind: str, *words: object) -> None:
-    """Tell the others, once this transaction is durable."""
+def notify(connection: Connection, kind: str, *arguments: object) -> None:
+    """Notify the other processes, once this transaction is durable."""
     if connection.dialect.name == "postgresql":
-        text = " ".join([kind, *map(str, words)])
+        text = " ".join([kind, *map(str, arguments)])
         connection.execute(select(func.pg_notify(CHANNEL, text)))

@@ -1,7 +1,7 @@
-"""PostgreSQL's COPY of rows, which goes on until its connection does anything else.
+"""Insert rows by PostgreSQL's COPY.
 
-While a COPY goes on, its connection can run no statement. So what is rows goes to the server as
-they come, and each statement, commit or rollback of SQLAlchemy's ends it first (`attend`).
+A connection in COPY mode can run no other statement. Rows are sent as they come; each statement,
+commit or rollback of SQLAlchemy ends the COPY first (`end_copy_before_statements`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from sqlalchemy import BigInteger, Double, Integer, LargeBinary, event
 from sqlalchemy.exc import DBAPIError
 
-from eskin_cloud.store.schema.text_type import Text
+from eskin_cloud.store.text_type import Text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,17 +26,17 @@ _TYPES: Final = {
     LargeBinary: "bytea",
     Text: "text",
 }
-"""What COPY's binary format calls our columns' types."""
-_OPEN: Final = "copying"
-"""Where a connection keeps its COPY."""
+"""PostgreSQL's names of the column types."""
+_KEY: Final = "copying"
+"""Key of the stream in ``Connection.info``."""
 
 
-class Copying:
+class CopyStream:
     """A COPY into a table (PostgreSQL's documentation, "COPY", "Binary Format").
 
     Attributes:
         table: The table.
-        ended: Whether it takes no more rows.
+        ended: Whether the stream accepts no more rows.
     """
 
     def __init__(self, connection: Connection, table: Table) -> None:
@@ -49,55 +49,55 @@ class Copying:
         self._held = ExitStack()
         types = [_TYPES[type(column.type)] for column in table.columns]
         driver: Any = connection.connection.driver_connection
-        with self._ending_where_it_breaks():
+        with self._aborting_on_error():
             cursor = self._held.enter_context(driver.cursor())
             self._copy: Any = self._held.enter_context(cursor.copy(self._words))
             self._copy.set_types(types)
 
     @classmethod
-    def into(cls, connection: Connection, table: Table) -> Self:
-        """The connection's COPY into a table, which goes on or begins.
+    def open(cls, connection: Connection, table: Table) -> Self:
+        """The connection's COPY into a table; begins one if needed.
 
         Raises:
             DBAPIError: As from any other statement.
         """
-        open_: Self | None = connection.info.get(_OPEN)
-        if open_ is None or open_.ended or open_.table is not table:
-            finish(connection)
-            open_ = connection.info[_OPEN] = cls(connection, table)
-        return open_
+        stream: Self | None = connection.info.get(_KEY)
+        if stream is None or stream.ended or stream.table is not table:
+            finish_copy(connection)
+            stream = connection.info[_KEY] = cls(connection, table)
+        return stream
 
     def write(self, values: tuple[Any, ...]) -> None:
-        """Write a row; it need not have come to the server yet.
+        """Send a row, without waiting for the server.
 
         Raises:
             DBAPIError: As from any other statement.
         """
         try:
             self._copy.write_row(values)
-        except BaseException:  # asked this way for each row: the other one costs as much as a row
-            with self._ending_where_it_breaks():
+        except BaseException:  # a context manager for each row would cost as much as the row
+            with self._aborting_on_error():
                 raise
 
     def finish(self) -> None:
-        """End it, with all its rows in the table.
+        """End the COPY and insert its rows.
 
         Raises:
             DBAPIError: As from any other statement.
         """
         self.ended = True
-        with self._ending_where_it_breaks():
+        with self._aborting_on_error():
             self._held.close()
 
     def abort(self, error: BaseException) -> None:
-        """End it because something broke; the transaction is good for a rollback only."""
+        """End the COPY after an error; the transaction can only be rolled back."""
         self.ended = True
         with suppress(self._errors):
             self._held.__exit__(type(error), error, None)
 
     @contextmanager
-    def _ending_where_it_breaks(self) -> Iterator[None]:
-        """Nothing may leave it open: its driver's connection is locked until it ends."""
+    def _aborting_on_error(self) -> Iterator[None]:
+        """Abort on any error: an open COPY locks the driver's connection."""
         try:
             yield
         except self._errors as error:
@@ -110,41 +110,41 @@ class Copying:
             raise
 
 
-def attend(engine: Engine) -> None:
-    """Have each of an engine's statements, commits and rollbacks end its connection's COPY."""
+def end_copy_before_statements(engine: Engine) -> None:
+    """End a connection's COPY before each statement, commit and rollback of an engine."""
 
     @event.listens_for(engine, "before_cursor_execute")
     def execute(connection: Connection, *_: object) -> None:
-        finish(connection)
+        finish_copy(connection)
 
     @event.listens_for(engine, "commit")
     def commit(connection: Connection) -> None:
-        finish(connection)
+        finish_copy(connection)
 
     @event.listens_for(engine, "rollback")
     def rollback(connection: Connection) -> None:
-        abort(connection)
+        abort_copy(connection)
 
     @event.listens_for(engine, "rollback_savepoint")
     def back(connection: Connection, *_: object) -> None:
-        abort(connection)
+        abort_copy(connection)
 
 
-def finish(connection: Connection) -> None:
-    """End a connection's COPY, if one goes on, with all its rows in the table.
+def finish_copy(connection: Connection) -> None:
+    """End a connection's COPY, if there is one, and insert its rows.
 
     Raises:
         DBAPIError: As from any other statement.
     """
-    open_: Copying | None = connection.info.pop(_OPEN, None)
-    if open_ is not None:
-        open_.finish()
+    stream: CopyStream | None = connection.info.pop(_KEY, None)
+    if stream is not None:
+        stream.finish()
 
 
-def abort(connection: Connection) -> None:
-    """End a connection's COPY, if one goes on, for what it wrote is undone."""
+def abort_copy(connection: Connection) -> None:
+    """Abort a connection's COPY, if there is one, before a rollback."""
     if connection.invalidated:
         return
-    open_: Copying | None = connection.info.pop(_OPEN, None)
-    if open_ is not None:
-        open_.abort(InterruptedError("rolled back"))
+    stream: CopyStream | None = connection.info.pop(_KEY, None)
+    if stream is not None:
+        stream.abort(InterruptedError("rolled back"))

@@ -1,4 +1,4 @@
-"""PostgreSQL: one connection of each process writes, and one process at a time."""
+"""PostgreSQL engines: one connection a process writes, one process at a time."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from typing import TYPE_CHECKING, Any, Final
 from sqlalchemy import URL, Engine, create_engine, event
 from sqlalchemy.pool import QueuePool
 
-from eskin_cloud.store.pg_copy import attend
+from eskin_cloud.store.pg_copy import end_copy_before_statements
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
-WRITING: Final = 0x65736B696E
-"""The advisory lock that whoever writes holds until its commit: "eskin"."""
+WRITE_LOCK: Final = 0x65736B696E
+"""Key of the advisory lock that a writer holds until its commit: "eskin" in ASCII."""
 _CONNECT_S: Final = 5
-# The server looks, too, whether anybody is there: of a connection that was reset on the way, it
-# would hear nothing for a minute, and meanwhile keep what it had locked.
+# Keepalives let the server notice a connection that was reset on the way; otherwise it would keep
+# that connection's locks for a minute.
 _OPTIONS: Final = (
     "-c timezone=UTC -c idle_in_transaction_session_timeout=60s "
     "-c tcp_keepalives_idle=5 -c tcp_keepalives_interval=5 -c tcp_keepalives_count=3"
 )
-_WRITING: Final = "-c synchronous_commit=on -c lock_timeout=10s -c statement_timeout=30s"
-_READING: Final = (
+_WRITER_OPTIONS: Final = "-c synchronous_commit=on -c lock_timeout=10s -c statement_timeout=30s"
+_READER_OPTIONS: Final = (
     "-c default_transaction_read_only=on -c default_transaction_isolation=repeatable\\ read "
     "-c statement_timeout=60s"
 )
@@ -33,29 +33,29 @@ def writing_engine(url: URL) -> Engine:
 
     So a transaction sees all that was written before, by whichever process, as with SQLite.
     """
-    engine = _engine(url, size=1, options=_WRITING)
-    attend(engine)
+    engine = _engine(url, size=1, options=_WRITER_OPTIONS)
+    end_copy_before_statements(engine)
 
     @event.listens_for(engine, "begin")
     def lock(connection: Connection) -> None:
-        connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({WRITING})")
+        connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({WRITE_LOCK})")
 
     return engine
 
 
 def reading_engine(url: URL, *, readers: int) -> Engine:
     """An engine with ``readers`` connections; each transaction sees one state of the store."""
-    return _engine(url, size=readers, options=_READING, pre_ping=True)
+    return _engine(url, size=readers, options=_READER_OPTIONS, pre_ping=True)
 
 
-def arguments(url: URL) -> dict[str, Any]:
-    """What libpq is told for a connection of the driver's own."""
+def driver_arguments(url: URL) -> dict[str, Any]:
+    """Arguments of libpq for a connection without SQLAlchemy."""
     _, words = url.get_dialect()().create_connect_args(url)
-    return {**words, **_patience("")}
+    return {**words, **_connect_arguments("")}
 
 
-def _patience(options: str) -> dict[str, Any]:
-    """Nobody waits for ever for a server that is away."""
+def _connect_arguments(options: str) -> dict[str, Any]:
+    """Timeouts, so that no call waits without end for an unreachable server."""
     return {
         "connect_timeout": _CONNECT_S,
         "keepalives_idle": 5,
@@ -75,5 +75,5 @@ def _engine(url: URL, *, size: int, options: str, pre_ping: bool = False) -> Eng
         max_overflow=0,
         pool_timeout=30,
         pool_pre_ping=pre_ping,
-        connect_args=_patience(options),
+        connect_args=_connect_arguments(options),
     )

@@ -1,7 +1,7 @@
-"""Removing what is too old, and what is left of erased subjects: a little in each transaction.
+"""Remove old messages and those of erased subjects, a few in each transaction.
 
-The memory behind *once* (`sequences`) stays, so that a copy of what was removed is a duplicate
-still. Sums over a channel's blocks go down; its hull stays, and encloses what remains.
+`sequences` stay, so that a copy of a removed message is still a duplicate. A channel's totals
+decrease; its hull stays, and encloses what remains.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import delete, func, insert, select, tuple_, update
 
-from eskin_cloud.store.compacted_rows import part
+from eskin_cloud.store.compacted_rows import split_blocks
 from eskin_cloud.store.damage import DamagedRowError
 from eskin_cloud.store.sample_grid import SampleGrid
-from eskin_cloud.store.schema.sealed_tables import is_of_erased, removals, veiled
+from eskin_cloud.store.schema.sealed_tables import is_of_erased_subject, removals, sealed_messages
 from eskin_cloud.store.schema.tables import blocks, channels, events
 from eskin_cloud.store.write.bulk_insert import insert_many
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from eskin_cloud.store.write.write_cache import WriteCache
 
 
-class Reason(StrEnum):
-    """Why something is removed."""
+class RemovalReason(StrEnum):
+    """Reasons of removal."""
 
     AGE = "age"
     ERASURE = "erasure"
@@ -36,31 +36,31 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """What is to be removed of a channel.
+    """What to remove of a channel.
 
     Attributes:
         node: The node.
         channel: The channel.
         reason: Why.
-        before: All that ended before it, UTC ns; of what is erased, all there is.
+        before: Messages that ended before it are removed, UTC ns; of erased subjects, all are.
     """
 
     node: str
     channel: str
-    reason: Reason
+    reason: RemovalReason
     before: int
 
 
 def remove(connection: Connection, cache: WriteCache, sweep: Sweep, *, most: int, now: int) -> int:
-    """Remove some of what a sweep is for; gives how many messages, fewer than ``most`` at its end.
+    """Remove some messages of a sweep; returns their number, below ``most`` at the end.
 
-    Packs go as a whole, so there may be some more.
+    A pack is removed as a whole, so the number may exceed ``most``.
 
     Args:
-        connection: The writing thread's, in a transaction.
-        cache: The writing thread's.
-        sweep: What.
-        most: At most so many.
+        connection: The writer's, in a transaction.
+        cache: The writer's.
+        sweep: What to remove.
+        most: Limit of messages.
         now: UTC ns.
     """
     gone = 0
@@ -68,34 +68,38 @@ def remove(connection: Connection, cache: WriteCache, sweep: Sweep, *, most: int
         keys = list(table.primary_key.columns)
         query = select(*keys, *_counted(table)).where(*where).limit(most - gone)
         rows = connection.execute(query).all() if gone < most else []
-        # Only then are few left to look through.
-        if table is blocks and gone + len(rows) < most and _open_packs(connection, cache, sweep):
+        # Few are left to search then.
+        if table is blocks and gone + len(rows) < most and _split_packs(connection, cache, sweep):
             rows = connection.execute(query).all()
         if rows:
             found = [tuple(row)[: len(keys)] for row in rows]
             connection.execute(delete(table).where(tuple_(*keys).in_(found)))
-            _count(connection, cache, sweep, table, rows)
+            _update_totals(connection, cache, sweep, table, rows)
             gone += sum(map(_messages, rows))
     if gone:
-        _explain(connection, sweep, gone, now)
+        _record_removal(connection, sweep, gone, now)
     return gone
 
 
 def sweeps_of_erased(connection: Connection) -> list[Sweep]:
-    """What is left of erased subjects, by channel."""
-    query = select(veiled.c.node, veiled.c.channel, func.max(veiled.c.t_hi))
-    query = query.where(is_of_erased())
-    rows = connection.execute(query.group_by(veiled.c.node, veiled.c.channel)).all()
-    return [Sweep(row[0], row[1], Reason.ERASURE, row[2]) for row in rows]
+    """The remaining messages of erased subjects, by channel."""
+    query = select(
+        sealed_messages.c.node, sealed_messages.c.channel, func.max(sealed_messages.c.t_hi)
+    )
+    query = query.where(is_of_erased_subject())
+    rows = connection.execute(
+        query.group_by(sealed_messages.c.node, sealed_messages.c.channel)
+    ).all()
+    return [Sweep(row[0], row[1], RemovalReason.ERASURE, row[2]) for row in rows]
 
 
 def _places(sweep: Sweep) -> list[tuple[Table, list[ColumnElement[bool]]]]:
-    sealed = [veiled.c.node == sweep.node, veiled.c.channel == sweep.channel]
-    if sweep.reason is Reason.ERASURE:
-        return [(veiled, [*sealed, is_of_erased()])]
-    b, e, v = blocks.c, events.c, veiled.c
+    sealed = [sealed_messages.c.node == sweep.node, sealed_messages.c.channel == sweep.channel]
+    if sweep.reason is RemovalReason.ERASURE:
+        return [(sealed_messages, [*sealed, is_of_erased_subject()])]
+    b, e, v = blocks.c, events.c, sealed_messages.c
     here = [e.node == sweep.node, e.channel == sweep.channel]
-    # That t or t_lo lies before is implied by what follows it; it is what indices are searched by.
+    # The conditions on t and t_lo are implied by the following ones, but let indexes be used.
     return [
         (
             blocks,
@@ -107,14 +111,14 @@ def _places(sweep: Sweep) -> list[tuple[Table, list[ColumnElement[bool]]]]:
             ],
         ),
         (events, [*here, e.t_lo < sweep.before, e.t_hi < sweep.before]),
-        (veiled, [*sealed, v.t_lo < sweep.before, v.t_hi < sweep.before]),
-        # Its own time may be far ahead, where the node's clock was: it goes by ours, too.
-        (veiled, [*sealed, v.received < sweep.before]),
+        (sealed_messages, [*sealed, v.t_lo < sweep.before, v.t_hi < sweep.before]),
+        # The message's own time may be far ahead, if the node's clock was: use the cloud's, too.
+        (sealed_messages, [*sealed, v.received < sweep.before]),
     ]
 
 
-def _open_packs(connection: Connection, cache: WriteCache, sweep: Sweep) -> bool:
-    """Put blocks in the place of packs of which a part is too old, so that it alone goes."""
+def _split_packs(connection: Connection, cache: WriteCache, sweep: Sweep) -> bool:
+    """Replace packs that are partly too old by their blocks."""
     b = blocks.c
     here = [b.node == sweep.node, b.channel == sweep.channel, b.packed.is_not(None)]
     here += [b.t < sweep.before, b.t_end + b.error >= sweep.before]
@@ -122,9 +126,9 @@ def _open_packs(connection: Connection, cache: WriteCache, sweep: Sweep) -> bool
     opened = False
     for row in found:
         try:
-            parts = part(dict(row))
+            parts = split_blocks(dict(row))
         except DamagedRowError:
-            continue  # it goes as a whole, once all of it is too old
+            continue  # removed as a whole, once all of it is too old
         opened = True
         key = [column == row[column.name] for column in blocks.primary_key.columns]
         connection.execute(delete(blocks).where(*key))
@@ -134,7 +138,7 @@ def _open_packs(connection: Connection, cache: WriteCache, sweep: Sweep) -> bool
 
 
 def _grow(connection: Connection, cache: WriteCache, sweep: Sweep, more: int) -> None:
-    """Note that a channel's rows hold so many more bytes."""
+    """Add to a channel's bytes."""
     row = cache.row(connection, channels, sweep.node, sweep.channel)
     if row is not None:
         row["bytes"] += more
@@ -142,19 +146,19 @@ def _grow(connection: Connection, cache: WriteCache, sweep: Sweep, more: int) ->
 
 
 def _messages(removed: Any) -> int:
-    """How many messages a removed row was."""
+    """The number of messages of a removed row."""
     return getattr(removed, "packed", None) or 1
 
 
 def _counted(table: Table) -> list[ColumnElement[Any]]:
-    """What of a removed row counts in its channel's sums."""
+    """Columns of a removed row that count in its channel's totals."""
     if table is blocks:
         size = func.length(table.c.data).label("size")
         return [size, table.c.packed, table.c.t, table.c.dt, table.c.n]
-    return [table.c.kind] if table is veiled else []
+    return [table.c.kind] if table is sealed_messages else []
 
 
-def _count(
+def _update_totals(
     connection: Connection, cache: WriteCache, sweep: Sweep, table: Table, rows: Sequence[Any]
 ) -> None:
     row = cache.row(connection, channels, sweep.node, sweep.channel)
@@ -168,22 +172,22 @@ def _count(
         if row["built"] is not None:
             for removed in rows:
                 t, dt, n = removed[-3:]
-                cache.outdate(row, SampleGrid(t, dt, n, _messages(removed)))
+                cache.invalidate_tiles(row, SampleGrid(t, dt, n, _messages(removed)))
         first = select(func.min(blocks.c.t)).where(here)
     else:
         row["blocks"] -= sum(removed.kind == "block" for removed in rows)
-        first = select(func.min(veiled.c.t_lo)).where(here)
+        first = select(func.min(sealed_messages.c.t_lo)).where(here)
     row["t_first"] = connection.execute(first).scalar_one()
     if row["t_first"] is None:
         row |= {"t_last": None, "lo": None, "hi": None}
     cache.change(channels, sweep.node, sweep.channel)
 
 
-def _explain(connection: Connection, sweep: Sweep, gone: int, now: int) -> None:
+def _record_removal(connection: Connection, sweep: Sweep, gone: int, now: int) -> None:
     r = removals.c
     here = (r.node == sweep.node) & (r.channel == sweep.channel) & (r.reason == sweep.reason)
-    told = {"messages": r.messages + gone, "before": sweep.before, "at": now}
-    if connection.execute(update(removals).where(here).values(told)).rowcount == 0:
+    values = {"messages": r.messages + gone, "before": sweep.before, "at": now}
+    if connection.execute(update(removals).where(here).values(values)).rowcount == 0:
         key = {"node": sweep.node, "channel": sweep.channel, "reason": sweep.reason.value}
         row = key | {"messages": gone, "before": sweep.before, "at": now}
         connection.execute(insert(removals), row)

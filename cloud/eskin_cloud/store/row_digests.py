@@ -1,9 +1,9 @@
-"""A digest for each row of the tables that people and gateways are answered from, in SQLite.
+"""A digest for each row, kept by triggers, in SQLite.
 
-SQLite's pages have no checksums, so that a bit which flips on the disk is read as if it had been
-written. Triggers keep each row's digest beside it, whatever statement writes it; a
-damaged row that is written again stays damaged, as its digest goes. A PostgreSQL server has
-checksums of its own (``initdb --data-checksums``), and no digests here.
+SQLite's pages have no checksums, so a bit that flips on the disk is read as valid. Triggers keep a
+digest in each row, whatever statement writes it; an update of a damaged row clears the digest, so
+that the row stays damaged. PostgreSQL has checksums of its own (``initdb --data-checksums``) and
+needs no digests.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 from sqlalchemy import DDL, BigInteger, Column, event, func, select
 
 from eskin.runtime.digest import row_checksum
-from eskin_cloud.store.damage import DamagedRowError, note_damaged
+from eskin_cloud.store.damage import DamagedRowError, report_damaged
 
 if TYPE_CHECKING:
     import sqlite3
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 RowT = TypeVar("RowT", bound="Mapping[str, Any] | RowMapping")
 
 ROW_DIGEST: Final = "row_digest"
-CHECKED: Final[list[Table]] = []
+CHECKED_TABLES: Final[list[Table]] = []
 """The tables whose rows have a digest."""
 _FUNCTION: Final = "row_checksum"
 _LONGEST_KEY: Final = 32
 
 
-def keep_checked(table: Table) -> None:
-    """Have each row of a table keep its digest."""
+def add_row_digest(table: Table) -> None:
+    """Add a digest to each row of a table."""
     names = [column.name for column in table.columns]
     table.append_column(Column(ROW_DIGEST, BigInteger))
-    CHECKED.append(table)
+    CHECKED_TABLES.append(table)
     new, old = (", ".join(f"{row}.{name}" for name in names) for row in ("NEW", "OLD"))
     keep = f"UPDATE {table.name} SET {ROW_DIGEST}"  # noqa: S608 - our own names
     here = "WHERE rowid = NEW.rowid; END"
@@ -52,20 +52,20 @@ def keep_checked(table: Table) -> None:
         event.listen(table, "after_create", trigger.execute_if(dialect="sqlite"))
 
 
-def give_function(connection: sqlite3.Connection) -> None:
-    """Give a connection the function that the triggers call."""
+def register_checksum(connection: sqlite3.Connection) -> None:
+    """Register the SQL function that the triggers call."""
     connection.create_function(
         _FUNCTION, -1, lambda *values: row_checksum(values), deterministic=True
     )
 
 
-def sound(connection: Connection, table: Table, rows: Iterable[RowT]) -> list[RowT]:
-    """The rows that are as they were written; the others are noted, and left out.
+def intact_rows(connection: Connection, table: Table, rows: Iterable[RowT]) -> list[RowT]:
+    """The intact rows; damaged ones are reported and dropped.
 
     Args:
-        connection: From which they come.
-        table: Whose they are.
-        rows: With all its columns.
+        connection: Where the rows were read.
+        table: Their table.
+        rows: With all columns.
     """
     found = list(rows)
     if connection.dialect.name != "sqlite":
@@ -74,28 +74,33 @@ def sound(connection: Connection, table: Table, rows: Iterable[RowT]) -> list[Ro
     whole = [row[ROW_DIGEST] == row_checksum(row[name] for name in names) for row in found]
     for row, is_whole in zip(found, whole, strict=True):
         if not is_whole:
-            note_damaged(table.name, _place(table, row))
+            report_damaged(table.name, _place(table, row))
     return [row for row, is_whole in zip(found, whole, strict=True) if is_whole]
 
 
-def require_sound_row(connection: Connection, table: Table, row: RowT | None) -> RowT | None:
-    """The same of one row, where there is one.
+def require_intact_row(connection: Connection, table: Table, row: RowT | None) -> RowT | None:
+    """Verify one row, if there is one.
 
     Raises:
-        DamagedRowError: It is not as it was written.
+        DamagedRowError: It is damaged.
     """
-    if row is not None and not sound(connection, table, [row]):
+    if row is not None and not intact_rows(connection, table, [row]):
         raise DamagedRowError(_place(table, row))
     return row
 
 
 def without_digest(row: RowMapping) -> dict[str, Any]:
-    """A row as it is written; the store keeps its digest itself."""
+    """A row without its digest, as statements write it."""
     return {name: value for name, value in row.items() if name != ROW_DIGEST}
 
 
+def empty_row(table: Table) -> dict[str, Any]:
+    """``None`` for each nullable column of a table."""
+    return {c.name: None for c in table.columns if c.nullable and c.name != ROW_DIGEST}
+
+
 def find_damaged(connection: Connection, table: Table) -> list[str]:
-    """The damaged rows of a whole table; they are noted."""
+    """Find and report all damaged rows of a table."""
     if connection.dialect.name != "sqlite":
         return []
     values = (table.c[name] for name in _names(table))
@@ -103,7 +108,7 @@ def find_damaged(connection: Connection, table: Table) -> list[str]:
     rows = connection.execute(select(*table.primary_key.columns).where(differs)).mappings()
     places = [_place(table, row) for row in rows]
     for place in places:
-        note_damaged(table.name, place)
+        report_damaged(table.name, place)
     return places
 
 

@@ -1,7 +1,7 @@
-"""The grid of the pyramid: where tiles and chunks lie in time.
+"""The time grid of tiles and chunks.
 
-A level's tiles are ``2^level`` ns wide and begin at whole multiples of that, counted from 1970; the
-next level's are four times as wide. A chunk holds 256 neighbouring tiles of a level in one row.
+A level's tiles are ``2^level`` ns wide and begin at multiples of that since 1970; the next level's
+are four times as wide. A chunk holds 256 neighbouring tiles of a level in one row.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 STEP: Final = 2
-"""Levels are so many powers of two apart."""
+"""Powers of two between levels."""
 CHUNK: Final = 8
 """A chunk is ``2^CHUNK`` tiles."""
 TOP: Final = 50
-"""No level is above: some thousand of its tiles reach over all times that there are."""
+"""The highest level: some thousand of its tiles cover all 64-bit times."""
 MOST_CHUNKS: Final = 64
-"""A message's samples touch no more. Five hundred times slower than the first ones, none do."""
+"""Most chunks that a message's samples may touch."""
 MOST_SPAN: Final = 4096
-"""Nor do they reach over more: whatever is asked of a chunk between two of them skips them."""
+"""Most chunks that a message's samples may span."""
 _SAMPLES: Final = 64
 
 
-def grain_of(dt: int) -> int:
+def base_level(dt: int) -> int:
     """The lowest level of a channel: tiles of 64 to 256 samples; those of all channels nest.
 
     Args:
@@ -35,13 +35,13 @@ def grain_of(dt: int) -> int:
 
 
 class SampleGrid(NamedTuple):
-    """When the samples of a row were taken: in even steps, with nothing between them.
+    """The times of a row's samples, in even steps.
 
     Attributes:
         t: The first one, UTC ns.
         dt: Sampling period, ns.
         n: How many.
-        messages: In how many messages they came.
+        messages: Number of messages that held them.
     """
 
     t: int
@@ -50,14 +50,14 @@ class SampleGrid(NamedTuple):
     messages: int = 1
 
     def chunks(self, grain: int) -> Iterable[int]:
-        """The chunks of a level that hold any of them, each once."""
+        """The chunks of a level that hold samples, each once."""
         bits = grain + CHUNK
         if self.dt >> bits == 0:
             return self._span(bits)
         return (moment >> bits for moment in range(self.t, self.t + self.dt * self.n, self.dt))
 
     def fits(self, grain: int) -> bool:
-        """Whether a level has few chunks to make anew, and to look at, for each message."""
+        """Whether the samples touch and span few chunks of a level."""
         span = len(self._span(grain + CHUNK))
         return (
             min(self.n, span) <= MOST_CHUNKS * self.messages and span <= MOST_SPAN * self.messages
@@ -67,13 +67,13 @@ class SampleGrid(NamedTuple):
         return range(self.t >> bits, (self.t + self.dt * (self.n - 1) >> bits) + 1)
 
 
-def grain_for(grain: int, comb: SampleGrid) -> int:
+def level_for(grain: int, samples: SampleGrid) -> int:
     """The least level, from a channel's on, that fits a row's samples.
 
     Args:
         grain: The channel's lowest level.
-        comb: The samples.
+        samples: The samples.
     """
-    while not comb.fits(grain) and grain + STEP <= TOP:
+    while not samples.fits(grain) and grain + STEP <= TOP:
         grain += STEP
     return grain

@@ -1,4 +1,4 @@
-"""SQLite: one connection that writes, several that read."""
+"""SQLite engines: one connection writes, several read."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import URL, Engine, create_engine, event
 from sqlalchemy.pool import QueuePool
 
-from eskin_cloud.store.row_digests import give_function
+from eskin_cloud.store.row_digests import register_checksum
 
 if TYPE_CHECKING:
     import sqlite3
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _BUSY_S: Final = 10.0
 _PRAGMAS: Final = (
-    "page_size=16384",  # of a new file: a row with a block fits several times
+    "page_size=16384",  # of a new file; several rows with a block fit a page
     "journal_mode=WAL",
     "synchronous=FULL",
     "foreign_keys=ON",
@@ -26,7 +26,7 @@ _PRAGMAS: Final = (
 
 
 def writing_engine(path: Path) -> Engine:
-    """An engine with one connection, whose transactions take the write lock when they begin."""
+    """An engine with one connection, whose transactions begin with the write lock."""
     return _engine(path, size=1, begin="BEGIN IMMEDIATE")
 
 
@@ -47,8 +47,8 @@ def _engine(path: Path, *, size: int, begin: str, query_only: bool = False) -> E
 
     @event.listens_for(engine, "connect")
     def connect(connection: sqlite3.Connection, _: object) -> None:
-        connection.isolation_level = None  # transactions begin where we say, see below
-        give_function(connection)
+        connection.isolation_level = None  # `start` begins transactions
+        register_checksum(connection)
         connection.text_factory = lambda text: text.decode(errors="replace")
         for pragma in _PRAGMAS:
             connection.execute(f"PRAGMA {pragma}")

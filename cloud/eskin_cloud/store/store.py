@@ -13,11 +13,11 @@ from sqlalchemy.exc import SQLAlchemyError
 from eskin.errors import StoreError
 from eskin.runtime.sqlite_integrity import UNREADABLE
 from eskin_cloud.store.db_errors import explain
-from eskin_cloud.store.integrity import require_whole
-from eskin_cloud.store.location import Place, reading_engine, show, writing_engine
-from eskin_cloud.store.pg_copy import finish
+from eskin_cloud.store.integrity import check_small_tables
+from eskin_cloud.store.location import StoreLocation, describe, reading_engine, writing_engine
+from eskin_cloud.store.pg_copy import finish_copy
 from eskin_cloud.store.schema.tables import feed
-from eskin_cloud.store.version import prepare, require_current
+from eskin_cloud.store.version import create_tables, require_version
 from eskin_cloud.store.write.write_cache import WriteCache
 from eskin_cloud.store.write.writer import Writer
 
@@ -30,47 +30,47 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-_PATIENCE_S: Final = 30.0
+_WRITE_TIMEOUT_S: Final = 30.0
 
 
 class Store:
-    """Keeps blocks, events and who may read them, in an SQLite file or on a PostgreSQL server.
+    """Stores messages, tokens and settings in an SQLite file or a PostgreSQL database.
 
     Attributes:
-        place: The file, or the server's URL.
-        clock: Gives UTC ns.
-        readers: Most connections that read.
-        packed: Bytes of the blocks that were packed, since the start.
-        cache: What the writer remembers of what is stored.
+        location: The file, or the server's URL.
+        clock: Returns UTC ns.
+        readers: Number of connections that read.
+        packed: Bytes of blocks that were compacted since the start.
+        cache: The writer's cache of stored rows.
         writer: The thread that writes.
     """
 
     def __init__(
         self,
-        place: Place,
+        location: StoreLocation,
         *,
         readers: int = 4,
         queue: int = 64,
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
-        """Open the store; make it where there is none.
+        """Open the store, or create it.
 
         Raises:
-            StoreError: It cannot be opened, or is of another version.
+            StoreError: The store cannot be opened, or has another version.
         """
-        self.place = place
+        self.location = location
         self.clock = clock
         self.readers = readers
         self.packed = 0
         self.cache = WriteCache()
-        self._writing = writing_engine(place)
-        self._reading = reading_engine(place, readers=readers)
+        self._writing = writing_engine(location)
+        self._reading = reading_engine(location, readers=readers)
         try:
-            if isinstance(place, Path):
-                place.parent.mkdir(parents=True, exist_ok=True)
+            if isinstance(location, Path):
+                location.parent.mkdir(parents=True, exist_ok=True)
             with self._writing.begin() as connection:
-                prepare(connection, now=clock())
-                require_whole(connection)
+                create_tables(connection, now=clock())
+                check_small_tables(connection)
         except (OSError, SQLAlchemyError, StoreError, *UNREADABLE) as error:
             self._dispose()
             raise StoreError(f"{self}: the store cannot be opened: {explain(error)}") from error
@@ -79,12 +79,12 @@ class Store:
             capacity=queue,
             on_begin=self._begin,
             on_save=self._save,
-            on_rollback=self.cache.forget,
-            probe=_touch,
+            on_rollback=self.cache.clear,
+            probe=_probe,
         )
 
     def __str__(self) -> str:
-        return show(self.place)
+        return describe(self.location)
 
     def __enter__(self) -> Self:
         return self
@@ -101,54 +101,54 @@ class Store:
         self,
         work: Callable[[Connection], T],
         *,
-        instead: Callable[[Connection], T] | None = None,
-        together: bool = False,
+        fallback: Callable[[Connection], T] | None = None,
+        shared: bool = False,
     ) -> Future[T]:
-        """Have work done within a transaction; the future is done once it is durable.
+        """Queue work for a transaction; the future is done once it is durable.
 
         Args:
-            work: What is done; what the cache learns by it is saved.
-            instead: Done where that broke by an error that is none of ours.
-            together: Whether it reads nothing by SQL that work like it changes through the
-                cache; then that is saved once for all. See `Writer.submit`.
+            work: Runs in the transaction; its changes of the cache are saved.
+            fallback: Runs instead if ``work`` raises anything but an `EskinError`.
+            shared: Whether ``work`` reads by SQL nothing that other shared work changes through
+                the cache. See `Writer.submit`.
 
         Raises:
             StoreError: Too many writes wait, or the store is closed.
         """
-        return self.writer.submit(work, instead=instead, together=together)
+        return self.writer.submit(work, fallback=fallback, shared=shared)
 
-    def finish(self, work: Callable[[Connection], T]) -> T:
-        """Have work done within a transaction, and wait until it is durable.
+    def write_and_wait(self, work: Callable[[Connection], T]) -> T:
+        """Run work in a transaction, and wait until it is durable.
 
         Raises:
-            StoreError: It is not in time, too many writes wait, or the store cannot be written.
+            StoreError: The commit takes too long, too many writes wait, or the write fails.
         """
         written = self.write(work)
         try:
-            return written.result(_PATIENCE_S)
+            return written.result(_WRITE_TIMEOUT_S)
         except TimeoutError as error:
             written.cancel()
             raise StoreError(
-                f"{self}: nothing was written for {_PATIENCE_S:g} s; see what else the store does, "
-                "then try again"
+                f"{self}: nothing was written for {_WRITE_TIMEOUT_S:g} s; "
+                "check what else uses the store, then retry"
             ) from error
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
-        """A transaction that sees one state of the store, of the schema that this program knows.
+        """A read transaction on one state of the store.
 
         Raises:
-            StoreError: The store cannot be read, or is of another version.
+            StoreError: The store cannot be read, or has another version.
         """
         try:
             with self._reading.begin() as connection:
-                require_current(connection)
+                require_version(connection)
                 yield connection
         except (SQLAlchemyError, UnicodeDecodeError) as error:
             raise StoreError(f"{self}: the store cannot be read: {explain(error)}") from error
 
     def check(self) -> None:
-        """Check that the store can be read, has the right schema and, after a fault, be written.
+        """Check that the store can be read and, after a fault, written.
 
         Raises:
             StoreError: It is not ready.
@@ -156,35 +156,35 @@ class Store:
         with self.read():
             pass
         if self.writer.fault is not None:
-            self.finish(lambda _: None)
+            self.write_and_wait(lambda _: None)
 
     def shrink(self) -> None:
-        """Give up what SQLite's connections keep of the file in memory, up to 32 MiB each.
+        """Free the page caches of SQLite's connections, up to 32 MiB each.
 
         Raises:
             StoreError: The store cannot be used.
         """
-        if not isinstance(self.place, Path):
+        if not isinstance(self.location, Path):
             return
-        self.finish(_shrink)
-        for _ in range(self.readers):  # the pool gives the one that rested longest
+        self.write_and_wait(_shrink)
+        for _ in range(self.readers):  # the pool returns the one that was idle longest
             with self.read() as connection:
                 _shrink(connection)
 
     def close(self) -> None:
-        """Write what waits, then close the file."""
+        """Run queued writes, then close the store."""
         self.writer.close()
         self._dispose()
 
     def _begin(self, connection: Connection) -> None:
-        """Another program may have replaced the store, and another process may have written."""
-        require_current(connection)
+        """Check the version and refresh the cache: other processes may have written."""
+        require_version(connection)
         self.cache.refresh(connection)
 
     def _save(self, connection: Connection) -> None:
-        """Write what is only remembered, and rows that are under way."""
+        """Write the cache's changes, and finish a COPY."""
         self.cache.save(connection)
-        finish(connection)
+        finish_copy(connection)
 
     def _dispose(self) -> None:
         self._writing.dispose()
@@ -195,5 +195,5 @@ def _shrink(connection: Connection) -> None:
     connection.exec_driver_sql("PRAGMA shrink_memory")
 
 
-def _touch(connection: Connection) -> None:
+def _probe(connection: Connection) -> None:
     connection.execute(update(feed).values(cursor=feed.c.cursor))

@@ -1,7 +1,7 @@
-"""The version of the schema: tables are made once; a store of another version is refused.
+"""The version of the schema: create the tables once, reject a store of another version.
 
-There is one version, for SQLite and PostgreSQL alike. Whoever makes the tables holds the store's
-write lock, so that of several clouds that start at once one does it, and the others find them.
+A cloud creates the tables under the store's write lock, so that of several clouds that start at
+once, one creates them.
 """
 
 from __future__ import annotations
@@ -12,44 +12,42 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import func, insert, inspect, select, text
 
 from eskin.errors import StoreError
-from eskin_cloud.store import clock_state  # noqa: F401 - its table
 from eskin_cloud.store.schema import tile_tables  # noqa: F401 - their tables
-from eskin_cloud.store.schema.sealed_tables import veiled
+from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import blocks, feed, metadata, versions
-from eskin_cloud.store.write import gateways, missing_messages, node_sites  # noqa: F401 - their tables
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
 VERSION: Final = 1
-_STANDING: Final = select(func.max(versions.c.version))
+_VERSION: Final = select(func.max(versions.c.version))
 
 
-def prepare(connection: Connection, *, now: int) -> None:
-    """Make the tables where there are none, within the connection's transaction.
+def create_tables(connection: Connection, *, now: int) -> None:
+    """Create the tables if there are none.
 
     Args:
-        connection: With an open transaction that nobody else writes beside.
-        now: UTC ns, for the record.
+        connection: In a transaction that holds the write lock.
+        now: UTC ns.
 
     Raises:
-        StoreError: The store is of another version.
+        StoreError: The store has another version.
     """
     if not inspect(connection).has_table(versions.name):
         metadata.create_all(connection)
-        _keep_whole(connection)
-        connection.execute(insert(feed).values(name="feed", cursor=0, ids=os.urandom(32)))
+        _store_data_inline(connection)
+        connection.execute(insert(feed).values(name="feed", cursor=0, cursor_key=os.urandom(32)))
         connection.execute(insert(versions).values(version=VERSION, applied=now))
-    require_current(connection)
+    require_version(connection)
 
 
-def require_current(connection: Connection) -> None:
-    """Check that the schema is the one that this program knows.
+def require_version(connection: Connection) -> None:
+    """Check the schema's version.
 
     Raises:
-        StoreError: It is another one.
+        StoreError: It is another version.
     """
-    standing = connection.execute(_STANDING).scalar_one() or 0
+    standing = connection.execute(_VERSION).scalar_one() or 0
     if standing != VERSION:
         raise StoreError(
             f"the store has schema version {standing}, this program knows {VERSION}; "
@@ -57,9 +55,9 @@ def require_current(connection: Connection) -> None:
         )
 
 
-def _keep_whole(connection: Connection) -> None:
-    """Keep a block in its row, as it is: PostgreSQL would cut and try to compress it elsewhere."""
+def _store_data_inline(connection: Connection) -> None:
+    """Store messages inline: PostgreSQL would move them to a TOAST table and compress them."""
     if connection.dialect.name == "postgresql":
-        for name in (blocks.name, veiled.name):
+        for name in (blocks.name, sealed_messages.name):
             connection.execute(text(f"ALTER TABLE {name} ALTER COLUMN data SET STORAGE EXTERNAL"))
             connection.execute(text(f"ALTER TABLE {name} SET (toast_tuple_target = 8160)"))

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Final
 
-from eskin_cloud.store.compacted_rows import bytes_of
-from eskin_cloud.store.damage import DamagedRowError, Head, collected
-from eskin_cloud.store.location import Place, reading_engine
+from eskin_cloud.store.compacted_rows import block_bytes
+from eskin_cloud.store.damage import DamagedRowError, RowHeader, collect_damaged_rows
+from eskin_cloud.store.location import StoreLocation, reading_engine
 from eskin_cloud.store.schema.tables import blocks as table
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from sqlalchemy import func, select
@@ -32,7 +32,7 @@ _COLUMNS: Final = [
     table.c[name]
     for name in ("channel", "t", "t_end", "t_lo", "t_hi", "dt", "n", "lo", "hi", "coverage")
 ]
-_ROW: Final = [table.c[name] for name in ("data", "head", *Head._fields)]
+_ROW: Final = [table.c[name] for name in ("data", "head", *RowHeader._fields)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Audit:
 def audit(
     layout: Layout,
     *,
-    store: Place | None = None,
+    store: StoreLocation | None = None,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> Audit:
     """Compare all blocks in the store with the truth; also while the demo runs.
@@ -80,7 +80,7 @@ def audit(
     engine = reading_engine(store or layout.store, readers=1)
     try:
         with engine.begin() as connection:
-            with collected() as damaged:
+            with collect_damaged_rows() as damaged:
                 channels = _audit(layout, seen.truths, connection, progress)
                 delivered = deliveries(seen, connection)
             return Audit(channels, delivered, seen.letters, [str(row) for row in damaged])
@@ -171,7 +171,7 @@ def _pages(connection: Connection, node: str) -> Iterator[list[tuple[Block, bool
         page = []
         for row in rows:
             try:
-                blocks = [Block.decode(data) for data in bytes_of(row)]
+                blocks = [Block.decode(data) for data in block_bytes(row)]
             except DamagedRowError:
                 continue  # it is collected
             fits = tuple(row[column.name] for column in _COLUMNS) == _columns_of(blocks)

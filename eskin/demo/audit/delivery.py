@@ -8,8 +8,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from eskin_cloud.store.damage import DamagedRow, Head, is_sound, note_damaged
-from eskin_cloud.store.removal import Reason
+from eskin_cloud.store.damage import DamagedRow, RowHeader, is_intact_block, report_damaged
+from eskin_cloud.store.removal import RemovalReason
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import blocks, events, sequences
 from eskin_cloud.store.write.stored_digests import find_digest
@@ -201,7 +201,7 @@ def _removed(
     found = defaultdict(set)
     for position, block in GroundTruth.read(path, gone, node=node).items():
         for reason, _, before in records[block.channel]:
-            if reason == Reason.ERASURE or block.end - block.dt < before:
+            if reason == RemovalReason.ERASURE or block.end - block.dt < before:
                 found[block.channel].add(position)
     # More than was removed cannot be excused by it, and nobody can say which ones they are.
     return {
@@ -217,10 +217,10 @@ def _stored(node: str, connection: Connection) -> Sightings:
     query = select(b.boot, b.sequence).where(b.node == node, b.packed.is_(None))
     rows = connection.execute(query.order_by(b.boot, b.sequence))
     found = Sightings((row[0], row[1]) for row in rows)
-    packs = select(b.data, b.head, *(b[name] for name in Head._fields))
+    packs = select(b.data, b.head, *(b[name] for name in RowHeader._fields))
     packs = packs.where(b.node == node, b.packed.is_not(None))
     for data, own, *head in connection.execute(packs):
-        if not is_sound(data, Head(*head), own):
+        if not is_intact_block(data, RowHeader(*head), own):
             continue
         pack = Pack.read(data)
         for sequence in pack.column("sequence").tolist():
@@ -242,7 +242,7 @@ def _told(node: str, connection: Connection) -> Sightings:
     query = select(e.boot, e.sequence, e.data).where(e.node == node, e.kind == "gap")
     for boot, sequence, data in connection.execute(query).all():
         if find_digest(connection, node, boot, sequence) != digest(bytes(data)):
-            note_damaged("events", DamagedRow(node, boot, sequence, None))
+            report_damaged("events", DamagedRow(node, boot, sequence, None))
             continue
         gap = decode_message(bytes(data))
         if isinstance(gap, Gap):

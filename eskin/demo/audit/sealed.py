@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from eskin_cloud.privacy.sealed_rows import open_row
-from eskin_cloud.store.schema.sealed_tables import veiled
+from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from sqlalchemy import func, select
 
 from eskin.errors import AuditError, NoKeyError, PrivacyError
@@ -26,16 +26,20 @@ _PAGE: Final = 500
 
 def count_sealed(connection: Connection) -> dict[str, int]:
     """Sealed blocks by node."""
-    query = select(veiled.c.node, func.count()).where(veiled.c.kind == "block")
-    rows = connection.execute(query.group_by(veiled.c.node).order_by(veiled.c.node))
+    query = select(sealed_messages.c.node, func.count()).where(sealed_messages.c.kind == "block")
+    rows = connection.execute(
+        query.group_by(sealed_messages.c.node).order_by(sealed_messages.c.node)
+    )
     return {row[0]: int(row[1]) for row in rows}
 
 
 def sealed_positions(connection: Connection, node: str) -> Iterator[tuple[int, int]]:
     """Boot and sequence of a node's sealed blocks, in order."""
-    query = select(veiled.c.boot, veiled.c.sequence)
-    query = query.where(veiled.c.node == node, veiled.c.kind == "block")
-    yield from connection.execute(query.order_by(veiled.c.boot, veiled.c.sequence))
+    query = select(sealed_messages.c.boot, sealed_messages.c.sequence)
+    query = query.where(sealed_messages.c.node == node, sealed_messages.c.kind == "block")
+    yield from connection.execute(
+        query.order_by(sealed_messages.c.boot, sealed_messages.c.sequence)
+    )
 
 
 def sealed_pages(
@@ -48,10 +52,10 @@ def sealed_pages(
     """
     reader = Decryptor(KeyStore(layout.keys, FileMasterKey(layout.keys / MASTER_FILE)))
     last = Position(-1, -1)
-    v = veiled.c
+    v = sealed_messages.c
     while True:
         beyond = (v.boot > last.boot) | ((v.boot == last.boot) & (v.sequence > last.sequence))
-        query = select(veiled).where(v.node == node, v.kind == "block", beyond)
+        query = select(sealed_messages).where(v.node == node, v.kind == "block", beyond)
         rows = connection.execute(query.order_by(v.boot, v.sequence).limit(_PAGE)).mappings().all()
         if not rows:
             return

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import TracebackType
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from eskin.identity import Identity
 
@@ -67,7 +67,9 @@ class Site:
         }
         self._identities = Identities(root / "identities")
         self.database = self._make_database(hosts[DATABASE]) if server else None
-        self.store: Place = self.layout.store if self.database is None else self.database.place
+        self.store: StoreLocation = (
+            self.layout.store if self.database is None else self.database.place
+        )
         self.broker = self._make_broker(hosts["broker"])
         self.cloud = self._make_cloud(hosts["cloud"])
         self.gateways = [

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_cloud.store import Store
-from eskin_cloud.store.compaction import pack_some
+from eskin_cloud.store.compaction import compact_page
 
 from eskin.wire.messages import Encoding
 from eskin.wire.timestamp import SECOND
@@ -46,8 +46,8 @@ CUT = blow("cut", "cloud")
 
 def wrong(store: Store, *blows: Blow) -> list[str]:
     verdict = Verdict()
-    explain(store.place, verdict, blows)
-    add_up(store.place, verdict)
+    explain(store.location, verdict, blows)
+    add_up(store.location, verdict)
     return verdict.faults
 
 
@@ -148,7 +148,7 @@ def test_packed_blocks_are_counted_one_by_one(tmp_path: Path) -> None:
         for number in range(30):
             time = START + number * span
             put(store, block(number, ones, ones, time=(time, time), encoding=Encoding.Q16))
-        pack_some(store, (NODE, CHANNEL), 0)
+        compact_page(store, (NODE, CHANNEL), 0)
         assert ask(path, "SELECT count(*), max(packed) FROM blocks") == [(10, 21)]
         assert wrong(store) == []
 

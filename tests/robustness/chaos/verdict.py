@@ -16,7 +16,7 @@ from tests.support.stores import ask_store
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from tests.robustness.chaos.plan import Blow
     from tests.robustness.chaos.site import Site
@@ -132,7 +132,7 @@ def _compare(site: Site, verdict: Verdict) -> None:
             verdict.faults.append(f"{channel.node}/{channel.channel}: broken promise")
 
 
-def explain(store: Place, verdict: Verdict, blows: Sequence[Blow]) -> None:
+def explain(store: StoreLocation, verdict: Verdict, blows: Sequence[Blow]) -> None:
     """Find the blow behind each gap: on its node or behind it, at its time or soon before."""
     for gap in _gaps(store):
         verdict.gaps[gap.reason] = verdict.gaps.get(gap.reason, 0) + 1
@@ -141,7 +141,7 @@ def explain(store: Place, verdict: Verdict, blows: Sequence[Blow]) -> None:
             verdict.faults.append(_shown(gap, blows))
 
 
-def _gaps(store: Place) -> Iterable[Lost]:
+def _gaps(store: StoreLocation) -> Iterable[Lost]:
     query = "SELECT node, detail, t_lo, t_hi FROM events WHERE kind = 'gap' ORDER BY t_lo"
     for node, detail, earliest, latest in ask_store(store, query):
         reason = next((why for why in _WHY if str(detail).startswith(why)), str(detail))
@@ -155,7 +155,7 @@ def _shown(gap: Lost, blows: Sequence[Blow]) -> str:
     return f"{gap.node}: gap without a cause, from {first:.1f} to {last:.1f} s: {gap.reason}"
 
 
-def add_up(store: Place, verdict: Verdict) -> None:
+def add_up(store: StoreLocation, verdict: Verdict) -> None:
     """Sums that are kept while blocks arrive must be those of the blocks: nothing counted twice.
 
     A row may hold several blocks, packed.
@@ -181,7 +181,7 @@ def add_up(store: Place, verdict: Verdict) -> None:
             )
 
 
-def _numbers(store: Place) -> dict[tuple[str, int], SequenceRanges]:
+def _numbers(store: StoreLocation) -> dict[tuple[str, int], SequenceRanges]:
     """By node and boot, the numbers of messages that came, or that a gap names as lost."""
     found: dict[tuple[str, int], SequenceRanges] = defaultdict(SequenceRanges)
     for node, boot, first, last in ask_store(

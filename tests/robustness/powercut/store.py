@@ -81,6 +81,6 @@ def _require_sums(folder: Path) -> None:
 @cache
 def _item(number: int) -> ParsedMessage:
     if number % 11 == 10:
-        return ParsedMessage.read(NODE, peak(number).encode())
+        return ParsedMessage.parse(NODE, peak(number).encode())
     made = block(number, [float(number)] * _SAMPLES, [number + 1.0] * _SAMPLES)
-    return ParsedMessage.read(NODE, made.encode())
+    return ParsedMessage.parse(NODE, made.encode())

@@ -1,4 +1,4 @@
-"""All samples of a channel, and what every question about them must answer."""
+"""All samples of a channel, and the expected answers."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from eskin_cloud.query.occupancy import measure_occupancy
 from eskin_cloud.query.predicate import Predicate
+from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import Series, read_series
-from eskin_cloud.query.threshold import find_segments
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
-from eskin_cloud.store.removal import Reason, Sweep, remove
-from eskin_cloud.store.schema.tile_tables import stale
+from eskin_cloud.store.removal import RemovalReason, Sweep, remove
+from eskin_cloud.store.schema.tile_tables import stale_chunks
 from sqlalchemy import func, select
 
 from eskin.union_bound import union_coverage
@@ -124,7 +124,7 @@ def check_states(store: Store, truth: Truth, window: Window, question: Predicate
 
 
 def remove_before(store: Store, before: int) -> None:
-    sweep = Sweep(NODE, CHANNEL, Reason.AGE, before)
+    sweep = Sweep(NODE, CHANNEL, RemovalReason.AGE, before)
     store.write(lambda c: remove(c, store.cache, sweep, most=500, now=START)).result(120)
 
 
@@ -135,6 +135,6 @@ def lowest_level(store: Store) -> int:
 
 
 def count_marked(store: Store) -> int:
-    """Chunks that are to be made anew."""
+    """The number of stale chunks."""
     with store.read() as connection:
-        return int(connection.execute(select(func.count()).select_from(stale)).scalar_one())
+        return int(connection.execute(select(func.count()).select_from(stale_chunks)).scalar_one())

@@ -21,7 +21,7 @@ from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from eskin_cloud.store import Store
 from eskin_cloud.store.schema.tables import audit_log, blocks, feed, metadata, versions
 from eskin_cloud.store.write.ingest import IngestResult, ingest
-from eskin_cloud.store.write.node_sites import keep_sites
+from eskin_cloud.store.write.node_sites import store_sites
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from sqlalchemy import delete, func, select, update
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin_cloud.app_state import AppState
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
     from fastapi import FastAPI
     from sqlalchemy import Connection
     from starlette import types as asgi
@@ -70,7 +70,7 @@ class Clock:
 
 def put(store: Store, *messages: Said, node: str = NODE, dead_letters: int = 100) -> IngestResult:
     """Store messages in one batch."""
-    items = [ParsedMessage.read(node, message.encode()) for message in messages]
+    items = [ParsedMessage.parse(node, message.encode()) for message in messages]
     return put_items(store, items, dead_letters=dead_letters)
 
 
@@ -79,7 +79,7 @@ def admit(store: Store, *nodes: str, site: str = SITE) -> None:
 
     def work(connection: Connection) -> None:
         named = [(node, b"") for node in dict.fromkeys(nodes)]
-        keep_sites(connection, named, site=site, gateway="gateway.g1", now=store.clock())
+        store_sites(connection, named, site=site, gateway="gateway.g1", now=store.clock())
 
     store.write(work).result(120)
 
@@ -106,12 +106,12 @@ def put_items(
             now=store.clock(),
             dead_letters=dead_letters,
         ),
-        together=True,
+        shared=True,
     ).result(120)
 
 
 def emptied(store: Store) -> Store:
-    """A store as it was when it was new, but for deeds: one serves all examples of a property."""
+    """Empty a store, except its audit log, for the next example of a property."""
 
     def clear(connection: Connection) -> None:
         for table in metadata.sorted_tables:
@@ -195,13 +195,13 @@ class PlainIds(OpaqueIds):
         except ValueError:
             numbers = []
         if len(numbers) != count:
-            raise QueryError("cursor", "is none of ours")
+            raise QueryError("cursor", "is invalid")
         return numbers
 
 
 @contextmanager
 def standing(
-    folder: Path, identities: Identities, *, place: Place | None = None, **sections: Any
+    folder: Path, identities: Identities, *, place: StoreLocation | None = None, **sections: Any
 ) -> Iterator[Stand]:
     """A cloud in a folder, with its store there or elsewhere."""
     server = identities.make(IdentityKind.SERVER, "server.cloud")

@@ -7,8 +7,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from eskin_cloud.store.write.ingest import ingest
-from eskin_cloud.store.write.ingest_individually import ingest_individually
+from eskin_cloud.store.write.ingest import ingest, ingest_individually
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
 from tests.unit.cloud.messages import NODE
@@ -27,10 +26,10 @@ def bring(
     store: Store,
     *said: Said,
     then: Callable[[Connection], object] | None = None,
-    together: bool = True,
+    shared: bool = True,
 ) -> Any:
     """Have messages stored as ingest has, in a batch that may do something more before its end."""
-    items = [ParsedMessage.read(NODE, message.encode()) for message in said]
+    items = [ParsedMessage.parse(NODE, message.encode()) for message in said]
 
     def work(take: Callable[..., IngestResult], connection: Connection) -> IngestResult:
         now = store.clock()
@@ -40,12 +39,12 @@ def bring(
         return outcome
 
     ways = partial(work, ingest), partial(work, ingest_individually)
-    return store.write(ways[0], instead=ways[1], together=together)
+    return store.write(ways[0], fallback=ways[1], shared=shared)
 
 
 @contextmanager
 def one_commit(store: Store) -> Iterator[None]:
-    """What is to be written meanwhile waits, and then shares a commit."""
+    """Writes wait meanwhile, and then share a commit."""
     started: Future[None] = Future()
     held: Future[None] = Future()
 
@@ -63,5 +62,5 @@ def one_commit(store: Store) -> Iterator[None]:
 
 
 def kinds(outcome: IngestResult) -> list[str]:
-    """What became of each item."""
+    """The result of each message."""
     return [receipt.result for receipt in outcome.results]

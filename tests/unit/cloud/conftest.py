@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from tests.support.identities import Identities
     from tests.support.postgresql import Cluster
@@ -30,14 +30,14 @@ def clock() -> Clock:
 
 ALONE: Final = {f"tests.unit.cloud.test_{room}" for room in (
     "access", "chore", "client", "compared", "damaged_rows", "description",
-    "gatekeeper", "http", "limits", "odd_requests", "onlookers", "pyramid_rates", "subject_export",
+    "gatekeeper", "http", "limits", "odd_requests", "onlookers", "rollup_rates", "subject_export",
     "withheld",
 )}  # fmt: skip
-"""Asked of a cloud on SQLite alone: how it is asked and answers, and what others ask of both."""
+"""Tests that run on SQLite alone, because they do not depend on the kind of store."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Ask each kind of store."""
+    """Run tests with a ``place`` on each kind of store."""
     chosen = [mark.args[0] for mark in metafunc.definition.iter_markers("parametrize")]
     if "place" in metafunc.fixturenames and "place" not in chosen:
         kinds = ["sqlite"] if metafunc.module.__name__ in ALONE else ["sqlite", "postgresql"]
@@ -45,12 +45,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.fixture
-def place(request: pytest.FixtureRequest, tmp_path: Path) -> Place:
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> StoreLocation:
     """Where an empty store is, for each kind of store."""
     if request.param == "sqlite":
         return tmp_path / "store.sqlite"
     cluster: Cluster = request.getfixturevalue("cluster")
-    place: Place = request.getfixturevalue("shared_database")
+    place: StoreLocation = request.getfixturevalue("shared_database")
     assert isinstance(place, URL)
     cluster.clear(place)
     return place
@@ -63,7 +63,7 @@ def shared_database(cluster: Cluster) -> URL:
 
 
 @pytest.fixture
-def store(place: Place, clock: Clock) -> Iterator[Store]:
+def store(place: StoreLocation, clock: Clock) -> Iterator[Store]:
     """An empty store."""
     with Store(place, clock=clock) as opened:
         yield opened
@@ -76,7 +76,7 @@ def site(tmp_path: Path) -> Site:
 
 
 @pytest.fixture
-def stand(tmp_path: Path, identities: Identities, place: Place) -> Iterator[Stand]:
+def stand(tmp_path: Path, identities: Identities, place: StoreLocation) -> Iterator[Stand]:
     """A cloud with clients."""
     with standing(tmp_path, identities, place=place) as made:
         yield made

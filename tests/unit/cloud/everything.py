@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from eskin_cloud.access import create_login_code
 from eskin_cloud.jobs.missing_messages import look
 from eskin_cloud.rollup.builder import build
-from eskin_cloud.store.compaction import pack_some
+from eskin_cloud.store.compaction import compact_page
 
 from eskin.wire.messages import Encoding
 from eskin.wire.timestamp import SECOND
@@ -56,7 +56,7 @@ def _pack(store: Store) -> None:
     moments = [START + 100 * k * DT for k in range(64)]
     said = partial(block, channel=PACKED, encoding=Encoding.Q16)
     put(store, *(said(100 + k, *values, time=(t, t)) for k, t in enumerate(moments)))
-    while pack_some(store, (NODE, PACKED), behind=0):
+    while compact_page(store, (NODE, PACKED), behind=0):
         pass
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from eskin_cloud.query.series import read_series
 from eskin_cloud.rollup.builder import build
 from eskin_cloud.store import Store
-from eskin_cloud.store.compaction import find_packable, pack_some
+from eskin_cloud.store.compaction import compact_page, find_compactable
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.write.parsed_message import ParsedMessage
@@ -54,10 +54,10 @@ def _encoded(number: int) -> bytes:
 
 
 def _work(store: Store, sent: list[bytes]) -> None:
-    put_items(store, ParsedMessage.read_all([(NODE, data) for data in sent]))
+    put_items(store, ParsedMessage.parse_all([(NODE, data) for data in sent]))
     build(store)
-    for channel in find_packable(store, 0):
-        while pack_some(store, channel, 0):
+    for channel in find_compactable(store, 0):
+        while compact_page(store, channel, 0):
             pass
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     import httpx
     from eskin_cloud.store import Store
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from eskin.privacy import Subject
     from eskin.wire.messages import Block, Peak, Status
@@ -97,7 +97,7 @@ def sealing(
 
 @contextmanager
 def keyed(
-    folder: Path, identities: Identities, site: Site, *, place: Place | None = None
+    folder: Path, identities: Identities, site: Site, *, place: StoreLocation | None = None
 ) -> Iterator[Stand]:
     """A cloud that was given the key of a site's person."""
     with sealing(folder, identities, place=place) as stand:

@@ -20,7 +20,7 @@ from tests.unit.cloud.clouds import named_in
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from tests.support.identities import Identities
 
@@ -45,7 +45,12 @@ class Service(Running):
     """A cloud process on free ports."""
 
     def __init__(
-        self, folder: Path, identities: Identities, *, more: str = "", place: Place | None = None
+        self,
+        folder: Path,
+        identities: Identities,
+        *,
+        more: str = "",
+        place: StoreLocation | None = None,
     ) -> None:
         self.server = identities.make(IdentityKind.SERVER, "server.cloud")
         self.gateway = identities.gateway

@@ -100,7 +100,7 @@ async def test_secrets_are_kept_as_hashes_only(stand: Stand) -> None:
 
 
 async def test_code_made_by_another_process_signs_in_once(stand: Stand) -> None:
-    with Store(stand.cloud.store.place, clock=stand.clock) as elsewhere:
+    with Store(stand.cloud.store.location, clock=stand.clock) as elsewhere:
         code = create_login_code(elsewhere, lifetime=timedelta(minutes=1))
     async with stand.client(token="") as client:
         answer = await client.get("/login", params={"code": code})

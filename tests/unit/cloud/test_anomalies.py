@@ -147,7 +147,7 @@ def test_a_standing_band_is_asked_as_a_threshold(
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
         outside = Predicate(0.1, 1.0, outside=True)
-        runs = find_segments_of(connection, row, window, outside, over_gaps=False)
+        runs = find_segments_of(connection, row, window, outside)
         assert ask(store, window, band) == list(merge(runs))
 
 

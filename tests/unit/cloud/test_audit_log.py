@@ -1,4 +1,4 @@
-"""Who did what is kept, and cannot be changed unnoticed."""
+"""The audit log is complete, and changes are detected."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def record_many(connection: Connection, count: int) -> None:
         record(connection, AuditEntry("a", "b", Action.COMMAND, "node", str(number)), now=START)
 
 
-async def test_who_does_what_is_kept(stand: Stand) -> None:
+async def test_actions_are_logged(stand: Stand) -> None:
     store, token = stand.cloud.store, admin_token(stand)
     put(store, status(0))
     code = create_login_code(store, lifetime=timedelta(minutes=1))
@@ -81,7 +81,7 @@ async def test_who_does_what_is_kept(stand: Stand) -> None:
     ]
 
 
-async def test_administrators_read_it_latest_first(stand: Stand) -> None:
+async def test_administrators_read_the_log_latest_first(stand: Stand) -> None:
     token = admin_token(stand)
     problem(await stand.get("/api/v1/audit-log"), 403)
     async with stand.client(token=token) as client:
@@ -106,7 +106,7 @@ async def test_pages_join(stand: Stand) -> None:
 
 
 @pytest.mark.parametrize("change", ["UPDATE audit_log SET actor = 'x'", "DELETE FROM audit_log"])
-async def test_store_refuses_to_change_it(stand: Stand, change: str) -> None:
+async def test_store_rejects_changes_of_the_log(stand: Stand, change: str) -> None:
     written = stand.cloud.store.write(lambda c: c.exec_driver_sql(change))
     with pytest.raises(SQLAlchemyError, match="append only"):
         written.result(120)
@@ -119,9 +119,7 @@ async def test_store_refuses_to_change_it(stand: Stand, change: str) -> None:
     max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
-def test_whatever_is_changed_behind_its_back_is_noticed(
-    tmp_path: Path, data: st.DataObject
-) -> None:
+def test_changes_of_the_file_are_detected(tmp_path: Path, data: st.DataObject) -> None:
     path = Path(mkdtemp(dir=tmp_path)) / "store.sqlite"
     count = data.draw(st.integers(2, 6))
     with Store(path) as store:
@@ -137,7 +135,7 @@ def test_whatever_is_changed_behind_its_back_is_noticed(
 
 
 def tamper(path: Path, number: int, column: str) -> None:
-    """Change a column of a deed, or remove the deed, as somebody with the file in hand can."""
+    """Change or delete an entry in the file."""
     with sqlite3.connect(path) as file:
         for verb in ("update", "delete"):
             file.execute(f"DROP TRIGGER audit_log_no_{verb}")

@@ -1,4 +1,4 @@
-"""Bad batches, and a store that cannot take any."""
+"""Invalid batches, and a store that cannot be written."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ async def test_odd_items_are_rejected_one_by_one(stand: Stand) -> None:
     assert results == ["rejected"] * 7 + ["stored"]
 
 
-async def test_message_that_breaks_what_stores_it_harms_none_but_itself(
+async def test_message_that_fails_in_the_store_is_rejected_alone(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def breaks(node: str, message: Peak, _: bytes) -> None:
@@ -121,7 +121,7 @@ async def test_message_that_breaks_what_stores_it_harms_none_but_itself(
     assert letters == [peak(1).encode()]
 
 
-async def test_message_that_breaks_what_reads_it_harms_none_but_itself(
+async def test_message_that_fails_in_the_parser_is_rejected_alone(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bad = block(1).encode()
@@ -138,7 +138,7 @@ async def test_message_that_breaks_what_reads_it_harms_none_but_itself(
     assert count_blocks(stand) == 2
 
 
-async def test_message_is_not_at_fault_where_memory_runs_out(
+async def test_lack_of_memory_rejects_no_message(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def breaks(_: Joined) -> list[BlockSummary | None]:
@@ -158,7 +158,7 @@ def take_few_values(connection: Connection) -> None:
         own.setlimit(sqlite3.SQLITE_LIMIT_VARIABLE_NUMBER, 32_766)
 
 
-async def test_batch_that_names_more_than_a_statement_takes_is_stored(stand: Stand) -> None:
+async def test_batch_with_more_keys_than_a_statement_takes_is_stored(stand: Stand) -> None:
     stand.cloud.store.write(take_few_values).result()
     names = [tuple(f"t{n}.c{k}" for k in range(1000)) for n in range(34)]
     said = [

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from eskin_cloud.query.comparison import find_stretches
-from eskin_cloud.query.comparison_totals import sum_up_stretches
-from eskin_cloud.query.neighbourhood import Source
+from eskin_cloud.query.comparison import find_comparison_segments
+from eskin_cloud.query.comparison_segments import total_comparison
+from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.predicate import Verdict
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
@@ -137,10 +137,10 @@ def brute_stretches(
 def ask(store: Store, window: Window) -> list[ComparisonSegment]:
     with store.read() as connection:
         one, other = (
-            Source(connection, find_channel(connection, NODE, channel))
+            ChannelSource(connection, find_channel(connection, NODE, channel))
             for channel in (CHANNEL, OTHER)
         )
-        return list(find_stretches(one, other, window))
+        return list(find_comparison_segments(one, other, window))
 
 
 @settings(
@@ -207,7 +207,7 @@ def test_every_signal_and_every_clock_within_the_intervals_agrees(
             assert is_above or stretch.answer is not Verdict.CERTAIN
             assert not (is_above and stretch.answer is Verdict.IMPOSSIBLE)
             above, entries, before = above + is_above, entries + (is_above > before), is_above
-    standing = sum_up_stretches(found)
+    standing = total_comparison(found)
     assert standing.time[0] <= above <= standing.time[1]
     assert standing.entries[0] <= entries <= standing.entries[1]
     assert standing.unknown == sum(s.end - s.start for s in found if s.answer is None)

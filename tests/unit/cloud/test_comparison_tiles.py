@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
-from eskin_cloud.query.comparison import find_stretches
-from eskin_cloud.query.comparison_segments import merge
-from eskin_cloud.query.comparison_totals import sum_up_stretches
-from eskin_cloud.query.neighbourhood import Neighbourhood, Source
+from eskin_cloud.query.comparison import find_comparison_segments
+from eskin_cloud.query.comparison_segments import merge, total_comparison
+from eskin_cloud.query.neighbourhood import ChannelSource, Neighbourhood
 from eskin_cloud.query.predicate import Verdict
 from eskin_cloud.rollup.builder import build
 from eskin_cloud.store.read.lookup import find_channel
@@ -56,14 +55,14 @@ def ask_blocks(store: Store, window: Window) -> list[ComparisonSegment]:
     """As `ask`, of a few blocks each time."""
     with store.read() as connection:
         sides = [
-            Source(connection, without_tiles(find_channel(connection, NODE, channel)))
+            ChannelSource(connection, without_tiles(find_channel(connection, NODE, channel)))
             for channel in (CHANNEL, OTHER)
         ]
-        return list(find_stretches(sides[0], sides[1], window))
+        return list(find_comparison_segments(sides[0], sides[1], window))
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_pyramid_answers_as_blocks_do_whatever_comes_late(store: Store, seed: int) -> None:
+def test_tiles_answer_as_blocks_despite_late_ones(store: Store, seed: int) -> None:
     random = np.random.default_rng(seed)
     said = [long_blocks(random, CHANNEL, level=1.0), long_blocks(random, OTHER, level=2.0)]
     # Late ones spoil tiles at one end alone.
@@ -79,7 +78,7 @@ def test_pyramid_answers_as_blocks_do_whatever_comes_late(store: Store, seed: in
         cuts = Window(window.start, middle), Window(middle, window.end)
         parts = list(merge(part for cut in cuts for part in ask_blocks(store, cut)))
         assert told(tiled) == told(parts)
-        whole, apart = sum_up_stretches(tiled), sum_up_stretches(parts)
+        whole, apart = total_comparison(tiled), total_comparison(parts)
         assert (whole.time, whole.unknown) == (apart.time, apart.unknown)
         assert whole.entries == apart.entries
 
@@ -93,9 +92,7 @@ def flat(channel: str, level: float, count: int, *, first: int = START) -> list[
     ]
 
 
-def test_only_blocks_that_straddle_are_decoded(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_undecided_blocks_are_decoded(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     said = flat(CHANNEL, 5.0, 9)
     said[4] = block(8, [5.0] * 5 + [1.5] * 5, [6.0] * 10, time=(START + 400,) * 2, dt=10)
     put(store, *said, *flat(OTHER, 1.0, 9, first=START + 5))
@@ -111,14 +108,12 @@ def test_only_blocks_that_straddle_are_decoded(
     ]
 
 
-def test_what_tiles_settle_is_asked_of_no_block(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_decided_tiles_read_no_block(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     put(store, *flat(CHANNEL, 5.0, 5000), *flat(OTHER, 1.0, 5000))
     build(store)
     asked: list[Window] = []
 
-    def look(source: Source, window: Window) -> Neighbourhood:
+    def look(source: ChannelSource, window: Window) -> Neighbourhood:
         asked.append(window)
         return Neighbourhood(source, window)
 

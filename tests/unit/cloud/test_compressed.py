@@ -1,4 +1,4 @@
-"""Blocks lie compressed, and whoever asks finds them as if they did not."""
+"""Blocks are stored compressed; answers do not change."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.rollup.builder import build
 from eskin_cloud.store import Store
-from eskin_cloud.store.compacted_rows import bytes_of
+from eskin_cloud.store.compacted_rows import block_bytes
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.tables import blocks, channels
 from eskin_cloud.store.write.parsed_message import ParsedMessage
@@ -21,7 +21,7 @@ from eskin.wire.messages import Encoding
 from eskin.wire.messages.compression import is_compressed
 from tests.unit.cloud.clouds import put_items
 from tests.unit.cloud.messages import NODE, START, block
-from tests.unit.cloud.test_packing import SPAN, answers, exported, said
+from tests.unit.cloud.test_compaction import SPAN, answers, exported, said
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,29 +36,29 @@ def sent() -> list[Block]:
 
 
 def plainly(messages: list[Block]) -> list[ParsedMessage]:
-    """Items as a cloud of before stored them."""
-    items = ParsedMessage.read_all([(NODE, each.encode()) for each in messages])
-    return [item._replace(kept=None, digest=digest(item.data)) for item in items]
+    """Messages without compression."""
+    items = ParsedMessage.parse_all([(NODE, each.encode()) for each in messages])
+    return [item._replace(compressed=None, digest=digest(item.data)) for item in items]
 
 
 def store_compressed(store: Store) -> list[bytes]:
     messages = [each.encode() for each in sent()]
-    put_items(store, ParsedMessage.read_all([(NODE, data) for data in messages]))
+    put_items(store, ParsedMessage.parse_all([(NODE, data) for data in messages]))
     return messages
 
 
-def test_what_lies_there_is_shorter_and_gives_the_same_bytes(store: Store) -> None:
+def test_stored_blocks_are_shorter_and_give_the_same_bytes(store: Store) -> None:
     messages = store_compressed(store)
     with store.read() as connection:
         rows = connection.execute(select(blocks).order_by(blocks.c.cursor)).mappings().all()
         told = connection.execute(select(channels.c.bytes)).scalar_one()
         size = connection.execute(select(func.sum(func.length(blocks.c.data)))).scalar_one()
     assert all(is_compressed(row["data"]) for row in rows)
-    assert [data for row in rows for data in bytes_of(row)] == messages
+    assert [data for row in rows for data in block_bytes(row)] == messages
     assert told == size < sum(map(len, messages))
 
 
-def test_feed_resumes_with_the_bytes_that_came(store: Store) -> None:
+def test_feed_resumes_with_the_received_bytes(store: Store) -> None:
     messages = store_compressed(store)
     with store.read() as connection:
         entries = read_entries(connection, 0, MANY)
@@ -67,7 +67,7 @@ def test_feed_resumes_with_the_bytes_that_came(store: Store) -> None:
 
 @given(window=st.tuples(st.integers(-1, MANY), st.integers(0, 99), st.integers(1, MANY * SPAN)))
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_every_window_is_answered_as_of_plain_blocks(
+def test_compression_changes_no_answer(
     store: Store, tmp_path: Path, window: tuple[int, int, int]
 ) -> None:
     number, sample, length = window
@@ -91,10 +91,10 @@ def test_plain_blocks_of_before_stay_readable_beside_compressed_ones(store: Stor
     assert sorted(found) == sorted([*messages, *(each.encode() for each in early)])
 
 
-def test_short_and_wild_blocks_lie_as_they_came(store: Store) -> None:
+def test_incompressible_blocks_are_stored_as_received(store: Store) -> None:
     wild = np.random.default_rng(1).choice([-3e38, 3e38, 1e-40], 100)
     messages = [block(0, [1.0], [2.0], encoding=Encoding.F32), block(1, wild, wild + abs(wild))]
-    put_items(store, ParsedMessage.read_all([(NODE, each.encode()) for each in messages]))
+    put_items(store, ParsedMessage.parse_all([(NODE, each.encode()) for each in messages]))
     with store.read() as connection:
         rows = connection.execute(select(blocks.c.data).order_by(blocks.c.sequence)).scalars()
         assert [bytes(data) for data in rows] == [each.encode() for each in messages]

@@ -1,4 +1,4 @@
-"""Rows whose columns are not as they were written: named, left out, and never believed.
+"""Damaged rows are reported, left out, and never used.
 
 On SQLite alone: a PostgreSQL server has checksums of its own.
 """
@@ -17,14 +17,14 @@ from eskin_cloud.access import Scope, create_token, revoke_token
 from eskin_cloud.access.tokens import digest, token_id
 from eskin_cloud.api.middleware.answer import DAMAGED
 from eskin_cloud.jobs.integrity import look_at
-from eskin_cloud.query.export import Export, Source
+from eskin_cloud.query.export import Export, ExportChannel
 from eskin_cloud.store import Store
-from eskin_cloud.store.compaction import pack_some
+from eskin_cloud.store.compaction import compact_page
 from eskin_cloud.store.damage import DamagedRowError
-from eskin_cloud.store.integrity import LARGE, find_fault
+from eskin_cloud.store.integrity import LARGE_TABLES, find_corruption
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
-from eskin_cloud.store.row_digests import CHECKED, ROW_DIGEST, find_damaged
+from eskin_cloud.store.row_digests import CHECKED_TABLES, ROW_DIGEST, find_damaged
 from eskin_cloud.store.schema.tables import blocks, channels, metadata, nodes, sequences
 from sqlalchemy import select
 
@@ -46,7 +46,7 @@ pytestmark = pytest.mark.anyio
 
 
 def damage(path: Path, statement: str, *values: object) -> None:
-    """Change the file as a worn disk does: no trigger makes a digest anew."""
+    """Change the file as a worn disk does: no trigger updates the digest."""
     with closing(sqlite3.connect(path)) as db, db:
         triggers = db.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'")
         kept = triggers.fetchall()
@@ -70,18 +70,18 @@ async def test_every_row_of_every_checked_table_has_its_digest(
         await fill(stand, Site(tmp_path))
         put(stand.cloud.store, block(700), status(701, boot=9), peak(702), gap(703))
         with stand.cloud.store.read() as connection:
-            for table in CHECKED:
+            for table in CHECKED_TABLES:
                 assert find_damaged(connection, table) == [], table.name
                 written = connection.execute(select(table.c[ROW_DIGEST])).scalars().all()
                 assert None not in written, table.name
             for table in metadata.sorted_tables:
-                assert find_fault(connection, table) is None
+                assert find_corruption(connection, table) is None
 
 
 @pytest.mark.parametrize(
     "change", ["height_lo = 3", "t_lo = t_lo - 1", "kind = 'gap'", "channel = 'x'", "coverage = 1"]
 )
-async def test_damaged_event_is_left_out_and_named(stand: Stand, change: str) -> None:
+async def test_damaged_event_is_left_out_and_reported(stand: Stand, change: str) -> None:
     put(stand.cloud.store, peak(1), gap(2))
     damage(path_of(stand), f"UPDATE events SET {change} WHERE sequence = 1")  # noqa: S608 - ours
     answer = await stand.get("/api/v1/events")
@@ -108,12 +108,12 @@ async def test_block_with_a_damaged_column_is_a_gap(stand: Stand, change: str) -
 
 
 @pytest.mark.parametrize("packed", [False, True])
-async def test_export_tells_a_damaged_block_as_unknown(stand: Stand, *, packed: bool) -> None:
+async def test_export_shows_a_damaged_block_as_unknown(stand: Stand, *, packed: bool) -> None:
     store = stand.cloud.store
     put(store, *(block(k, [1.0] * 100, [2.0] * 100, time=(START + k * 100 * DT,) * 2,
                        encoding=Encoding.Q16) for k in range(64)))  # fmt: skip
     if packed:
-        pack_some(store, (NODE, CHANNEL), behind=0)
+        compact_page(store, (NODE, CHANNEL), behind=0)
     damage(path_of(stand), "UPDATE blocks SET data = zeroblob(200) WHERE sequence = "
            "(SELECT max(sequence) FROM blocks)")  # fmt: skip
     answer = await stand.get("/api/v1/export", channel=f"{NODE}/{CHANNEL}")
@@ -128,12 +128,12 @@ async def test_export_tells_a_damaged_block_as_unknown(stand: Stand, *, packed: 
     assert len({row["earliest"] for row in rows}) == 6400
 
 
-async def test_export_breaks_off_where_it_cannot_say_when_a_block_was(stand: Stand) -> None:
+async def test_export_aborts_at_a_damaged_time(stand: Stand) -> None:
     put(stand.cloud.store, block(1), block(2, time=(START + DT,) * 2))
     damage(path_of(stand), "UPDATE blocks SET dt = 5 WHERE sequence = 2")
     store = stand.cloud.store
     with store.read() as connection:
-        source = Source(find_channel(connection, NODE, CHANNEL), store.read)
+        source = ExportChannel(find_channel(connection, NODE, CHANNEL), store.read)
     with pytest.raises(DamagedRowError, match="sequence 2"):
         list(Export([source], Window(START, START + 9 * DT), None).read(None))
 
@@ -150,7 +150,7 @@ async def test_export_breaks_off_where_it_cannot_say_when_a_block_was(stand: Sta
         ("tokens", "name = 'teso'", "nodes"),
     ],
 )
-async def test_damaged_row_is_named_in_a_refusal(
+async def test_damaged_row_is_named_in_the_problem(
     stand: Stand, table: str, change: str, path: str
 ) -> None:
     put(stand.cloud.store, status(0), block(1))
@@ -163,7 +163,7 @@ async def test_damaged_row_is_named_in_a_refusal(
     assert said.startswith(table)
 
 
-async def test_damaged_rows_of_lists_are_left_out_and_named(stand: Stand) -> None:
+async def test_damaged_rows_of_lists_are_left_out_and_reported(stand: Stand) -> None:
     put(stand.cloud.store, status(0), block(1))
     damage(path_of(stand), "UPDATE nodes SET gaps = 9")
     answer = await stand.get("/api/v1/nodes")
@@ -172,7 +172,7 @@ async def test_damaged_rows_of_lists_are_left_out_and_named(stand: Stand) -> Non
 
 
 @pytest.mark.parametrize("change", ["expires = NULL", "revoked = NULL"])
-async def test_token_that_ended_is_not_good_again_by_damage(stand: Stand, change: str) -> None:
+async def test_damage_does_not_revive_a_token(stand: Stand, change: str) -> None:
     store = stand.cloud.store
     made = create_token(store, scopes=[Scope.READ], name="x", lifetime=timedelta(seconds=1))
     assert revoke_token(store, token_id(digest(made)))
@@ -185,7 +185,7 @@ async def test_token_that_ended_is_not_good_again_by_damage(stand: Stand, change
 def test_damaged_row_that_is_written_again_stays_damaged(store: Store, place: Path) -> None:
     put(store, block(1))
     damage(place, "UPDATE channels SET lo = 7")
-    store.cache.forget()
+    store.cache.clear()
     put(store, block(2, time=(START + DT,) * 2))
     with store.read() as connection:
         assert find_damaged(connection, channels) == [f"channels {NODE} {CHANNEL}"]
@@ -210,15 +210,17 @@ def _shift_index(path: Path, name: str) -> None:
 @pytest.mark.parametrize(
     "name", ["sqlite_autoindex_nodes_1", "blocks_by_time", "sqlite_autoindex_sequences_1"]
 )
-def test_index_that_hides_rows_is_made_anew(place: Path, name: str) -> None:
+def test_damaged_index_is_rebuilt(place: Path, name: str) -> None:
     with Store(place) as store:
         put(store, block(1))
     _shift_index(place, name)
     with Store(place) as store:
-        for table in LARGE:
+        for table in LARGE_TABLES:
             look_at(store, table)
         with store.read() as connection:
-            assert all(find_fault(connection, table) is None for table in metadata.sorted_tables)
+            assert all(
+                find_corruption(connection, table) is None for table in metadata.sorted_tables
+            )
             here = select(blocks).where(blocks.c.node == NODE, blocks.c.channel == CHANNEL)
             assert len(connection.execute(here).all()) == 1
             known = select(sequences.c.last).where(sequences.c.node == NODE)
@@ -226,7 +228,7 @@ def test_index_that_hides_rows_is_made_anew(place: Path, name: str) -> None:
             assert connection.execute(select(nodes).where(nodes.c.node == NODE)).all()
 
 
-def test_file_whose_schema_is_no_text_is_refused_with_a_remedy(place: Path) -> None:
+def test_file_with_a_damaged_schema_is_rejected_with_a_remedy(place: Path) -> None:
     with Store(place) as store:
         put(store, block(1))
     with closing(sqlite3.connect(place)) as db:
@@ -234,5 +236,5 @@ def test_file_whose_schema_is_no_text_is_refused_with_a_remedy(place: Path) -> N
     data = bytearray(place.read_bytes())
     data[data.index(b"CREATE TABLE versions") + 2] ^= 0x80
     place.write_bytes(data)
-    with pytest.raises(StoreError, match="bring back a copy"):
+    with pytest.raises(StoreError, match="restore a backup"):
         Store(place)

@@ -1,4 +1,4 @@
-"""Digests: another message under a stored number, and rows that are not as they were written."""
+"""Digests: conflicts and damaged rows."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 from eskin_cloud.api.middleware.answer import DAMAGED
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.rollup.builder import build
-from eskin_cloud.rollup.reading import TileRange, read_stretch
-from eskin_cloud.store.compaction import pack_some
+from eskin_cloud.rollup.reading import TileRange, read_range
+from eskin_cloud.store.compaction import compact_page
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.schema.tables import blocks, dead_letters, events
 from eskin_cloud.store.schema.tile_tables import tiles
@@ -88,7 +88,7 @@ async def test_other_message_under_a_stored_number_is_a_dead_letter_and_an_event
     assert [item["node"] for item in found] == [NODE]
 
 
-def test_two_under_one_number_in_one_batch_are_told_apart(store: Store) -> None:
+def test_conflict_within_a_batch_is_detected(store: Store) -> None:
     outcome = put(store, said(1), said(1, level=2.0), said(1))
     assert [each.result for each in outcome.results] == ["stored", "rejected", "duplicate"]
 
@@ -102,12 +102,12 @@ def test_numbers_are_compared_in_any_order_and_after_a_restart(store: Store) -> 
         assert {each.result for each in outcome.results} == {"duplicate"}
         outcome = put(store, *(said(number, level=9.0) for number in range(300)), dead_letters=10)
         assert {each.result for each in outcome.results} == {"rejected"}
-        store.cache.forget()
+        store.cache.clear()
 
 
-def test_packed_and_removed_blocks_are_told_from_others(store: Store) -> None:
+def test_conflict_with_compacted_and_removed_blocks_is_detected(store: Store) -> None:
     put(store, *(said(number) for number in range(64)))
-    pack_some(store, (NODE, CHANNEL), behind=0)
+    compact_page(store, (NODE, CHANNEL), behind=0)
     store.write(lambda c: c.execute(blocks.delete().where(blocks.c.sequence > 30))).result(120)
     for number in (0, 13, 40, 63):
         outcome = put(store, said(number), said(number, level=2.0))
@@ -122,7 +122,7 @@ async def test_damaged_block_is_a_gap_and_the_rest_is_served(
     store = stand.cloud.store
     put(store, *(said(number, encoding=encoding) for number in range(60)))
     if packed:
-        pack_some(store, (NODE, CHANNEL), behind=0)
+        compact_page(store, (NODE, CHANNEL), behind=0)
     window = {"start": START, "end": START + 60 * SAMPLES * DT, "points": 10_000}
     whole = (await stand.get(SERIES, **window)).json()
     row = flip(store, blocks, where=blocks.c.sequence > 10)
@@ -140,11 +140,11 @@ async def test_damaged_block_is_a_gap_and_the_rest_is_served(
 
 @pytest.mark.parametrize("seed", range(40))
 def test_no_flipped_bit_is_ever_served(store: Store, seed: int) -> None:
-    """Whatever bit flips of blocks and tiles, what is answered encloses what was stored."""
+    """After any bit flip of blocks and tiles, answers enclose the stored values."""
 
     put(store, *(said(number, encoding=Encoding.F32) for number in range(200)))
     if seed % 2:
-        pack_some(store, (NODE, CHANNEL), behind=0)
+        compact_page(store, (NODE, CHANNEL), behind=0)
     if seed % 3:
         build(store)
     chance = np.random.default_rng(seed)
@@ -160,7 +160,7 @@ def test_no_flipped_bit_is_ever_served(store: Store, seed: int) -> None:
     flip(store, table, bit=bit, where=and_(*here))
     with store.read() as connection:
         stretch = TileRange(grain, START >> grain, (START + 200 * SAMPLES * DT >> grain) + 1)
-        pieces = read_stretch(connection, find_channel(connection, NODE, CHANNEL), stretch)
+        pieces = read_range(connection, find_channel(connection, NODE, CHANNEL), stretch)
     lost = 0 if table is tiles else row["n"]
     assert 200 * SAMPLES - lost <= int(pieces.n.sum()) <= 200 * SAMPLES
     assert float(pieces.lo.min()) == pytest.approx(1.0, abs=1e-6)
@@ -170,7 +170,7 @@ def test_no_flipped_bit_is_ever_served(store: Store, seed: int) -> None:
 def test_damaged_block_is_neither_packed_nor_lost(store: Store) -> None:
     put(store, *(said(number) for number in range(64)))
     row = flip(store, blocks, where=blocks.c.sequence == 20)
-    pack_some(store, (NODE, CHANNEL), behind=0)
+    compact_page(store, (NODE, CHANNEL), behind=0)
     with store.read() as connection:
         here = (blocks.c.boot == row["boot"]) & (blocks.c.sequence == 20)
         kept = connection.execute(select(blocks.c.packed).where(here)).scalar_one()

@@ -1,4 +1,4 @@
-"""Growing past one server: what the page says of each table, and what the tables are."""
+"""The documented distribution of tables agrees with the schema."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 from eskin_cloud.rollup.builder import build
 from eskin_cloud.store import Store
-from eskin_cloud.store.compaction import pack_some
+from eskin_cloud.store.compaction import compact_page
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import blocks, channels, events, metadata, nodes, sequences
-from eskin_cloud.store.schema.tile_tables import stale, tiles
+from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles
 from sqlalchemy import select, text
 
 from eskin.wire.messages import Encoding
@@ -49,7 +49,7 @@ def by_node() -> set[str]:
     return {table.name for table in metadata.sorted_tables if "node" in table.columns}
 
 
-def test_what_nodes_say_is_keyed_by_node_first() -> None:
+def test_tables_of_nodes_are_keyed_by_node_first() -> None:
     for table in metadata.sorted_tables:
         if table.name in by_node():
             assert next(iter(table.primary_key.columns)).name == "node", table.name
@@ -66,7 +66,7 @@ def test_documented_distribution_takes_every_table_of_nodes_and_no_other(cluster
     assert sorted(found) == sorted(by_node())
 
 
-def test_all_other_tables_are_said_to_stay() -> None:
+def test_all_other_tables_are_documented_to_stay() -> None:
     assert STAYING is not None
     others = {table.name for table in metadata.sorted_tables} - by_node()
     assert set(re.findall(r"`(\w+)`", STAYING[1])) == others
@@ -92,7 +92,7 @@ def lived(place: URL) -> dict[str, list[dict[str, Any]]]:
         put(store, status(0), *said[:250:2], peak(1))
         build(store)
         put(store, *said[1:250:2], *said[:50])
-        while pack_some(store, (NODE, CHANNEL), behind=0):
+        while compact_page(store, (NODE, CHANNEL), behind=0):
             pass
         put(store, *said, peak(1))
         remove_before(store, START + 20_000)
@@ -106,7 +106,16 @@ def lived(place: URL) -> dict[str, list[dict[str, Any]]]:
                         select(table).order_by(*table.primary_key.columns)
                     ).mappings()
                 ]
-                for table in (nodes, channels, blocks, events, sequences, tiles, stale, removals)
+                for table in (
+                    nodes,
+                    channels,
+                    blocks,
+                    events,
+                    sequences,
+                    tiles,
+                    stale_chunks,
+                    removals,
+                )
             }
 
 

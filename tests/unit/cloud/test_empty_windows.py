@@ -1,4 +1,4 @@
-"""An empty window is a good question: nothing is in it."""
+"""An empty window is valid and has no samples."""
 
 from __future__ import annotations
 

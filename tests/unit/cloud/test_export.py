@@ -18,7 +18,7 @@ from eskin_cloud.access import Principal
 from eskin_cloud.api.dependencies import Access
 from eskin_cloud.api.export import stream_file
 from eskin_cloud.api.export_formats import WRITERS, write
-from eskin_cloud.query.export import Export, Source
+from eskin_cloud.query.export import Export, ExportChannel
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 
@@ -143,7 +143,7 @@ async def test_empty_window_is_an_empty_file(filled: Stand) -> None:
         assert decoded(answer.content, media) == []
 
 
-async def test_bad_questions_are_told_what_to_do(filled: Stand) -> None:
+async def test_bad_queries_get_a_remedy(filled: Stand) -> None:
     refusals: dict[int, list[Row]] = {
         404: [{"channel": "palm/t01.capacitance"}, {"channel": f"{NODE}/t09.current"}],
         422: [
@@ -173,7 +173,7 @@ def cursor(answer: Any) -> str:
 def export(store: Store) -> Export:
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
-    return Export([Source(row, store.read)], Window(START, START + 2**60), None)
+    return Export([ExportChannel(row, store.read)], Window(START, START + 2**60), None)
 
 
 def pieces(store: Store, media: str) -> Iterator[bytes]:

@@ -1,4 +1,4 @@
-"""A store that is slow, full, away or of another version: told over HTTP, and nothing is lost."""
+"""A slow, full, unreachable or incompatible store is reported, and loses nothing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     import httpx
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
     from sqlalchemy import URL, Connection
 
     from tests.support.postgresql import Cluster
@@ -45,17 +45,17 @@ class Bed:
     cluster: Callable[[], Cluster]
 
     @property
-    def place(self) -> Place:
-        return self.stand.cloud.store.place
+    def location(self) -> StoreLocation:
+        return self.stand.cloud.store.location
 
     @property
     def server(self) -> URL:
-        assert not isinstance(self.place, Path)
-        return self.place
+        assert not isinstance(self.location, Path)
+        return self.location
 
 
 @contextmanager
-def elsewhere(place: Place) -> Iterator[Connection]:
+def elsewhere(place: StoreLocation) -> Iterator[Connection]:
     """A transaction of another program, which has the store for itself while it lasts."""
     engine = writing_engine(place)
     try:
@@ -69,13 +69,13 @@ def elsewhere(place: Place) -> Iterator[Connection]:
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """A store whose writer waits for others as it always does, but not for so long."""
     monkeypatch.setattr(sqlite, "_BUSY_S", 0.3)
-    change_option(monkeypatch, "_WRITING", "lock_timeout=10s", "lock_timeout=300ms")
+    change_option(monkeypatch, "_WRITER_OPTIONS", "lock_timeout=10s", "lock_timeout=300ms")
 
 
 @pytest.fixture
 def impatient_readers(monkeypatch: pytest.MonkeyPatch) -> None:
     """A store whose readers do not wait for so long either; on a busy machine, one may fail so."""
-    change_option(monkeypatch, "_READING", "statement_timeout=60s", "statement_timeout=1s")
+    change_option(monkeypatch, "_READER_OPTIONS", "statement_timeout=60s", "statement_timeout=1s")
 
 
 def change_option(monkeypatch: pytest.MonkeyPatch, name: str, long: str, short: str) -> None:
@@ -113,23 +113,23 @@ def held(stand: Stand) -> tuple[int, int]:
 
 @contextmanager
 def slow(bed: Bed) -> Iterator[str]:
-    """Somebody else writes, and does not end."""
-    with elsewhere(bed.place):
-        yield "end that one" if isinstance(bed.place, Path) else "it is too slow; see what else"
+    """Another program holds the write lock."""
+    with elsewhere(bed.location):
+        yield "has locked the file" if isinstance(bed.location, Path) else "is too slow"
 
 
 @contextmanager
 def full(bed: Bed) -> Iterator[str]:
-    """No room is left for what comes."""
-    if isinstance(bed.place, Path):
-        write = bed.stand.cloud.store.finish
+    """The disk is full."""
+    if isinstance(bed.location, Path):
+        write = bed.stand.cloud.store.write_and_wait
         pages = write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one())
         write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all())
         yield "is full: free space"
         write(lambda c: c.execute(text("PRAGMA max_page_count=1000000")).all())
         return
     refusal = "BEGIN RAISE EXCEPTION 'could not extend file' USING ERRCODE = '53100'; END"
-    with elsewhere(bed.place) as connection:
+    with elsewhere(bed.location) as connection:
         connection.execute(
             text(f"CREATE FUNCTION refuse() RETURNS trigger LANGUAGE plpgsql AS $$ {refusal} $$")
         )
@@ -137,9 +137,9 @@ def full(bed: Bed) -> Iterator[str]:
             text("CREATE TRIGGER refuse BEFORE UPDATE ON feed EXECUTE FUNCTION refuse()")
         )
     try:
-        yield "its disk is full; free space there"
+        yield "disk is full; free space"
     finally:
-        with elsewhere(bed.place) as connection:
+        with elsewhere(bed.location) as connection:
             connection.execute(text("DROP FUNCTION refuse CASCADE"))
 
 
@@ -147,21 +147,21 @@ def full(bed: Bed) -> Iterator[str]:
 def later(bed: Bed) -> Iterator[str]:
     """A program of another version has made the store."""
     version = VERSION + 1
-    with elsewhere(bed.place) as connection:
+    with elsewhere(bed.location) as connection:
         connection.execute(insert(versions), {"version": version, "applied": START})
     try:
         yield f"the store has schema version {version}, this program knows"
     finally:
-        with elsewhere(bed.place) as connection:
+        with elsewhere(bed.location) as connection:
             connection.execute(delete(versions).where(versions.c.version == version))
 
 
 @contextmanager
 def away(bed: Bed) -> Iterator[str]:
-    """Nobody is let in."""
+    """The server admits no connection."""
     bed.cluster().shut(bed.server)
     try:
-        yield "start it, or set store.url right; then send again"
+        yield "start it, or correct store.url; then retry"
     finally:
         bed.cluster().admit(bed.server)
 
@@ -216,12 +216,12 @@ async def test_store_of_another_version_is_neither_read_nor_ready(bed: Bed, path
 
 @pytest.mark.usefixtures("impatient_readers")
 @pytest.mark.parametrize("place", ["postgresql"], indirect=True)
-async def test_reader_that_waits_for_too_long_is_told_what_to_do(bed: Bed) -> None:
+async def test_reader_timeout_states_a_remedy(bed: Bed) -> None:
     put(bed.stand.cloud.store, block(0))
-    with elsewhere(bed.place) as connection:
+    with elsewhere(bed.location) as connection:
         connection.execute(text("LOCK TABLE channels IN ACCESS EXCLUSIVE MODE"))
         answer = await bed.stand.get(SERIES)
-        assert "it is too slow; see what else it does" in problem(answer, 503)
+        assert "the server is too slow" in problem(answer, 503)
         assert int(answer.headers["retry-after"]) > 0
     async with asyncio.timeout(60):
         while (answer := await bed.stand.get(SERIES)).status_code == 503:
@@ -229,18 +229,16 @@ async def test_reader_that_waits_for_too_long_is_told_what_to_do(bed: Bed) -> No
     assert answer.json()["lo"] == [1.0]
 
 
-async def test_write_that_never_ends_is_not_waited_for(
-    stand: Stand, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_write_times_out(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = stand.cloud.store
     token = create_token(kept, scopes=[Scope.ADMIN], name="boss", lifetime=timedelta(hours=1))
-    monkeypatch.setattr(store, "_PATIENCE_S", 0.2)
-    with elsewhere(kept.place):
+    monkeypatch.setattr(store, "_WRITE_TIMEOUT_S", 0.2)
+    with elsewhere(kept.location):
         kept.writer.fault = "it was slow before"
         assert "nothing was written for 0.2 s" in problem(await stand.get("/readyz"), 503)
         async with stand.client(token=token) as boss:
             desired_state = {"name": "lab", "scopes": ["read"]}
             answer = await boss.post("/api/v1/tokens", json=desired_state)
-        assert "see what else the store does, then try again" in problem(answer, 503)
+        assert "then retry" in problem(answer, 503)
     monkeypatch.undo()
     kept.check()

@@ -1,4 +1,4 @@
-"""Gateways as the cloud knows them: heard, told of themselves, what they brought and how late."""
+"""Gateways: contact, status, counts and lag."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import cbor2
 import pytest
 from eskin_cloud.ingest.gateway_status import HEADER
 from eskin_cloud.store.row_digests import ROW_DIGEST
-from eskin_cloud.store.write.gateways import GatewayStatus, gateways, hear, list_gateways
+from eskin_cloud.store.schema.tables import gateways
+from eskin_cloud.store.write.gateways import GatewayStatus, list_gateways, record_contact
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -44,7 +45,7 @@ async def listed(stand: Stand) -> list[dict[str, Any]]:
     return found
 
 
-async def test_gateway_is_known_once_it_was_heard(stand: Stand) -> None:
+async def test_gateway_is_listed_after_its_first_contact(stand: Stand) -> None:
     assert await listed(stand) == []
     time = (START, START + 3 * MS)
     said = batch(status(0), block(1, [1.0] * 5, [2.0] * 5, time=time, dt=10 * MS))
@@ -76,7 +77,7 @@ async def test_gateway_is_known_once_it_was_heard(stand: Stand) -> None:
     assert node["lag"] == gateway["lag"]
 
 
-async def test_what_is_brought_is_counted_and_what_is_not_told_stays(stand: Stand) -> None:
+async def test_batches_are_counted_and_the_last_status_stays(stand: Stand) -> None:
     said = batch(status(0), block(1))
     await stand.ingest(said, status=STATE)
     stand.clock.turn(3)
@@ -104,7 +105,7 @@ async def test_gateway_that_waits_for_an_answer_may_be_silent(stand: Stand) -> N
     with stand.cloud.store.read() as connection:
         (row,) = list_gateways(connection)
     stand.cloud.store.write(
-        lambda c: hear(
+        lambda c: record_contact(
             c, row["gateway"], site=SITE, condition=None, now=stand.clock(), wait=20 * SECOND
         )
     ).result(120)
@@ -134,7 +135,7 @@ async def test_status_that_is_not_as_agreed_is_refused(stand: Stand, state: Any)
     assert await listed(stand) == []
 
 
-async def test_nobody_else_is_told_or_believed(stand: Stand) -> None:
+async def test_only_gateways_report_and_only_readers_list(stand: Stand) -> None:
     async with stand.client(token="") as client:
         problem(await client.get("/api/v1/gateways"), 401)
     stand.gateway = None
@@ -153,7 +154,7 @@ EMPTY = {column.name: None for column in gateways.columns if column.name != ROW_
     max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(said=st.lists(st.tuples(st.sampled_from(["gateway.a", "gateway.b"]), conditions)))
-def test_latest_word_of_each_gateway_is_kept(
+def test_latest_status_of_each_gateway_is_stored(
     store: Store, said: list[tuple[str, GatewayStatus | None]]
 ) -> None:
     expected: dict[str, dict[str, Any]] = {}
@@ -161,7 +162,7 @@ def test_latest_word_of_each_gateway_is_kept(
     def work(connection: Connection) -> None:
         connection.execute(gateways.delete())
         for k, (name, condition) in enumerate(said):
-            hear(connection, name, site=SITE, condition=condition, now=k)
+            record_contact(connection, name, site=SITE, condition=condition, now=k)
 
     store.write(work).result(120)
     for k, (name, condition) in enumerate(said):
@@ -175,12 +176,12 @@ def test_latest_word_of_each_gateway_is_kept(
         }
         row = expected.setdefault(name, EMPTY | fresh)
         row |= {"last_heard": k, "due": k}
-        row |= {} if condition is None else {"told": k, **condition._asdict()}
+        row |= {} if condition is None else {"reported": k, **condition._asdict()}
     with store.read() as connection:
         assert list_gateways(connection) == [expected[name] for name in sorted(expected)]
 
 
-async def test_who_was_heard_before_the_clock_was_set_back_is_not_online(stand: Stand) -> None:
+async def test_contact_from_the_future_is_not_online(stand: Stand) -> None:
     await stand.ingest(batch(status(0)))
     for seconds, health in ((-1, "online"), (-3600, "offline")):
         stand.clock.turn(seconds)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import cbor2
 import pytest
 from eskin_cloud.jobs.retention import sweep
-from eskin_cloud.store.schema.sealed_tables import erased_subjects, veiled, wearers
+from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages, subject_nodes
 from eskin_cloud.store.schema.tables import blocks, commands, dead_letters, sequences
 from sqlalchemy import func, select
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
     from sqlalchemy import Table
 
     from eskin.identity import Identity
@@ -85,7 +85,7 @@ class Scene:
 
 
 @pytest.fixture
-def scene(tmp_path: Path, identities: Identities, place: Place) -> Iterator[Scene]:
+def scene(tmp_path: Path, identities: Identities, place: StoreLocation) -> Iterator[Scene]:
     site = Site(tmp_path)
     with sealing(tmp_path / "cloud", identities, place=place) as stand:
         yield Scene(stand, site, identities)
@@ -94,10 +94,10 @@ def scene(tmp_path: Path, identities: Identities, place: Place) -> Iterator[Scen
 async def test_it_cannot_erase_another_site_s_subject(scene: Scene) -> None:
     await scene.begin()
     stand, ada = scene.stand, scene.site.ada
-    before = count(stand, veiled)
+    before = count(stand, sealed_messages)
     await post(scene.hostile, "subjects", {"worn": [], "erased": [ada.pseudonym]})
     await sweep(stand.cloud)
-    assert count(stand, veiled) == before == 6
+    assert count(stand, sealed_messages) == before == 6
     assert stand.cloud.key_access.of(SITE).find(ada.pseudonym).key == ada.key
     with stand.cloud.store.read() as connection:
         rows = connection.execute(select(erased_subjects.c.site)).scalars().all()
@@ -109,7 +109,7 @@ async def test_it_cannot_erase_another_site_s_subject(scene: Scene) -> None:
     told = await post(stand, "subjects", {"worn": [], "erased": [ada.pseudonym]})
     assert [item["result"] for item in told] == ["erased"]
     await sweep(stand.cloud)
-    assert count(stand, veiled) == 0
+    assert count(stand, sealed_messages) == 0
 
 
 async def test_it_cannot_plant_a_key(scene: Scene) -> None:
@@ -127,7 +127,7 @@ async def test_it_cannot_plant_a_key(scene: Scene) -> None:
     answer = await ask(stand, physician(stand), url, site=SITE)
     assert len(answer.text.splitlines()) == 6
     with stand.cloud.store.read() as connection:
-        nodes = connection.execute(select(wearers.c.node)).scalars().all()
+        nodes = connection.execute(select(subject_nodes.c.node)).scalars().all()
     assert sorted(nodes) == [NODE, "theirs"]
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin_cloud.query.series import Series
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from eskin.wire.messages import Block
     from tests.support.identities import Identities
@@ -72,7 +72,7 @@ async def test_block_tells_when_it_was_stored(stand: Stand) -> None:
 
 @pytest.mark.parametrize("recent", [1, 1000])
 async def test_every_cursor_resumes_without_a_hole(
-    tmp_path: Path, identities: Identities, place: Place, recent: int
+    tmp_path: Path, identities: Identities, place: StoreLocation, recent: int
 ) -> None:
     with standing(tmp_path, identities, place=place, live=LiveSection(recent=recent)) as stand:
         said = [peak(n) if n % 3 else block(n) for n in range(300)]
@@ -84,7 +84,7 @@ async def test_every_cursor_resumes_without_a_hole(
 
 
 async def test_stream_from_before_the_start_reads_the_store(
-    tmp_path: Path, identities: Identities, place: Place
+    tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     with standing(tmp_path, identities, place=place) as stand:
         put(stand.cloud.store, block(0), gap(1))
@@ -103,7 +103,7 @@ async def test_subscriber_that_is_too_far_behind_is_told(stand: Stand) -> None:
 
 
 async def test_slow_subscriber_misses_nothing_and_costs_no_memory(
-    tmp_path: Path, identities: Identities, place: Place
+    tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     with standing(tmp_path, identities, place=place, live=LiveSection(recent=10)) as stand:
         async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator

@@ -1,4 +1,4 @@
-"""What the API says of a node's clock, on both stores."""
+"""The API's verdict on a node's clock."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.anyio
 
 
 async def clock_of(stand: Stand, stated: tuple[int, int], heard: int | None, sequence: int) -> Any:
-    """What is said of a node's clock after a status with offsets from the cloud's time, in s."""
+    """The verdict on a node's clock after a status with offsets from the cloud's time, in s."""
     now = stand.clock()
     time = now + stated[0] * SECOND, now + stated[1] * SECOND
     gateway_time = None if heard is None else now + heard * SECOND
@@ -62,7 +62,8 @@ async def test_wrong_clocks_are_counted(stand: Stand) -> None:
         ((3, 5), 4, 0),
     ]):  # fmt: skip
         await clock_of(stand, stated, heard, sequence)
-        assert count_wrong_clocks(stand.cloud.store, SECOND) == wrong
+        with stand.cloud.store.read() as connection:
+            assert count_wrong_clocks(connection, SECOND) == wrong
 
 
 async def test_node_without_a_status_states_nothing(stand: Stand) -> None:

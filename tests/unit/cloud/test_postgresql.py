@@ -1,4 +1,4 @@
-"""What is PostgreSQL's own: its start, its faults, several processes at once."""
+"""PostgreSQL: start, faults, several processes."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_durability_is_asked_of_the_server(store: Store) -> None:
     assert store.write(asked).result(120) == ["on"] * 3
 
 
-def test_of_programs_that_start_at_once_one_makes_the_tables(cluster: Cluster) -> None:
+def test_concurrent_starts_create_the_tables_once(cluster: Cluster) -> None:
     place = cluster.fresh(empty=True)
     with ThreadPoolExecutor(4) as pool:
         for store in pool.map(lambda _: Store(place), range(4)):
@@ -63,7 +63,7 @@ def test_of_programs_that_start_at_once_one_makes_the_tables(cluster: Cluster) -
         assert connection.execute(select(feed.c.cursor)).scalar_one() == 0
 
 
-def test_program_of_before_writes_nothing_to_a_store_of_another_version(store: Store) -> None:
+def test_store_of_another_version_is_not_written(store: Store) -> None:
     later = version.VERSION + 1
     store.write(lambda c: c.execute(versions.insert().values(version=later, applied=0))).result(120)
     try:
@@ -78,7 +78,7 @@ def test_program_of_before_writes_nothing_to_a_store_of_another_version(store: S
 
 
 def test_two_processes_store_each_message_once(store: Store) -> None:
-    with Store(store.place) as other:
+    with Store(store.location) as other:
         for number in range(6):
             first, second = (store, other) if number % 2 else (other, store)
             assert [r.result for r in put(first, block(number)).results] == ["stored"]
@@ -95,9 +95,9 @@ def test_two_processes_store_each_message_once(store: Store) -> None:
         assert connection.execute(select(sequences.c.first, sequences.c.last)).all() == [(0, 59)]
 
 
-def test_what_another_process_stored_is_refused_by_its_unit(store: Store) -> None:
+def test_unit_of_another_process_counts(store: Store) -> None:
     put(store, status(0))
-    with Store(store.place) as other:
+    with Store(store.location) as other:
         assert put(other, block(1, unit="H")).results[0].result == "rejected"
         put(other, block(2, channel="t09.inductance", unit="H"))
     assert put(store, block(3, channel="t09.inductance")).results[0].result == "rejected"
@@ -106,13 +106,13 @@ def test_what_another_process_stored_is_refused_by_its_unit(store: Store) -> Non
         assert connection.execute(select(nodes.c.sequence)).scalar_one() == 4
 
 
-def test_server_that_is_away_is_told_and_what_is_sent_again_is_stored_once(
+def test_unreachable_server_is_reported_and_retries_store_once(
     cluster: Cluster, store: Store
 ) -> None:
     put(store, block(0))
     cluster.stop()
     try:
-        with pytest.raises(StoreError, match=r"cannot be written: .*then send again"):
+        with pytest.raises(StoreError, match=r"cannot be written: .*then retry"):
             put(store, block(1))
         with pytest.raises(StoreError, match="does not answer; start it"):
             put(store, block(1))
@@ -124,20 +124,18 @@ def test_server_that_is_away_is_told_and_what_is_sent_again_is_stored_once(
     store.check()
 
 
-def test_killed_server_has_what_was_acknowledged_when_it_is_back(
-    cluster: Cluster, store: Store
-) -> None:
+def test_killed_server_keeps_acknowledged_messages(cluster: Cluster, store: Store) -> None:
     put(store, block(0))
     cluster.running.kill()
     try:
-        with pytest.raises(StoreError, match=r"cannot be written: .*then send again"):
+        with pytest.raises(StoreError, match=r"cannot be written: .*then retry"):
             put(store, block(1))
     finally:
         cluster.start()
     assert [r.result for r in put(store, block(0), block(1)).results] == ["duplicate", "stored"]
 
 
-def test_server_that_hangs_is_waited_for(cluster: Cluster, store: Store) -> None:
+def test_writes_wait_for_a_server_that_hangs(cluster: Cluster, store: Store) -> None:
     put(store, block(0))
     cluster.running.signal(signal.SIGSTOP)
     with ThreadPoolExecutor(1) as pool:
@@ -154,7 +152,7 @@ def test_server_that_hangs_is_waited_for(cluster: Cluster, store: Store) -> None
     ("code", "remedy"),
     [("53100", "free space"), ("57014", "too slow"), ("53300", "raise max_connections")],
 )
-def test_fault_says_what_to_do(store: Store, code: str, remedy: str) -> None:
+def test_fault_states_a_remedy(store: Store, code: str, remedy: str) -> None:
     refusal = f"BEGIN RAISE EXCEPTION 'no' USING ERRCODE = '{code}'; END"
     make = f"CREATE FUNCTION refuse() RETURNS trigger LANGUAGE plpgsql AS $$ {refusal} $$"
     when = "CREATE TRIGGER refuse BEFORE INSERT ON blocks EXECUTE FUNCTION refuse()"
@@ -168,14 +166,14 @@ def test_fault_says_what_to_do(store: Store, code: str, remedy: str) -> None:
 
 
 @pytest.mark.anyio
-async def test_fault_is_a_problem_that_says_what_to_do(
+async def test_fault_is_a_problem_with_a_remedy(
     cluster: Cluster, tmp_path: Path, identities: Identities
 ) -> None:
     place = cluster.fresh()
     with standing(tmp_path, identities, place=place) as stand:
         cluster.shut(place)
         said = problem(await stand.get("/api/v1/nodes"), 503)
-        assert "start it, or set store.url right" in said
+        assert "correct store.url" in said
 
 
 def test_audit_log_is_append_only(store: Store) -> None:
@@ -195,7 +193,7 @@ def test_nul_in_a_name_is_no_name(store: Store) -> None:
         assert connection.execute(query).all() == []
 
 
-def test_server_is_come_to_by_tls_and_with_its_password(
+def test_server_is_reached_by_tls_and_password(
     cluster: Cluster, tmp_path: Path, identities: Identities
 ) -> None:
     place = cluster.fresh()
@@ -216,7 +214,7 @@ def test_server_is_come_to_by_tls_and_with_its_password(
         ({"root": tmp_path / "word"}, "root certificate|SSL"),
         ({"password_file": tmp_path / "other"}, "the password is wrong; see store.password_file"),
         ({"url": url.replace("localhost", "127.0.0.2")}, "does not answer"),
-        ({"url": url.replace("store_", "lost_")}, "make it with createdb"),
+        ({"url": url.replace("store_", "lost_")}, "create it with createdb"),
     ):
         wrong = section.model_copy(update=changed)
         with pytest.raises(StoreError, match=said):

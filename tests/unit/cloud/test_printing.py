@@ -1,4 +1,4 @@
-"""A block is told of in as many entries as are asked for, each the hull of its samples."""
+"""A block reduced to a number of entries, each the hull of its samples."""
 
 from __future__ import annotations
 

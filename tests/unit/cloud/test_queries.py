@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_cloud.query.predicate import Predicate, Verdict
+from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import Series, read_series
-from eskin_cloud.query.threshold import find_segments
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from hypothesis import HealthCheck, given, settings
@@ -237,7 +237,7 @@ def spy_on_decoding(monkeypatch: pytest.MonkeyPatch) -> list[Block]:
     return decoded
 
 
-def test_threshold_decodes_only_straddling_blocks(
+def test_threshold_decodes_only_undecided_blocks(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put(

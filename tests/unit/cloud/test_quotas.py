@@ -1,4 +1,4 @@
-"""A node that names what it likes costs the cloud no more than so much, and hinders no other."""
+"""Limits of channels, ranges and cached rows of a node."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.unit.cloud.sealing import Site, declared, pulse, sealing
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
     from eskin_cloud.store.write.ingest import IngestResult
 
     from tests.support.identities import Identities
@@ -28,16 +28,14 @@ def results(outcome: IngestResult) -> list[str]:
     return [receipt.result for receipt in outcome.results]
 
 
-def test_node_may_name_so_many_channels_and_no_more(
-    stand: Stand, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_channels_of_a_node_are_limited(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 3)
     store = stand.cloud.store
     said = [block(number, channel=name) for number, name in enumerate(CHANNELS)]
     outcome = put(store, *said)
     assert results(outcome) == [STORED] * 3 + [REJECTED] * 2
     assert "more than 3 channels" in str(outcome.results[-1].reason)
-    store.cache.forget()
+    store.cache.clear()
     assert results(put(store, block(10, channel=CHANNELS[3]), status(11, channels=CHANNELS))) == [
         REJECTED,
         REJECTED,
@@ -49,7 +47,7 @@ def test_node_may_name_so_many_channels_and_no_more(
     assert results(put(store, block(0, channel=CHANNELS[4]), node="palm")) == [STORED]
 
 
-def test_status_that_names_too_many_channels_is_refused_whole(
+def test_status_with_too_many_channels_is_rejected(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 3)
@@ -61,7 +59,7 @@ def test_status_that_names_too_many_channels_is_refused_whole(
 
 @pytest.mark.anyio
 async def test_sealed_channels_count(
-    tmp_path: Path, identities: Identities, place: Place, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, identities: Identities, place: StoreLocation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 2)
     site = Site(tmp_path)
@@ -78,15 +76,13 @@ async def test_sealed_channels_count(
         assert len(listed) == 2
 
 
-def test_boot_may_have_so_many_holes_and_no_more(
-    stand: Stand, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("eskin_cloud.store.write.stored_sequences.MOST_RANGES", 3)
+def test_ranges_of_a_boot_are_limited(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eskin_cloud.store.write.stored_sequences.MAX_RANGES", 3)
     store = stand.cloud.store
     outcome = put(store, *(block(number) for number in (0, 2, 4, 6, 4)), peak(8))
     assert results(outcome) == [STORED] * 3 + [REJECTED, DUPLICATE, REJECTED]
-    assert "holes" in str(outcome.results[3].reason)
-    store.cache.forget()
+    assert "gaps" in str(outcome.results[3].reason)
+    store.cache.clear()
     assert results(put(store, block(8))) == [REJECTED]
     assert results(put(store, block(5), peak(6))) == [STORED] * 2, "these leave no other hole"
     assert results(put(store, block(1), block(9))) == [STORED] * 2, "one hole was filled"
@@ -94,12 +90,12 @@ def test_boot_may_have_so_many_holes_and_no_more(
 
 
 @pytest.mark.anyio
-async def test_messages_that_are_refused_are_forgotten(
+async def test_rejected_messages_leave_no_cache_entry(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 1)
-    monkeypatch.setattr("eskin_cloud.store.write.write_cache._MOST_ROWS", 5)
-    monkeypatch.setattr("eskin_cloud.store.write.write_cache._MOST_BOOTS", 5)
+    monkeypatch.setattr("eskin_cloud.store.write.write_cache._MAX_ROWS", 5)
+    monkeypatch.setattr("eskin_cloud.store.write.write_cache._MAX_BOOTS", 5)
     cache = stand.cloud.store.cache
     assert (await stand.ingest(batch(block(0)))).status_code == 200
     for number in range(30):

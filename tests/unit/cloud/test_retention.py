@@ -1,4 +1,4 @@
-"""What is too old goes, on time and of its channel alone; its copies stay duplicates."""
+"""Retention by channel; copies of removed messages stay duplicates."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import cbor2
 import pytest
 from eskin_cloud.jobs.retention import apply_retention, kept_for, sweep
 from eskin_cloud.settings import RetentionSection
-from eskin_cloud.store.schema.sealed_tables import erased_subjects, removals, veiled
+from eskin_cloud.store.schema.sealed_tables import erased_subjects, removals, sealed_messages
 from eskin_cloud.store.schema.tables import blocks, channels, events
 from sqlalchemy import insert, select
 
@@ -23,7 +23,7 @@ from tests.unit.cloud.sealing import Site, ask, beat, declared, physician, pulse
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from eskin.wire.messages import Block, Peak
     from tests.support.identities import Identities
@@ -48,8 +48,8 @@ def at_day(stand: Stand, number: float) -> None:
     stand.clock.now = START + int(number * DAY * SECOND)
 
 
-async def test_each_channel_is_kept_for_its_own_days_and_not_a_step_longer(
-    tmp_path: Path, identities: Identities, place: Place
+async def test_each_channel_has_its_own_retention(
+    tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     rules = RetentionSection(days=3, channels={f"*/{OTHER}": 10}, at_once=4)
     with standing(tmp_path, identities, place=place, retention=rules) as stand:
@@ -77,8 +77,8 @@ async def test_each_channel_is_kept_for_its_own_days_and_not_a_step_longer(
         assert len(rows(stand, blocks)) == 12
 
 
-async def test_channel_of_which_all_went_begins_anew(
-    tmp_path: Path, identities: Identities, place: Place
+async def test_channel_restarts_after_removal_of_all_blocks(
+    tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     with standing(tmp_path, identities, place=place, retention=RetentionSection(days=1)) as stand:
         await stand.ingest(batch(block(1, [-5.0], [5.0]), block(2)))
@@ -92,8 +92,8 @@ async def test_channel_of_which_all_went_begins_anew(
         assert answer["lo"] == [1.0]
 
 
-async def test_sealed_messages_go_by_the_earlier_of_their_time_and_their_coming(
-    tmp_path: Path, identities: Identities, place: Place
+async def test_sealed_messages_expire_by_time_or_arrival(
+    tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     site = Site(tmp_path)
     rules = RetentionSection(biometric_days=2)
@@ -106,11 +106,11 @@ async def test_sealed_messages_go_by_the_earlier_of_their_time_and_their_coming(
         assert await sweep(stand.cloud) == 0
         at_day(stand, 2.01)
         assert await sweep(stand.cloud) == 3
-        assert [row["sequence"] for row in rows(stand, veiled)] == [4]
+        assert [row["sequence"] for row in rows(stand, sealed_messages)] == [4]
         path = f"/api/v1/nodes/{HAND}/channels"
         listed = (await ask(stand, physician(stand), path)).json()["items"]
         (told,) = [item for item in listed if item["biometric"]]
-        # Whoever sees it grow sees each peak come.
+        # Its growth would show each peak.
         assert told["bytes"] is None
         assert told["removed"]["messages"] == 3
         assert told["removed"]["before"].startswith("2027-01-15T08:14:23")
@@ -118,8 +118,8 @@ async def test_sealed_messages_go_by_the_earlier_of_their_time_and_their_coming(
         assert {item["result"] for item in again} == {"duplicate"}
 
 
-async def test_what_is_left_of_an_erased_subject_is_removed_whatever_its_age(
-    tmp_path: Path, identities: Identities, place: Place
+async def test_messages_of_erased_subjects_are_removed(
+    tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     site = Site(tmp_path)
     bo = site.keystore.create("Bo")
@@ -129,14 +129,14 @@ async def test_what_is_left_of_an_erased_subject_is_removed_whatever_its_age(
         gone = {"site": SITE, "subject": site.ada.pseudonym, "erased": 1}
         stand.cloud.store.write(lambda c: c.execute(insert(erased_subjects), gone)).result(120)
         assert await sweep(stand.cloud) == 19
-        assert [row["subject"] for row in rows(stand, veiled)] == [bo.pseudonym]
+        assert [row["subject"] for row in rows(stand, sealed_messages)] == [bo.pseudonym]
         (channel,) = [row for row in rows(stand, channels) if row["node"] == HAND]
         assert channel["blocks"] == 1
         assert [why["reason"] for why in rows(stand, removals)] == ["erasure"]
 
 
 async def test_ingest_goes_on_between_the_steps(
-    tmp_path: Path, identities: Identities, place: Place
+    tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     rules = RetentionSection(days=1, at_once=10, every_s=0.05)
     with standing(tmp_path, identities, place=place, retention=rules) as stand:

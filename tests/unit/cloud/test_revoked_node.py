@@ -16,7 +16,7 @@ from tests.unit.cloud.messages import block
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from eskin.identity import Identity
     from tests.unit.cloud.clouds import Stand
@@ -28,7 +28,7 @@ NAME = "palm"
 class Site:
     """A CA, its nodes' revocation list as the cloud has it, and the cloud."""
 
-    def __init__(self, folder: Path, place: Place) -> None:
+    def __init__(self, folder: Path, place: StoreLocation) -> None:
         from tests.support.identities import Identities  # noqa: PLC0415 - the class, not the fixture
 
         self.folder = folder
@@ -48,7 +48,7 @@ class Site:
 
 
 @pytest.fixture
-def site(tmp_path: Path, place: Place) -> Site:
+def site(tmp_path: Path, place: StoreLocation) -> Site:
     return Site(tmp_path, place)
 
 

@@ -1,4 +1,4 @@
-"""A window is answered from a few thousand rows at most, however long it is."""
+"""A window of any length reads at most a few thousand rows."""
 
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ def fill(store: Store) -> None:
             said.append(block(number, lo, lo + 1, time=(at, at), dt=1, encoding=Encoding.F32))
         put(store, *said)
     build(store)
-    if not isinstance(store.place, Path):
-        store.finish(lambda connection: connection.execute(text("ANALYZE")))
+    if not isinstance(store.location, Path):
+        store.write_and_wait(lambda connection: connection.execute(text("ANALYZE")))
 
 
 def drawn(random: np.random.Generator) -> Window:

@@ -13,7 +13,7 @@ from eskin_cloud.access import Scope
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.schemas.nodes import ChannelDocument
 from eskin_cloud.store.schema.tables import dead_letters
-from eskin_cloud.store.write.dead_letters import count
+from eskin_cloud.store.write.ingest import count_dead_letters
 from pydantic import TypeAdapter
 from sqlalchemy import select
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from eskin.wire.messages import Block, Peak
     from tests.support.identities import Identities
@@ -53,7 +53,9 @@ WIDE = {"start": START - SECOND, "end": START + 3600 * SECOND}
 
 
 @pytest.fixture
-def stand(tmp_path: Path, identities: Identities, site: Site, place: Place) -> Iterator[Stand]:
+def stand(
+    tmp_path: Path, identities: Identities, site: Site, place: StoreLocation
+) -> Iterator[Stand]:
     with keyed(tmp_path, identities, site, place=place) as made:
         yield made
 
@@ -156,7 +158,7 @@ async def test_reader_without_the_scope_is_refused_and_told_why(stand: Stand, si
 
 
 async def test_cloud_without_keys_says_so(
-    tmp_path: Path, identities: Identities, site: Site, place: Place
+    tmp_path: Path, identities: Identities, site: Site, place: StoreLocation
 ) -> None:
     with sealing(tmp_path, identities, place=place, keys=False) as stand:
         await stand.ingest(site.batch(declared(), pulse(1)))
@@ -185,7 +187,7 @@ async def test_biometric_block_in_the_clear_is_refused_and_none_of_it_is_kept(
     assert {item["result"] for item in stored.json()["items"]} == {"rejected"}
     with stand.cloud.store.read() as connection:
         assert connection.execute(select(dead_letters.c.data)).scalars().all() == [b""]
-        assert count(connection) == 1
+        assert count_dead_letters(connection) == 1
     held = remains(tmp_path) + kept(stand.cloud.store)
     assert all(message.encode()[-24:] not in held for message in told)
 
@@ -239,7 +241,7 @@ async def test_live_stream_reveals_to_whoever_may_read_alone(stand: Stand, site:
     with stand.cloud.store.read() as connection:
         entries = read_entries(connection, 0, stand.cloud.feed.last)
         key_access.apply_erasures(connection)
-    sealed = [entry for entry in entries if entry.veiled is not None]
+    sealed = [entry for entry in entries if entry.sealed is not None]
     assert [key_access.reveal([Scope.READ])(entry) for entry in sealed] == [None, None]
     shown = [key_access.reveal([Scope.READ, Scope.BIOMETRIC])(entry) for entry in sealed]
     assert shown[0] is not None

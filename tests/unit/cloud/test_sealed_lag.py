@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from tests.support.identities import Identities
     from tests.unit.cloud.clouds import Stand
@@ -24,7 +24,9 @@ pytestmark = pytest.mark.anyio
 
 
 @pytest.fixture
-def stand(tmp_path: Path, identities: Identities, site: Site, place: Place) -> Iterator[Stand]:
+def stand(
+    tmp_path: Path, identities: Identities, site: Site, place: StoreLocation
+) -> Iterator[Stand]:
     with keyed(tmp_path, identities, site, place=place) as made:
         yield made
 

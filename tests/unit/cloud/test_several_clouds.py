@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin_cloud.store.feed_entry import FeedEntry
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from eskin.privacy import KeyStore
     from tests.support.identities import Identities
@@ -49,13 +49,13 @@ ALLOWED = [Scope.READ, Scope.BIOMETRIC]
 
 
 @pytest.fixture
-def first(tmp_path: Path, identities: Identities, place: Place) -> Iterator[Stand]:
+def first(tmp_path: Path, identities: Identities, place: StoreLocation) -> Iterator[Stand]:
     with sealing(tmp_path, identities, place=place) as stand:
         yield stand
 
 
 @pytest.fixture
-def second(tmp_path: Path, first: Stand, place: Place) -> Iterator[Stand]:
+def second(tmp_path: Path, first: Stand, place: StoreLocation) -> Iterator[Stand]:
     own = KeysSection(directory=tmp_path / "other-keys")
     settings = first.cloud.settings.model_copy(update={"keys": own})
     with Store(place, clock=first.clock) as store:
@@ -74,7 +74,7 @@ async def wear(stand: Stand, site: Site) -> Any:
 def entries(stand: Stand) -> list[FeedEntry]:
     with stand.cloud.store.read() as connection:
         found = read_entries(connection, 0, stand.cloud.feed.last)
-    return [entry for entry in found if entry.veiled is not None]
+    return [entry for entry in found if entry.sealed is not None]
 
 
 async def test_erasure_that_one_cloud_was_told_counts_at_all_of_them(

@@ -10,7 +10,7 @@ from eskin_cloud.jobs import retention
 from eskin_cloud.jobs.clock_guard import ABSENCE, DOUBT, LEAP, ClockGuard
 from eskin_cloud.jobs.retention import Rounds, apply_retention, sweep
 from eskin_cloud.settings import RetentionSection
-from eskin_cloud.store.clock_state import Reading, last_reading
+from eskin_cloud.store.write.clock_state import ClockReading, load_clock
 
 from tests.unit.cloud.clouds import batch, count_blocks, standing
 from tests.unit.cloud.messages import START, block
@@ -18,7 +18,7 @@ from tests.unit.cloud.messages import START, block
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from tests.support.identities import Identities
 
@@ -33,7 +33,7 @@ class Time:
         self.passed = 7
         self.steady = self._start(None)
 
-    def _start(self, last: Reading | None) -> ClockGuard:
+    def _start(self, last: ClockReading | None) -> ClockGuard:
         clock, begun = lambda: START + self.passed + self.wrong, self.passed
         return ClockGuard(clock, ticks=lambda: self.passed - begun, last=last)
 
@@ -122,7 +122,7 @@ def test_clock_that_is_set_right_after_the_start_is_followed_at_once() -> None:
     time.passed += LEAP
     time.wrong = 0
     assert time.is_right()
-    assert time.steady.read() == Reading(START + time.passed)
+    assert time.steady.read() == ClockReading(START + time.passed)
 
 
 def test_cloud_that_was_off_for_long_removes_nothing_on_its_first_day() -> None:
@@ -137,7 +137,7 @@ def test_cloud_that_was_off_for_long_removes_nothing_on_its_first_day() -> None:
 
 @pytest.mark.anyio
 async def test_cloud_that_starts_with_a_clock_a_year_ahead_removes_nothing(
-    tmp_path: Path, identities: Identities, place: Place
+    tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     with standing(tmp_path, identities, place=place, retention=RetentionSection(days=1)) as stand:
         await stand.ingest(batch(*(block(n) for n in range(5))))
@@ -148,7 +148,7 @@ async def test_cloud_that_starts_with_a_clock_a_year_ahead_removes_nothing(
             await Rounds(stand.cloud)()
         assert count_blocks(stand) == 5
         with stand.cloud.store.read() as connection:
-            kept = last_reading(connection)
+            kept = load_clock(connection)
         assert kept is not None
         assert right <= kept.believed < right + LEAP
         assert kept.ahead > YEAR - LEAP

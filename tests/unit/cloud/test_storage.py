@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_cloud.store.compaction import pack_some
-from eskin_cloud.store.removal import Reason, Sweep, remove
+from eskin_cloud.store.compaction import compact_page
+from eskin_cloud.store.removal import RemovalReason, Sweep, remove
 from eskin_cloud.store.schema.tables import blocks
 from sqlalchemy import func, select
 
@@ -71,12 +71,12 @@ async def test_channel_tells_what_its_blocks_take_also_packed_and_in_part_remove
     came = await told(stand)
     assert came == counted(stand)
     assert came[CHANNEL] > came[OTHER] > 0
-    pack_some(store, (NODE, CHANNEL), behind=0)
+    compact_page(store, (NODE, CHANNEL), behind=0)
     packed = await told(stand)
     assert packed == counted(stand)
     assert packed[CHANNEL] < came[CHANNEL]
     assert packed[OTHER] == came[OTHER]
     for kept in (50, 10):
         before = START + (64 - kept) * SAMPLES * DT
-        shorten(store, Sweep(NODE, CHANNEL, Reason.AGE, before))
+        shorten(store, Sweep(NODE, CHANNEL, RemovalReason.AGE, before))
         assert await told(stand) == counted(stand)

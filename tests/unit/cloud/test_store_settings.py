@@ -1,4 +1,4 @@
-"""Where a store may be, and how its server is come to."""
+"""Settings of the store's location and password."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_password_comes_from_its_file_and_is_never_shown(tmp_path: Path) -> None
     with pytest.raises(StoreError) as refused:
         Store(place.set(host="localhost", port=1, query={}), clock=Clock(START))
     assert "s3cret" not in str(refused.value)
-    assert "start it, or set store.url right" in str(refused.value)
+    assert "start it, or correct store.url" in str(refused.value)
     file.write_text("")
     with pytest.raises(SettingsError, match="is empty"):
         _ = _load(tmp_path, asked).store.place

@@ -17,7 +17,7 @@ from tests.unit.cloud.clouds import standing
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from tests.support.identities import Identities
 
@@ -27,7 +27,7 @@ NODES = [f"n{number:0{NODE_LENGTH - 1}}" for number in range(1000)]
 @pytest.mark.anyio
 @pytest.mark.parametrize("place", ["postgresql"], indirect=True)
 async def test_as_many_as_may_be_watched_are_told_however_long_their_names(
-    tmp_path: Path, identities: Identities, place: Place
+    tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     live = LiveSection(watched_nodes=len(NODES), watched_s=6)
     assert isinstance(place, URL)

@@ -52,7 +52,7 @@ async def test_what_cannot_be_read_and_may_tell_of_a_person_is_kept_nowhere(
     with stand.cloud.store.read() as connection:
         (letter,) = connection.execute(select(dead_letters)).mappings().all()
     assert letter["data"] == b""
-    assert "none is kept here, as they may tell of a person" in letter["reason"]
+    assert "are not kept, as they may be biometric" in letter["reason"]
     assert SECRET not in remains(tmp_path)
     assert SECRET.decode() not in caplog.text + answer.text
 

@@ -10,8 +10,7 @@ import pytest
 from eskin_cloud.store import Store, version
 from eskin_cloud.store.schema.tables import blocks, channels, dead_letters, feed, nodes, versions
 from eskin_cloud.store.write.channels import add_blocks
-from eskin_cloud.store.write.ingest import ingest
-from eskin_cloud.store.write.ingest_individually import ingest_individually
+from eskin_cloud.store.write.ingest import ingest, ingest_individually
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from eskin_cloud.store.write.writer import Writer
 from sqlalchemy import insert, select, text
@@ -46,9 +45,9 @@ def file_store(tmp_path: Path) -> Iterator[Store]:
         yield opened
 
 
-def test_failed_work_changes_nothing_and_harms_no_neighbour(store: Store) -> None:
+def test_failed_job_is_rolled_back_alone(store: Store) -> None:
     def fails(connection: Connection) -> None:
-        items = [ParsedMessage.read(NODE, block(0).encode())]
+        items = [ParsedMessage.parse(NODE, block(0).encode())]
         ingest(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
         raise ValueError("after its work")
 
@@ -61,7 +60,7 @@ def test_failed_work_changes_nothing_and_harms_no_neighbour(store: Store) -> Non
     assert rows(store, channels)[0]["blocks"] == 1
 
 
-def test_full_disk_is_told_and_nothing_is_acknowledged(file_store: Store) -> None:
+def test_full_disk_acknowledges_nothing(file_store: Store) -> None:
     store = file_store
     put(store, block(0))
     pages = store.write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one()).result(120)
@@ -78,7 +77,7 @@ def test_full_disk_is_told_and_nothing_is_acknowledged(file_store: Store) -> Non
 
 
 @pytest.mark.parametrize("shortage", [MemoryError(), OSError(5, "Input/output error")])
-def test_shortage_is_the_stores_fault_and_no_messages(
+def test_shortage_rejects_no_message(
     store: Store, monkeypatch: pytest.MonkeyPatch, shortage: Exception
 ) -> None:
     fails = iter([True])
@@ -89,19 +88,19 @@ def test_shortage_is_the_stores_fault_and_no_messages(
         add_blocks(*args)
 
     def work(take: Callable[..., Any], connection: Connection) -> Any:
-        items = [ParsedMessage.read(NODE, block(n).encode()) for n in range(3)]
+        items = [ParsedMessage.parse(NODE, block(n).encode()) for n in range(3)]
         return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
 
-    monkeypatch.setattr("eskin_cloud.store.write.block_run.add_blocks", short)
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.add_blocks", short)
     ways = partial(work, ingest), partial(work, ingest_individually)
-    with pytest.raises(StoreError, match=r"memory left|Input/output"):
-        store.write(ways[0], instead=ways[1]).result(120)
+    with pytest.raises(StoreError, match=r"out of memory|Input/output"):
+        store.write(ways[0], fallback=ways[1]).result(120)
     assert rows(store, blocks) == []
-    assert results(store.write(ways[0], instead=ways[1]).result(120)) == ["stored"] * 3
+    assert results(store.write(ways[0], fallback=ways[1]).result(120)) == ["stored"] * 3
     assert store.writer.fault is None
 
 
-def test_shortage_while_in_parts_buries_nothing(
+def test_shortage_in_the_fallback_rejects_no_message(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     faults = iter([ValueError("nobody foresaw it"), MemoryError()])
@@ -110,16 +109,16 @@ def test_shortage_while_in_parts_buries_nothing(
         raise next(faults)
 
     def work(take: Callable[..., Any], connection: Connection) -> Any:
-        items = [ParsedMessage.read(NODE, block(0).encode())]
+        items = [ParsedMessage.parse(NODE, block(0).encode())]
         return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
 
-    monkeypatch.setattr("eskin_cloud.store.write.block_run.add_blocks", short)
-    with pytest.raises(StoreError, match="memory left"):
-        store.write(partial(work, ingest), instead=partial(work, ingest_individually)).result(120)
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.add_blocks", short)
+    with pytest.raises(StoreError, match="out of memory"):
+        store.write(partial(work, ingest), fallback=partial(work, ingest_individually)).result(120)
     assert rows(store, dead_letters) == []
 
 
-def test_commit_that_breaks_by_what_nobody_foresaw_ends_no_writing(
+def test_unexpected_error_does_not_stop_the_writer(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken = iter([MemoryError(), RuntimeError("unforeseen")])
@@ -132,7 +131,7 @@ def test_commit_that_breaks_by_what_nobody_foresaw_ends_no_writing(
         begin(connection)
 
     monkeypatch.setattr(store.writer, "_on_begin", breaks)
-    for told in ("memory left", "unforeseen"):
+    for told in ("out of memory", "unforeseen"):
         with pytest.raises(StoreError, match=told):
             put(store, block(0))
     assert results(put(store, block(0))) == ["stored"]
@@ -188,7 +187,7 @@ def test_cancelled_work_is_left_out(store: Store) -> None:
 
 def test_batch_of_nodes_with_and_without_a_status_is_stored(store: Store) -> None:
     told, silent = status(0).encode(), block(0).encode()
-    put_items(store, [ParsedMessage.read("told", told), ParsedMessage.read("silent", silent)])
+    put_items(store, [ParsedMessage.parse("told", told), ParsedMessage.parse("silent", silent)])
     assert {row["node"]: row["profile"] for row in rows(store, nodes)} == {
         "told": "fingertip",
         "silent": None,

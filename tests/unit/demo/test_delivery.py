@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_cloud.store import Store
-from eskin_cloud.store.removal import Reason, Sweep, remove
+from eskin_cloud.store.removal import RemovalReason, Sweep, remove
 from eskin_cloud.store.schema.tables import blocks
 from eskin_sensor_node.node.ground_truth import GroundTruth, TrueBlock
 from sqlalchemy import delete
@@ -79,7 +79,7 @@ def test_only_what_never_was_in_flash_is_excused(
 
 def test_what_was_removed_by_age_has_not_vanished(store: Store, tmp_path: Path) -> None:
     put(store, *(block(number) for number in range(6)))
-    sweep = Sweep(NODE, CHANNEL, Reason.AGE, START + DT)
+    sweep = Sweep(NODE, CHANNEL, RemovalReason.AGE, START + DT)
     removed = store.write(lambda c: remove(c, store.cache, sweep, most=4, now=START)).result(60)
     found = audited(store, tmp_path, made=6, settled=6, ended=5, stored=range(0))
     assert (found.removed, found.stored) == (removed, 6 - removed)
@@ -89,7 +89,7 @@ def test_what_was_removed_by_age_has_not_vanished(store: Store, tmp_path: Path) 
 
 def test_more_than_was_removed_has_vanished(store: Store, tmp_path: Path) -> None:
     put(store, *(block(number) for number in range(6)))
-    sweep = Sweep(NODE, CHANNEL, Reason.AGE, START + DT)
+    sweep = Sweep(NODE, CHANNEL, RemovalReason.AGE, START + DT)
     store.write(lambda c: remove(c, store.cache, sweep, most=2, now=START)).result(60)
     store.write(lambda c: c.execute(delete(blocks))).result(60)
     found = audited(store, tmp_path, made=6, settled=6, ended=5, stored=range(0))

@@ -12,7 +12,7 @@ from starlette.requests import Request
 from eskin.errors import EskinError
 from eskin.runtime.http_server.protocol import PROMPT
 from eskin_cloud.api.problems import PROBLEMS
-from eskin_cloud.store.damage import collected
+from eskin_cloud.store.damage import collect_damaged_rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
@@ -77,7 +77,7 @@ class AnswerMiddleware:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        with collected() as damaged:
+        with collect_damaged_rows() as damaged:
             answer = _Answer(scope, receive, send, damaged)
             try:
                 await self._app(scope, receive, answer.send)

@@ -1,4 +1,4 @@
-"""Blocks of one channel in a window: which they are, and how many samples of theirs lie in it."""
+"""Find and count the blocks of a channel in a window."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Samples:
     """Samples in order of time.
 
     Attributes:
-        t: Middle of each moment, UTC ns.
+        t: Middle of each sample's time, UTC ns.
         dt: Sampling period in ns, for each sample.
         lo: Lower bounds.
         hi: Upper bounds.
@@ -36,33 +36,33 @@ class Samples:
 
 
 def longest_step(dt: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The longest time to the next sample that is no gap: half a period late at most."""
+    """The longest step to the next sample without a gap: 1.5 periods."""
     return dt + dt // 2
 
 
 def before(moment: int, span: int) -> int:
-    """A moment and so much before it, UTC ns, down to the first that a store can hold."""
+    """A time minus a span, UTC ns, limited to 64 bits."""
     return max(moment - span, -(2**63))
 
 
-TOUCHING: Final = and_(
+OVERLAPS: Final = and_(
     blocks.c.node == bindparam("node"),
     blocks.c.channel == bindparam("channel"),
     blocks.c.t >= bindparam("earliest"),
     blocks.c.t < bindparam("end"),
     blocks.c.t_end >= bindparam("start"),
 )
-"""Whether a block of a channel reaches into a window, for statements that are made once."""
+"""Whether a block overlaps a window, for prepared statements."""
 _FIRST: Final = (
     select(blocks.c.t, blocks.c.dt, blocks.c.n)
-    .where(TOUCHING)
+    .where(OVERLAPS)
     .order_by(blocks.c.t)
     .limit(bindparam("most"))
 )
 
 
-def near(channel: RowMapping, window: Window) -> dict[str, str | int]:
-    """What `TOUCHING` is told of a channel and a window."""
+def window_parameters(channel: RowMapping, window: Window) -> dict[str, str | int]:
+    """Parameters of `OVERLAPS`."""
     return {
         "node": channel["node"],
         "channel": channel["channel"],
@@ -72,22 +72,23 @@ def near(channel: RowMapping, window: Window) -> dict[str, str | int]:
     }
 
 
-def touching(channel: RowMapping, window: Window) -> ColumnElement[bool]:
-    """The same for a statement that is made for one question."""
-    said = near(channel, window)
+def overlaps(channel: RowMapping, window: Window) -> ColumnElement[bool]:
+    """Whether a block overlaps a window, for a statement of one query."""
+    parameters = window_parameters(channel, window)
     return and_(
-        blocks.c.node == said["node"],
-        blocks.c.channel == said["channel"],
-        blocks.c.t >= said["earliest"],
-        blocks.c.t < said["end"],
-        blocks.c.t_end >= said["start"],
+        blocks.c.node == parameters["node"],
+        blocks.c.channel == parameters["channel"],
+        blocks.c.t >= parameters["earliest"],
+        blocks.c.t < parameters["end"],
+        blocks.c.t_end >= parameters["start"],
     )
 
 
 def find_next(connection: Connection, channel: RowMapping, window: Window) -> int | None:
-    """The earliest moment at which the first sample behind a window may have been taken, or before.
+    """A lower bound of the true time of the first sample after a window.
 
-    Behind is what is told so: its true moment may lie in the window. ``None`` if there is none.
+    A sample is after the window by its stated time; its true time may lie inside. ``None`` if there
+    is no such sample.
     """
     b, end = blocks.c, window.end
     here = and_(b.node == channel["node"], b.channel == channel["channel"])
@@ -100,15 +101,15 @@ def find_next(connection: Connection, channel: RowMapping, window: Window) -> in
 
 
 def clip(t: int, dt: int, n: int, window: Window) -> tuple[int, int]:
-    """The first and the last index of a block's samples in a window; reversed if there is none."""
+    """The first and the last index of a block's samples in a window; last < first if none."""
     return max(0, -((t - window.start) // dt)), min(n - 1, (window.end - 1 - t) // dt)
 
 
-def count(connection: Connection, channel: RowMapping, window: Window) -> int:
-    """How many samples lie in a window; only blocks at its edges are looked at one by one."""
+def count_samples(connection: Connection, channel: RowMapping, window: Window) -> int:
+    """The number of samples in a window; only blocks at its edges are read one by one."""
     b = blocks.c
     inside = and_(b.t >= window.start, b.t_end < window.end)
-    here = touching(channel, window)
+    here = overlaps(channel, window)
     whole: int = connection.execute(
         select(func.coalesce(func.sum(b.n), 0)).where(here, inside)
     ).scalar_one()
@@ -118,10 +119,10 @@ def count(connection: Connection, channel: RowMapping, window: Window) -> int:
 
 
 def exceeds(connection: Connection, channel: RowMapping, window: Window, most: int) -> bool:
-    """Whether more than so many samples lie in a window, from a look at as many blocks at most."""
-    said = near(channel, window) | {"most": most + 1}
+    """Whether a window holds more than ``most`` samples; reads at most ``most + 1`` blocks."""
+    parameters = window_parameters(channel, window) | {"most": most + 1}
     samples = 0
-    for t, dt, n in connection.execute(_FIRST, said):
+    for t, dt, n in connection.execute(_FIRST, parameters):
         first, last = clip(t, dt, n, window)
         samples += max(0, last - first + 1)
         if samples > most:

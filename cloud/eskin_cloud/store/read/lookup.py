@@ -1,33 +1,46 @@
-"""Finding a node's and a channel's row."""
+"""Find the row of a node or a channel."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from sqlalchemy import RowMapping, bindparam, select
 
 from eskin.errors import QueryError
-from eskin_cloud.store.read.errors import UnknownChannelError
-from eskin_cloud.store.row_digests import require_sound_row
+from eskin_cloud.store.row_digests import require_intact_row
 from eskin_cloud.store.schema.tables import channels, nodes
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from sqlalchemy import Connection
 
 _CHANNEL: Final = select(channels).where(
     channels.c.node == bindparam("node"), channels.c.channel == bindparam("channel")
 )
+T = TypeVar("T")
+KEYS_PER_STATEMENT: Final = 4000
+"""Some builds of SQLite accept 32,766 parameters, PostgreSQL 65,535."""
+
+
+class UnknownChannelError(QueryError):
+    """The node or channel is unknown."""
+
+
+def key_batches(keys: Sequence[T], size: int = KEYS_PER_STATEMENT) -> Iterator[Sequence[T]]:
+    """Split keys into batches that fit one statement."""
+    return (keys[begin : begin + size] for begin in range(0, len(keys), size))
 
 
 def find_node(connection: Connection, node: str) -> RowMapping:
     """A node's row.
 
     Raises:
-        UnknownPlaceError: It never said anything.
+        UnknownChannelError: The node is unknown.
         DamagedRowError: Its row is damaged.
     """
     row = connection.execute(select(nodes).where(nodes.c.node == node)).mappings().one_or_none()
-    row = require_sound_row(connection, nodes, row)
+    row = require_intact_row(connection, nodes, row)
     if row is None:
         raise UnknownChannelError("node", f"{node!r} is not known; GET /api/v1/nodes lists all")
     return row
@@ -37,12 +50,12 @@ def find_channel(connection: Connection, node: str, channel: str) -> RowMapping:
     """A channel's row.
 
     Raises:
-        UnknownPlaceError: The node or the channel never said anything.
+        UnknownChannelError: The node or the channel is unknown.
         DamagedRowError: Its row is damaged.
     """
-    said = {"node": node, "channel": channel}
-    row = connection.execute(_CHANNEL, said).mappings().one_or_none()
-    row = require_sound_row(connection, channels, row)
+    key = {"node": node, "channel": channel}
+    row = connection.execute(_CHANNEL, key).mappings().one_or_none()
+    row = require_intact_row(connection, channels, row)
     if row is None:
         find_node(connection, node)
         raise UnknownChannelError(
@@ -52,11 +65,11 @@ def find_channel(connection: Connection, node: str, channel: str) -> RowMapping:
     return row
 
 
-def read_place(text: str, parameter: str = "channel") -> tuple[str, str]:
-    """Node and channel of a parameter ``NODE/CHANNEL``.
+def parse_channel(text: str, parameter: str = "channel") -> tuple[str, str]:
+    """Parse a parameter ``NODE/CHANNEL``.
 
     Raises:
-        QueryError: It is none.
+        QueryError: The text has another form.
     """
     node, slash, channel = text.partition("/")
     if not slash or not node or not channel:

@@ -1,4 +1,4 @@
-"""The window of a question: from ``start`` up to, and without, ``end``."""
+"""Time windows of queries: ``start`` included, ``end`` excluded."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from eskin.errors import QueryError
 from eskin.wire.timestamp import MOST_MOMENT, SECOND, parse_timestamp
 
 DEFAULT_SPAN: Final = 60 * SECOND
-_LONGEST: Final = 2**62
+_MAX_SPAN: Final = 2**62
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """A half-open stretch of time.
+    """A half-open time window.
 
     Attributes:
         start: UTC ns, included.
@@ -30,11 +30,11 @@ class Window:
         return self.end - self.start
 
 
-def read_moment(parameter: str, text: str | None) -> int | None:
-    """Read a time of a question.
+def parse_time(parameter: str, text: str | None) -> int | None:
+    """Parse a time.
 
     Raises:
-        QueryError: It is none, or outside of what 64 bit hold.
+        QueryError: The text is no time, or outside of 64 bits.
     """
     if text is None:
         return None
@@ -47,18 +47,18 @@ def read_moment(parameter: str, text: str | None) -> int | None:
     return moment
 
 
-def read_window(start: str | None, end: str | None, *, last: int) -> Window:
-    """Read a window; what is left out makes it the last minute of data.
+def parse_window(start: str | None, end: str | None, *, last: int) -> Window:
+    """Parse a window; by default the last minute of data.
 
     Args:
-        start: As asked.
-        end: As asked.
-        last: The latest sample's moment, UTC ns.
+        start: Text of the start.
+        end: Text of the end.
+        last: Time of the latest sample, UTC ns.
 
     Raises:
-        QueryError: A time is none, ``start`` is after ``end``, or they are too far apart.
+        QueryError: A time is invalid, ``start`` is after ``end``, or they are too far apart.
     """
-    begin, finish = read_moment("start", start), read_moment("end", end)
+    begin, finish = parse_time("start", start), parse_time("end", end)
     if finish is None:
         finish = (
             min(last + 1, MOST_MOMENT) if begin is None else max(begin, min(last + 1, MOST_MOMENT))
@@ -69,22 +69,22 @@ def read_window(start: str | None, end: str | None, *, last: int) -> Window:
 
 
 def make_window(start: int, end: int) -> Window:
-    """Check a window.
+    """Create a window, and check it.
 
     Raises:
         QueryError: ``start`` is after ``end``, or they are too far apart.
     """
-    require_order(start, end)
-    if end - start > _LONGEST:
-        raise QueryError("start", "is more than 146 years before end; ask for less at once")
+    require_ordered(start, end)
+    if end - start > _MAX_SPAN:
+        raise QueryError("start", "is more than 146 years before end; choose a shorter window")
     return Window(start, end)
 
 
-def require_order(start: int | None, end: int | None) -> None:
-    """Refuse a window that ends before it starts.
+def require_ordered(start: int | None, end: int | None) -> None:
+    """Reject a window that ends before it starts.
 
     Raises:
-        QueryError: It does.
+        QueryError: ``start`` is after ``end``.
     """
     if start is not None and end is not None and start > end:
         raise QueryError("start", "is after end; swap them")

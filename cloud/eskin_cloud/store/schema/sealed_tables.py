@@ -1,4 +1,4 @@
-"""Tables of encrypted biometric data, beside those of `eskin_cloud.store.schema.tables`."""
+"""Tables of encrypted biometric messages."""
 
 from __future__ import annotations
 
@@ -6,16 +6,21 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy import BigInteger, Column, Index, LargeBinary, Table, exists, select
 
-from eskin_cloud.store.row_digests import keep_checked
-from eskin_cloud.store.schema.tables import CHANNEL_LENGTH, NODE_LENGTH, metadata
-from eskin_cloud.store.schema.text_type import Text
-from eskin_cloud.store.write.node_sites import SITE_LENGTH, node_sites
+from eskin_cloud.store.row_digests import add_row_digest
+from eskin_cloud.store.schema.tables import (
+    CHANNEL_LENGTH,
+    NODE_LENGTH,
+    SITE_LENGTH,
+    metadata,
+    node_sites,
+)
+from eskin_cloud.store.text_type import Text
 
 if TYPE_CHECKING:
     from sqlalchemy import ColumnElement
 
-veiled = Table(
-    "veiled",
+sealed_messages = Table(
+    "sealed_messages",
     metadata,
     Column("node", Text(NODE_LENGTH), primary_key=True),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
@@ -28,17 +33,18 @@ veiled = Table(
     Column("t_hi", BigInteger, nullable=False),
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary, nullable=False),
-    Index("veiled_by_cursor", "cursor"),
-    Index("veiled_by_time", "node", "channel", "t_lo"),
-    Index("veiled_by_coming", "node", "channel", "received"),
-    Index("veiled_by_subject", "subject"),
+    Index("sealed_by_cursor", "cursor"),
+    Index("sealed_by_time", "node", "channel", "t_lo"),
+    Index("sealed_by_coming", "node", "channel", "received"),
+    Index("sealed_by_subject", "subject"),
 )
-"""Blocks and peaks of biometric channels, sealed under their subjects' keys, byte for byte.
+"""Blocks and peaks of biometric channels, encrypted under their subjects' keys.
 
-``t_lo`` and ``t_hi`` are whole minutes; ``subject`` is a pseudonym. Nothing else is known of them.
+``data`` is the message byte for byte; ``t_lo`` and ``t_hi`` are whole minutes; ``subject`` is a
+pseudonym.
 """
 
-keep_checked(veiled)
+add_row_digest(sealed_messages)
 
 erased_subjects = Table(
     "erased_subjects",
@@ -47,28 +53,28 @@ erased_subjects = Table(
     Column("subject", Text(32), primary_key=True),
     Column("erased", BigInteger, nullable=False),
 )
-"""Pseudonyms, by site, whose keys are destroyed; what is left of their data is removed in time."""
-keep_checked(erased_subjects)
+"""Pseudonyms, by site, whose keys are destroyed; a job deletes their rows."""
+add_row_digest(erased_subjects)
 
 
-def is_of_erased() -> ColumnElement[bool]:
-    """Whether a row of `veiled` is of a subject that its node's site has erased."""
+def is_of_erased_subject() -> ColumnElement[bool]:
+    """Whether a row of `sealed_messages` is of an erased subject of its node's site."""
     e, n = erased_subjects.c, node_sites.c
     gone = select(e.subject).where(
-        e.subject == veiled.c.subject, e.site == n.site, n.node == veiled.c.node
+        e.subject == sealed_messages.c.subject, e.site == n.site, n.node == sealed_messages.c.node
     )
-    return exists(gone.correlate(veiled))
+    return exists(gone.correlate(sealed_messages))
 
 
-wearers = Table(
-    "wearers",
+subject_nodes = Table(
+    "subject_nodes",
     metadata,
     Column("node", Text(NODE_LENGTH), primary_key=True),
     Column("subject", Text(32), primary_key=True),
-    Column("told", BigInteger, nullable=False),
+    Column("reported", BigInteger, nullable=False),
 )
-"""Which pseudonyms wore which nodes, as gateways told."""
-keep_checked(wearers)
+"""Which pseudonyms wore which nodes, as gateways reported."""
+add_row_digest(subject_nodes)
 
 removals = Table(
     "removals",
@@ -80,5 +86,5 @@ removals = Table(
     Column("before", BigInteger, nullable=False),
     Column("at", BigInteger, nullable=False),
 )
-"""What was removed of each channel and why: how many messages, all before when, and when last."""
-keep_checked(removals)
+"""Removed messages by channel and reason: their number, latest time, and time of removal."""
+add_row_digest(removals)

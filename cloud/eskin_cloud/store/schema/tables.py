@@ -1,24 +1,70 @@
 """The store's tables, for SQLite and PostgreSQL alike.
 
-What nodes say is keyed by ``node`` first: it is the column by which a larger store is distributed.
+The keys of nodes' tables begin with ``node``, by which a larger store is distributed.
 Times are UTC ns since 1970, 64 bit. An unbounded side is an infinite float.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import BigInteger, Column, Double, Index, Integer, LargeBinary, MetaData, Table
+from sqlalchemy import (
+    DDL,
+    BigInteger,
+    Column,
+    Double,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    Table,
+    event,
+)
 
-from eskin_cloud.store.row_digests import keep_checked
-from eskin_cloud.store.schema.append_only import keep_append_only
-from eskin_cloud.store.schema.text_type import Text
+from eskin_cloud.store.row_digests import add_row_digest
+from eskin_cloud.store.text_type import Text
+
+if TYPE_CHECKING:
+    from sqlalchemy.schema import ExecutableDDLElement
+
+
+def make_append_only(table: Table) -> None:
+    """Reject updates and deletes of a table's rows by triggers."""
+    name = table.name
+    why = f"'the {name.replace('_', ' ')} is append only'"
+    for verb in ("UPDATE", "DELETE"):
+        _after_create(
+            table,
+            "sqlite",
+            f"CREATE TRIGGER {name}_no_{verb.lower()} BEFORE {verb} ON {name} "
+            f"BEGIN SELECT RAISE(ABORT, {why}); END",
+        )
+    _after_create(
+        table,
+        "postgresql",
+        f"CREATE FUNCTION {name}_refuse() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN "
+        f"RAISE EXCEPTION {why} USING ERRCODE = 'integrity_constraint_violation'; END $$",
+    )
+    _after_create(
+        table,
+        "postgresql",
+        f"CREATE TRIGGER {name}_append_only BEFORE UPDATE OR DELETE OR TRUNCATE ON {name} "
+        f"FOR EACH STATEMENT EXECUTE FUNCTION {name}_refuse()",
+    )
+
+
+def _after_create(table: Table, dialect: str, statement: str) -> None:
+    made: ExecutableDDLElement = DDL(statement)  # type: ignore[no-untyped-call]  # untyped in SQLAlchemy
+    event.listen(table, "after_create", made.execute_if(dialect=dialect))
+
 
 metadata = MetaData()
 
 NODE_LENGTH: Final = 63
 CHANNEL_LENGTH: Final = 64
 UNIT_LENGTH: Final = 16
+SITE_LENGTH: Final = NODE_LENGTH + 5
+GATEWAY_LENGTH: Final = NODE_LENGTH + 9
 
 versions = Table(
     "versions",
@@ -26,7 +72,7 @@ versions = Table(
     Column("version", Integer, primary_key=True, autoincrement=False),
     Column("applied", BigInteger, nullable=False),
 )
-"""The version of the schema (`eskin_cloud.store.version`), and when the tables were made."""
+"""The version of the schema (`eskin_cloud.store.version`), and when the tables were created."""
 
 feed = Table(
     "feed",
@@ -34,13 +80,13 @@ feed = Table(
     Column("name", Text(16), primary_key=True),
     Column("cursor", BigInteger, nullable=False),
     Column("writer", Text(32)),
-    Column("ids", LargeBinary),
+    Column("cursor_key", LargeBinary),
 )
-"""The last cursor given out; it never runs backwards, whatever is removed later.
+"""The last cursor; it never decreases.
 
-``ids`` is the key under which cursors leave the cloud (`eskin_cloud.query.opaque_ids`).
+``cursor_key`` encrypts cursors for clients (`eskin_cloud.query.opaque_ids`).
 
-``writer`` is who gave it out: what others remember of the store is then no longer all.
+``writer`` names the last writer; another writer then drops its cache.
 """
 
 nodes = Table(
@@ -67,7 +113,7 @@ nodes = Table(
     Column("charge_hi", Double),
     Column("sustained", Integer),
     Column("shedding", Integer),
-    Column("faults", Text()),  # JSON, as the API tells it
+    Column("faults", Text()),  # JSON, as in the API
     Column("places", Text()),
     *(Column(name, BigInteger) for name in ("lag_lo", "lag_hi")),
     *(
@@ -76,13 +122,13 @@ nodes = Table(
     ),
     *(Column(name, BigInteger) for name in ("held_boot", "held_sequence")),
 )
-"""Each node: latest position and status, and how long after its last sample a block was stored.
+"""Each node: latest position and status, and the lag of its latest block.
 
-``held_*`` is the lowest position that it still held, by the latest status.
+``held_*`` is the lowest position in the node's flash, by the latest status.
 
 ``clock_*`` are the times of a `eskin_cloud.query.clock_check.ClockCheck`, by the latest status.
 
-``places`` is JSON: ``[taxel, x, y]`` of each taxel on the map of its skin, in m.
+``places`` is JSON: ``[taxel, x, y]`` of each taxel on its skin, in m.
 """
 
 channels = Table(
@@ -105,13 +151,13 @@ channels = Table(
     Column("packed", BigInteger),
     Column("bytes", BigInteger),
 )
-"""Each channel with sums over its blocks; ``longest`` is the greatest ``t_end - t`` of a row.
+"""Each channel with totals over its blocks; ``longest`` is the greatest ``t_end - t`` of a row.
 
-``bytes`` is how long all ``data`` of its rows in `blocks` are. What is sealed is not counted: then
-anybody could see when its peaks come.
+``bytes`` is the total length of ``data`` in `blocks`. Sealed messages are not counted, as that
+would show when peaks arrive.
 
-``grain`` is the lowest level of its pyramid, and ``built`` up to when there is one, UTC ns; before
-``packed``, blocks were packed where that is possible.
+``grain`` is the lowest level of its tiles; they are built up to ``built``, UTC ns. Blocks before
+``packed`` are compacted where possible.
 """
 
 blocks = Table(
@@ -138,7 +184,7 @@ blocks = Table(
     Column("packed", Integer),
     Column("head", BigInteger, nullable=False),
     Index("blocks_by_cursor", "cursor"),
-    # Holds all that bounds are answered from, so that no block's bytes are touched for them.
+    # A covering index: queries of bounds read no block's bytes.
     Index(
         "blocks_by_time",
         "node",
@@ -156,9 +202,9 @@ blocks = Table(
 """Blocks byte for byte, compressed (`messages.compression`), or ``packed`` of them in a row.
 
 ``t`` and ``t_end`` are the first and the last sample's middle; ``t_lo`` and ``t_hi`` enclose the
-first sample's moment; ``error`` is how far a moment may lie from its middle; ``digest`` is that of
-``data`` (`runtime.digest`), and ``head`` that of the columns (`store.damage`): every reader of
-``data`` checks both.
+first sample's time; ``error`` is the greatest distance of a time from its middle; ``digest`` is
+that of ``data`` (`runtime.digest`), and ``head`` that of the columns (`store.damage`). Every
+reader of ``data`` checks both.
 """
 
 events = Table(
@@ -188,9 +234,9 @@ events = Table(
     Index("events_by_time", "t_lo", "cursor"),
     Index("events_by_node", "node", "t_lo", "cursor"),
 )
-"""Peaks, gaps, answered commands, what changed in a node's status, and conflicts.
+"""Peaks, gaps, answered commands, changes of a node's status, and conflicts.
 
-A conflict is a message under a number under which another one was stored.
+A conflict is another message under a stored number.
 
 ``data`` is the message byte for byte.
 """
@@ -212,10 +258,10 @@ commands = Table(
     Column("data", LargeBinary, nullable=False),
     Index("commands_open", "outcome", "expires"),
 )
-"""Commands, ``data`` as they were signed.
+"""Commands; ``data`` is the signed message.
 
-``delivered`` is when a gateway first had handed it to its broker; ``outcome``, ``reason`` and the
-time (``t_lo``, ``t_hi``) are the node's word.
+``delivered`` is when a gateway first published the command; the node reports ``outcome``,
+``reason`` and the time (``t_lo``, ``t_hi``).
 """
 
 states = Table(
@@ -232,7 +278,7 @@ states = Table(
     Column("t_hi", BigInteger),
     Column("reported_by", BigInteger),
 )
-"""How each node should be set (JSON), and how it says that it is; ``…_by`` is the command."""
+"""Each node's desired and reported state (JSON); ``…_by`` is the command."""
 
 sequences = Table(
     "sequences",
@@ -242,7 +288,7 @@ sequences = Table(
     Column("first", BigInteger, primary_key=True, autoincrement=False),
     Column("last", BigInteger, nullable=False),
 )
-"""Which sequence numbers were stored, as ranges: the memory behind *once*."""
+"""Ranges of stored sequence numbers; they make each message stored once."""
 
 digests = Table(
     "digests",
@@ -260,14 +306,14 @@ dead_letters = Table(
     Column("node", Text(NODE_LENGTH), primary_key=True),
     Column("digest", Text(64), primary_key=True),
     Column("reason", Text(), nullable=False),
-    Column("gateway", Text(NODE_LENGTH + 9), nullable=False),
+    Column("gateway", Text(GATEWAY_LENGTH), nullable=False),
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary, nullable=False),
     Index("dead_letters_by_received", "received"),
 )
-"""What was refused, and why; once for the same bytes of the same node.
+"""Rejected messages with the reason; one row for the same bytes of a node.
 
-Of what may tell of a person ``data`` holds nothing; then it is once for the same reason.
+``data`` is empty for what may be biometric; then there is one row for the same reason.
 """
 
 tokens = Table(
@@ -280,7 +326,7 @@ tokens = Table(
     Column("expires", BigInteger),
     Column("revoked", BigInteger),
 )
-"""Bearer tokens by SHA-256; the token itself is known to its holder only."""
+"""Bearer tokens by SHA-256."""
 
 login_codes = Table(
     "login_codes",
@@ -289,7 +335,7 @@ login_codes = Table(
     Column("scopes", Text(64), nullable=False),
     Column("expires", BigInteger, nullable=False),
 )
-"""One-time codes by SHA-256; gone once used."""
+"""One-time codes by SHA-256; deleted once used."""
 
 sessions = Table(
     "sessions",
@@ -299,7 +345,7 @@ sessions = Table(
     Column("token", Text(64)),
     Column("expires", BigInteger, nullable=False),
 )
-"""Sessions of browsers by SHA-256; ``token`` is the one that opened it, and closes it."""
+"""Browser sessions by SHA-256; ``token`` is the one that opened the session."""
 
 audit_log = Table(
     "audit_log",
@@ -313,9 +359,105 @@ audit_log = Table(
     Column("detail", Text(), nullable=False),
     Column("digest", Text(64), nullable=False),
 )
-"""Who did what, append only; ``digest`` chains each row to all before it."""
+"""Audit log, append-only; ``digest`` chains each row to all before it."""
 
-keep_append_only(audit_log)
+make_append_only(audit_log)
 
-for _table in (nodes, channels, events, commands, states, sequences, tokens, login_codes, sessions):
-    keep_checked(_table)
+node_sites = Table(
+    "node_sites",
+    metadata,
+    Column("node", Text(NODE_LENGTH), primary_key=True),
+    Column("site", Text(SITE_LENGTH), nullable=False),
+    Column("certificate", LargeBinary, nullable=False),
+    Column("gateway", Text(GATEWAY_LENGTH), nullable=False),
+    Column("presented", BigInteger, nullable=False),
+)
+"""Each node with its site; ``certificate`` (DER) is the one that ``gateway`` presented."""
+
+gateways = Table(
+    "gateways",
+    metadata,
+    Column("gateway", Text(GATEWAY_LENGTH), primary_key=True),
+    Column("site", Text(SITE_LENGTH), nullable=False),
+    Column("first_heard", BigInteger, nullable=False),
+    Column("last_heard", BigInteger, nullable=False),
+    Column("due", BigInteger, nullable=False),
+    Column("reported", BigInteger),
+    Column("messages", BigInteger),
+    Column("used", BigInteger),
+    Column("capacity", BigInteger),
+    Column("oldest", BigInteger),
+    Column("dead_letters", BigInteger),
+    Column("nodes", BigInteger),
+    Column("stored", BigInteger, nullable=False),
+    Column("duplicate", BigInteger, nullable=False),
+    Column("rejected", BigInteger, nullable=False),
+    Column("latest", BigInteger),
+    Column("lag_lo", BigInteger),
+    Column("lag_hi", BigInteger),
+)
+"""Each authenticated gateway.
+
+``due`` is until when it may be silent, as it waits for an answer; ``reported`` is the time of its
+latest status, ``oldest`` the age of its oldest message then. ``latest`` is when its latest block
+was stored, ``lag_lo`` to ``lag_hi`` the time since that block's last sample.
+"""
+
+lost_ranges = Table(
+    "lost_ranges",
+    metadata,
+    Column("node", Text(NODE_LENGTH), primary_key=True),
+    Column("boot", BigInteger, primary_key=True, autoincrement=False),
+    Column("first", BigInteger, primary_key=True, autoincrement=False),
+    Column("last", BigInteger, nullable=False),
+)
+"""Ranges of messages that a gap states as lost, or that became dead letters."""
+
+boot_ends = Table(
+    "boot_ends",
+    metadata,
+    Column("node", Text(NODE_LENGTH), primary_key=True),
+    Column("boot", BigInteger, primary_key=True, autoincrement=False),
+    Column("last", BigInteger, nullable=False),
+)
+"""The greatest sequence number of a boot, as its node or a gateway stated."""
+
+missing_ranges = Table(
+    "missing_ranges",
+    metadata,
+    Column("node", Text(NODE_LENGTH), primary_key=True),
+    Column("boot", BigInteger, primary_key=True, autoincrement=False),
+    Column("first", BigInteger, primary_key=True, autoincrement=False),
+    Column("last", BigInteger, nullable=False),
+    Column("since", BigInteger, nullable=False),
+    Column("reported", Integer, nullable=False),
+)
+"""Missing messages: since when, UTC ns, and whether an event has reported them."""
+
+clock_state = Table(
+    "clock_state",
+    metadata,
+    Column("name", Text(16), primary_key=True),
+    Column("believed", BigInteger, nullable=False),
+    Column("ahead", BigInteger, nullable=False),
+    Column("doubted", BigInteger, nullable=False),
+)
+"""One row: an `eskin_cloud.store.write.clock_state.ClockReading`."""
+
+for _table in (
+    nodes,
+    channels,
+    events,
+    commands,
+    states,
+    sequences,
+    tokens,
+    login_codes,
+    sessions,
+    node_sites,
+    gateways,
+    lost_ranges,
+    boot_ends,
+    missing_ranges,
+):
+    add_row_digest(_table)

@@ -1,7 +1,6 @@
-"""The store's tables of the pyramid: hulls of ever longer stretches of each channel's samples.
+"""Tables of rollups: hulls of a channel's samples over ever longer buckets.
 
-What they hold is made from `blocks` in the background, see `eskin_cloud.rollup`; nothing of a
-person is in them.
+`eskin_cloud.rollup` builds them from `blocks`; they hold nothing biometric.
 """
 
 from __future__ import annotations
@@ -9,7 +8,7 @@ from __future__ import annotations
 from sqlalchemy import BigInteger, Column, Integer, LargeBinary, Table
 
 from eskin_cloud.store.schema.tables import CHANNEL_LENGTH, NODE_LENGTH, metadata
-from eskin_cloud.store.schema.text_type import Text
+from eskin_cloud.store.text_type import Text
 
 tiles = Table(
     "tiles",
@@ -26,15 +25,15 @@ tiles = Table(
 ``digest`` is that of ``data`` (`eskin.runtime.digest`).
 """
 
-stale = Table(
-    "stale",
+stale_chunks = Table(
+    "stale_chunks",
     metadata,
     Column("node", Text(NODE_LENGTH), primary_key=True),
     Column("channel", Text(CHANNEL_LENGTH), primary_key=True),
     Column("chunk", BigInteger, primary_key=True, autoincrement=False),
     Column("mark", BigInteger, nullable=False),
 )
-"""Chunks of a channel's lowest level whose blocks changed since they were made, or that never were.
+"""Chunks of a channel's lowest level that must be rebuilt; readers use blocks instead.
 
-Until they are made anew, blocks are read in their place. ``mark`` is drawn anew by each change.
+Each change draws a new random ``mark``.
 """

@@ -1,7 +1,7 @@
-"""Who did what: deeds are only ever added, each sealed by a hash over all before it.
+"""The audit log: an append-only hash chain.
 
-Triggers refuse to change or remove a row. Whoever goes round them, with the file in hand, breaks
-the chain of hashes unless they write all that follows anew; `check_deeds` tells where.
+Triggers reject updates and deletes. A change of the file itself breaks the chain, unless all later
+rows are rewritten; `check_audit_entries` finds the first such row.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import insert, select
 
-from eskin_cloud.store.damage import note_damaged
+from eskin_cloud.store.damage import report_damaged
 from eskin_cloud.store.schema.tables import audit_log
-from eskin_cloud.store.schema.text_type import storable
+from eskin_cloud.store.text_type import storable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
 
 _LONGEST_DETAIL: Final = 1000
-_SEALED: Final = ("number", "time", "actor", "address", "action", "target", "detail")
+_HASHED: Final = ("number", "time", "actor", "address", "action", "target", "detail")
 
 
 class Action(StrEnum):
-    """What can be done."""
+    """Actions that are logged."""
 
     SIGN_IN = "sign in"
     SIGN_IN_REFUSED = "sign in refused"
@@ -47,10 +47,10 @@ class Action(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class AuditEntry:
-    """What somebody did.
+    """One entry.
 
     Attributes:
-        actor: Who: a token's name, ``login link``, ``command line``, or empty where nobody knows.
+        actor: A token's name, ``login link``, ``command line``, or empty if unknown.
         address: From where; empty for this machine's command line.
         action: What.
         target: To what, such as a node or a token's id.
@@ -65,11 +65,11 @@ class AuditEntry:
 
 
 def record(connection: Connection, audit_entry: AuditEntry, *, now: int) -> None:
-    """Add a deed, in the transaction that does it.
+    """Append an entry, in the transaction of the action.
 
     Args:
-        connection: The writing thread's, in a transaction.
-        audit_entry: What is done.
+        connection: The writer's, in a transaction.
+        audit_entry: The action.
         now: UTC ns.
     """
     query = select(audit_log.c.number, audit_log.c.digest).order_by(audit_log.c.number.desc())
@@ -84,15 +84,15 @@ def record(connection: Connection, audit_entry: AuditEntry, *, now: int) -> None
         "target": storable(audit_entry.target[:200]),
         "detail": storable(audit_entry.detail[:_LONGEST_DETAIL]),
     }
-    connection.execute(insert(audit_log), row | {"digest": _seal(before, row)})
+    connection.execute(insert(audit_log), row | {"digest": _chain_digest(before, row)})
 
 
 def list_audit_entries(
     connection: Connection, *, before: int | None, limit: int
 ) -> tuple[Sequence[RowMapping], int | None]:
-    """One page of deeds, latest first, and the number before which the next page goes on.
+    """One page of entries, latest first, and the number before which the next page starts.
 
-    What is not as it was written is noted, and left out; so is the deed after a damaged digest.
+    Damaged entries are reported and left out; so is the entry after a damaged digest.
     """
     query = select(audit_log).order_by(audit_log.c.number.desc()).limit(limit + 1)
     if before is not None:
@@ -100,36 +100,36 @@ def list_audit_entries(
     found = connection.execute(query).mappings().all()
     older = [*(row["digest"] for row in found[1:]), ""]
     pairs = zip(older[:limit], found[:limit], strict=True)
-    page = [row for seal, row in pairs if _is_sealed(seal, row)]
+    page = [row for before_, row in pairs if _is_intact(before_, row)]
     return page, found[limit - 1]["number"] if len(found) > limit else None
 
 
 def read_audit_entries(connection: Connection) -> Iterable[RowMapping]:
-    """All deeds, oldest first."""
+    """All entries, oldest first."""
     query = select(audit_log).order_by(audit_log.c.number)
     return connection.execution_options(stream_results=True).execute(query).mappings()
 
 
 def check_audit_entries(connection: Connection) -> int | None:
-    """The first number that is missing or was changed afterwards; ``None`` if all is whole.
+    """The first missing or changed number; ``None`` if the chain is intact.
 
-    Deeds cut off at the end leave no trace here: keep the latest digest elsewhere to notice.
+    A chain does not show entries that were cut off at its end: keep the latest digest elsewhere.
     """
     before, expected = "", 0
     for row in read_audit_entries(connection):
-        if row["number"] != expected or row["digest"] != _seal(before, row):
+        if row["number"] != expected or row["digest"] != _chain_digest(before, row):
             return expected
         before, expected = row["digest"], expected + 1
     return None
 
 
-def _is_sealed(before: str, row: RowMapping) -> bool:
-    if row["digest"] == _seal(before, row):
+def _is_intact(before: str, row: RowMapping) -> bool:
+    if row["digest"] == _chain_digest(before, row):
         return True
-    note_damaged(audit_log.name, f"{audit_log.name} {row['number']}")
+    report_damaged(audit_log.name, f"{audit_log.name} {row['number']}")
     return False
 
 
-def _seal(before: str, row: Mapping[str, Any] | RowMapping) -> str:
-    text = json.dumps([before, *(row[name] for name in _SEALED)], ensure_ascii=True)
+def _chain_digest(before: str, row: Mapping[str, Any] | RowMapping) -> str:
+    text = json.dumps([before, *(row[name] for name in _HASHED)], ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -1,10 +1,10 @@
-"""A block's row on its way into the store; a tuple, because there are many."""
+"""A block's row; a tuple, because there are many."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple, Self
 
-from eskin_cloud.store.damage import Head
+from eskin_cloud.store.damage import RowHeader
 
 if TYPE_CHECKING:
     from eskin.wire.messages import BlockSummary
@@ -41,37 +41,17 @@ class BlockRow(NamedTuple):
         """The row of a block.
 
         Args:
-            node: Who said it.
-            block: What it says.
-            data: Its bytes as the store keeps them.
-            digest: Of these bytes.
-            cursor: Its place in the feed.
+            node: The node.
+            block: The decoded block.
+            data: Its stored bytes.
+            digest: Digest of ``data``.
+            cursor: Its cursor in the feed.
             now: UTC ns.
         """
         (boot, sequence), channel, _, (t_lo, t_hi), dt, n, _, coverage, _, _, (lo, hi) = block
         first = (t_lo + t_hi) // 2
         last, error = first + dt * (n - 1), (t_hi - t_lo + 1) // 2
-        head = Head(node, channel, boot, sequence, first, last, error, t_lo, t_hi, dt,
+        head = RowHeader(node, channel, boot, sequence, first, last, error, t_lo, t_hi, dt,
                     n, lo, hi, coverage, None, digest)  # fmt: skip
-        return cls(
-            node,
-            boot,
-            sequence,
-            cursor,
-            channel,
-            first,
-            last,
-            error,
-            t_lo,
-            t_hi,
-            dt,
-            n,
-            lo,
-            hi,
-            coverage,
-            now,
-            data,
-            digest,
-            None,
-            head.checksum(),
-        )
+        return cls(node, boot, sequence, cursor, channel, first, last, error, t_lo, t_hi, dt,
+                   n, lo, hi, coverage, now, data, digest, None, head.checksum())  # fmt: skip

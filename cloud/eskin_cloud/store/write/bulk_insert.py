@@ -1,11 +1,11 @@
-"""Many rows at once, past all that a statement costs for each: the way of the blocks."""
+"""Insert many rows by the fastest way of each database."""
 
 from __future__ import annotations
 
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Protocol
 
-from eskin_cloud.store.pg_copy import Copying
+from eskin_cloud.store.pg_copy import CopyStream
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     from eskin_cloud.store.write.write_cache import Row
 
 
-class Inserts(Protocol):
-    """Rows on their way into a table: all columns in their order; no text holds a NUL."""
+class BulkInsert(Protocol):
+    """Inserts rows, each with all columns in order; no text holds a NUL."""
 
     def add(self, row: tuple[Any, ...]) -> None:
         """Add a row.
 
         Raises:
-            DBAPIError: As from any other statement, of this row or of those before it.
+            DBAPIError: As from any other statement, for this row or an earlier one.
         """
         ...
 
     def finish(self) -> None:
-        """Have them in the table before the connection's next statement.
+        """Insert all rows before the connection's next statement.
 
         Raises:
             DBAPIError: As from any other statement.
@@ -36,31 +36,31 @@ class Inserts(Protocol):
 
 
 def insert_many(connection: Connection, table: Table, rows: Sequence[Row]) -> None:
-    """Add rows to a table; each of them has every column.
+    """Insert rows, each with every column.
 
     Raises:
         DBAPIError: As from any other statement.
     """
-    into, values = inserts(connection, table), itemgetter(*table.columns.keys())
+    into, values = bulk_insert(connection, table), itemgetter(*table.columns.keys())
     for row in rows:
         into.add(values(row))
     into.finish()
 
 
-def inserts(connection: Connection, table: Table) -> Inserts:
-    """The fastest way into a table."""
+def bulk_insert(connection: Connection, table: Table) -> BulkInsert:
+    """The fastest way to insert into a table."""
     if connection.dialect.name == "postgresql":
-        return _Copied(connection, table)
-    return _Gathered(connection, table)
+        return _CopyInsert(connection, table)
+    return _BatchInsert(connection, table)
 
 
-class _Gathered:
-    """One prepared statement for all, as SQLite works within this process."""
+class _BatchInsert:
+    """One prepared statement for all rows, for SQLite."""
 
     def __init__(self, connection: Connection, table: Table) -> None:
         names = [column.name for column in table.columns]
         places = ", ".join("?" * len(names))
-        self._words = f"INSERT INTO {table.name} ({', '.join(names)}) VALUES ({places})"  # noqa: S608 - ours
+        self._statement = f"INSERT INTO {table.name} ({', '.join(names)}) VALUES ({places})"  # noqa: S608 - ours
         self._connection = connection
         self._rows: list[tuple[Any, ...]] = []
 
@@ -69,21 +69,21 @@ class _Gathered:
 
     def finish(self) -> None:
         if self._rows:
-            self._connection.exec_driver_sql(self._words, self._rows)
+            self._connection.exec_driver_sql(self._statement, self._rows)
         self._rows = []
 
 
-class _Copied:
-    """A COPY, at whose rows the server works while the next ones are made."""
+class _CopyInsert:
+    """A COPY, for PostgreSQL; the server inserts rows while the next ones are made."""
 
     def __init__(self, connection: Connection, table: Table) -> None:
         self._connection, self._table = connection, table
-        self._copying: Copying | None = None
+        self._copying: CopyStream | None = None
 
     def add(self, row: tuple[Any, ...]) -> None:
         if self._copying is None or self._copying.ended:  # by a statement since the last row
-            self._copying = Copying.into(self._connection, self._table)
+            self._copying = CopyStream.open(self._connection, self._table)
         self._copying.write(row)
 
     def finish(self) -> None:
-        """The next statement ends it: until then the server need not be waited for."""
+        """Do nothing: the next statement ends the COPY."""

@@ -1,4 +1,4 @@
-"""Keeping each channel's row: its unit, and sums over its blocks."""
+"""Rows of channels: the unit, and totals over the blocks."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final
 from eskin.privacy import SealedMessage
 from eskin.wire.messages import BlockSummary, Peak, Status
 from eskin.wire.messages.header import Kind
-from eskin_cloud.store.sample_grid import SampleGrid, grain_of
+from eskin_cloud.store.row_digests import empty_row
+from eskin_cloud.store.sample_grid import SampleGrid, base_level
 from eskin_cloud.store.schema.tables import channels
 
 if TYPE_CHECKING:
@@ -20,35 +21,36 @@ if TYPE_CHECKING:
     from eskin_cloud.store.write.write_cache import Row, WriteCache
 
 MOST_CHANNELS: Final = 10_000
-"""Of a node: each new name costs a row for ever."""
+"""Of a node: each costs a row that is never deleted."""
 UNKNOWN: Final = ""
-"""The unit of a channel of which only sealed messages are known, until a status names it."""
+"""The unit of a channel with sealed messages only, until a status states it."""
+_EMPTY: Final = empty_row(channels)
 
 
 def check_channels(
     connection: Connection, cache: WriteCache, node: str, message: Summary | SealedMessage
 ) -> str | None:
-    """Why a message cannot be stored beside what is there: of another unit, or of too many."""
+    """Why a message's channels are rejected: another unit, or too many channels."""
     fresh = 0
-    for channel, unit in named(message):
+    for channel, unit in channels_of(message):
         row = cache.row(connection, channels, node, channel)
         if row is None:
             fresh += 1
         elif unit is not None and row["unit"] not in {unit, UNKNOWN}:
             return (
-                f"channel {channel} of {node} is in {row['unit']!r}, and this message says "
-                f"{unit!r}; a channel keeps its unit, so give the new quantity a new name"
+                f"channel {channel} of {node} is in {row['unit']!r}, and this message states "
+                f"{unit!r}; a channel keeps its unit; give the new quantity another name"
             )
     if fresh and cache.count_channels(connection, node) + fresh > MOST_CHANNELS:
         return (
             f"{node} would have more than {MOST_CHANNELS} channels with this message, which names "
-            f"{fresh} new; keep to the names that it has, or let another node say it"
+            f"{fresh} new; reuse the names that it has, or use another node"
         )
     return None
 
 
-def named(message: Summary | SealedMessage) -> list[tuple[str, str | None]]:
-    """The channels that a message speaks of, with their units as far as they can be read."""
+def channels_of(message: Summary | SealedMessage) -> list[tuple[str, str | None]]:
+    """The channels of a message, with their units; ``None`` for a sealed message."""
     if isinstance(message, SealedMessage):
         return [(message.channel, None)]
     if isinstance(message, BlockSummary | Peak):
@@ -58,36 +60,38 @@ def named(message: Summary | SealedMessage) -> list[tuple[str, str | None]]:
     return []
 
 
-def declare(connection: Connection, cache: WriteCache, node: str, status: Status) -> None:
-    """Make rows for the channels that a status names."""
+def declare_channels(connection: Connection, cache: WriteCache, node: str, status: Status) -> None:
+    """Create rows for the channels of a status."""
     for info in status.channels:
         row = cache.row(connection, channels, node, info.channel)
         if row is None:
-            row = _fresh(node, info.channel, info.unit, info.coverage, info.dt)
+            row = _new_channel(node, info.channel, info.unit, info.coverage, info.dt)
             cache.create(channels, (node, info.channel), row)
         elif row["unit"] == UNKNOWN:
             row |= {"unit": info.unit, "coverage": info.coverage, "dt": info.dt}
             cache.change(channels, node, info.channel)
 
 
-def require_row(connection: Connection, cache: WriteCache, node: str, block: BlockSummary) -> Row:
-    """The row of a block's channel, before its first block at the latest."""
+def ensure_channel(
+    connection: Connection, cache: WriteCache, node: str, block: BlockSummary
+) -> Row:
+    """The row of a block's channel; creates it if needed."""
     row = cache.row(connection, channels, node, block.channel)
     if row is None:
-        row = _fresh(node, block.channel, block.unit, block.coverage, block.dt)
+        row = _new_channel(node, block.channel, block.unit, block.coverage, block.dt)
         cache.create(channels, (node, block.channel), row)
     if row["grain"] is None:
-        row["grain"] = grain_of(block.dt)
+        row["grain"] = base_level(block.dt)
     return row
 
 
 def add_blocks(cache: WriteCache, row: Row, rows: Sequence[BlockRow]) -> None:
-    """Add blocks to their channel's sums; a channel claims the least coverage of its blocks.
+    """Add blocks to their channel's totals; its coverage is the least of its blocks.
 
     Args:
-        cache: The writing thread's.
-        row: The channel's.
-        rows: The blocks'.
+        cache: The writer's.
+        row: The channel's row.
+        rows: The blocks' rows.
     """
     first, last = min(each.t for each in rows), max(each.t_end for each in rows)
     lo, hi = min(each.lo for each in rows), max(each.hi for each in rows)
@@ -97,7 +101,7 @@ def add_blocks(cache: WriteCache, row: Row, rows: Sequence[BlockRow]) -> None:
         row |= {"coverage": coverage, "dt": dt}
     if row["built"] is not None and first < row["built"]:
         for each in rows:
-            cache.outdate(row, SampleGrid(each.t, each.dt, each.n))
+            cache.invalidate_tiles(row, SampleGrid(each.t, each.dt, each.n))
     if row["packed"] is not None:
         row["packed"] = min(row["packed"], first)
     row["blocks"] += len(rows)
@@ -110,14 +114,14 @@ def add_blocks(cache: WriteCache, row: Row, rows: Sequence[BlockRow]) -> None:
     cache.change(channels, row["node"], row["channel"])
 
 
-def add_veiled(
+def add_sealed(
     connection: Connection, cache: WriteCache, node: str, message: SealedMessage
 ) -> None:
-    """Count a sealed block; of its samples nothing is known but the minutes."""
+    """Count a sealed block or peak; only its minutes are known."""
     key = node, message.channel
     row = cache.row(connection, channels, *key)
     if row is None:
-        row = _fresh(*key, UNKNOWN, 0.0, 1)
+        row = _new_channel(*key, UNKNOWN, 0.0, 1)
         cache.create(channels, key, row)
     first, last = message.time
     row["blocks"] += message.kind is Kind.BLOCK
@@ -126,22 +130,6 @@ def add_veiled(
     cache.change(channels, *key)
 
 
-def _fresh(node: str, channel: str, unit: str, coverage: float, dt: int) -> Row:
-    return {
-        "node": node,
-        "channel": channel,
-        "unit": unit,
-        "coverage": coverage,
-        "dt": dt,
-        "blocks": 0,
-        "samples": 0,
-        "t_first": None,
-        "t_last": None,
-        "longest": 0,
-        "lo": None,
-        "hi": None,
-        "grain": None,
-        "built": None,
-        "packed": None,
-        "bytes": 0,
-    }
+def _new_channel(node: str, channel: str, unit: str, coverage: float, dt: int) -> Row:
+    stated = {"node": node, "channel": channel, "unit": unit, "coverage": coverage, "dt": dt}
+    return _EMPTY | stated | dict.fromkeys(("blocks", "samples", "longest", "bytes"), 0)

@@ -1,4 +1,4 @@
-"""Keeping commands, what became of them, and how nodes are and should be set."""
+"""Rows of commands, their results, and nodes' desired and reported states."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import insert, select, update
 
 from eskin_cloud.store.notify import COMMANDS, notify
-from eskin_cloud.store.row_digests import require_sound_row
+from eskin_cloud.store.row_digests import require_intact_row
 from eskin_cloud.store.schema.tables import commands, states
 from eskin_cloud.store.write.events import event_row
 
@@ -24,33 +24,33 @@ def find_command(connection: Connection, node: str, number: int) -> RowMapping |
     """A command's row."""
     query = select(commands).where(commands.c.node == node, commands.c.id == number)
     row = connection.execute(query).mappings().one_or_none()
-    return require_sound_row(connection, commands, row)
+    return require_intact_row(connection, commands, row)
 
 
 def find_state(connection: Connection, node: str) -> RowMapping | None:
-    """How a node is and should be set; ``None`` if neither was ever said."""
+    """A node's desired and reported state; ``None`` if there is none."""
     query = select(states).where(states.c.node == node)
     row = connection.execute(query).mappings().one_or_none()
-    return require_sound_row(connection, states, row)
+    return require_intact_row(connection, states, row)
 
 
-def keep_state(connection: Connection, node: str, **values: Any) -> None:
+def update_state(connection: Connection, node: str, **values: Any) -> None:
     """Change some columns of a node's state."""
     changed = connection.execute(update(states).where(states.c.node == node).values(values))
     if changed.rowcount == 0:
         connection.execute(insert(states), {"node": node} | values)
 
 
-def keep_result(connection: Connection, node: str, result: Result, data: bytes) -> Row | None:
-    """Keep a result; gives an event's row where a command is answered for the first time."""
+def store_result(connection: Connection, node: str, result: Result, data: bytes) -> Row | None:
+    """Store a result; returns an event's row for a command's first result."""
     known = find_state(connection, node)
     place = result.position.boot, result.position.sequence
     before = None if known is None else (known["boot"], known["sequence"])
     if before is None or before[0] is None or before < place:
-        keep_state(
+        update_state(
             connection,
             node,
-            reported=write_state(result.state),
+            reported=encode_state(result.state),
             boot=place[0],
             sequence=place[1],
             t_lo=result.time[0],
@@ -68,19 +68,19 @@ def keep_result(connection: Connection, node: str, result: Result, data: bytes) 
         .values(outcome=outcome, reason=result.reason, t_lo=result.time[0], t_hi=result.time[1])
     )
     notify(connection, COMMANDS)
-    said = outcome if result.reason is None else f"{outcome}: {result.reason}"
-    detail = f"{command['name']} {_written(json.loads(command['arguments']))}".rstrip()
+    result_text = outcome if result.reason is None else f"{outcome}: {result.reason}"
+    detail = f"{command['name']} {_format_arguments(json.loads(command['arguments']))}".rstrip()
     return event_row(
-        node, "command", result.position, result.time, detail=f"{detail}: {said}", data=data
+        node, "command", result.position, result.time, detail=f"{detail}: {result_text}", data=data
     )
 
 
-def write_state(state: State) -> str:
-    """A state as the store keeps it."""
+def encode_state(state: State) -> str:
+    """A state as JSON."""
     return json.dumps(state, sort_keys=True)
 
 
-def _written(arguments: dict[str, Any]) -> str:
+def _format_arguments(arguments: dict[str, Any]) -> str:
     return " ".join(
         f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
         for name, value in arguments.items()

@@ -1,12 +1,15 @@
-"""Rows of events: what a peak, a gap or a status tells."""
+"""Rows of events: peaks, gaps and statuses."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
 import orjson
+from sqlalchemy import insert
 
-from eskin_cloud.store.schema.tables import nodes
+from eskin_cloud.store.feed_entry import FeedEntry
+from eskin_cloud.store.row_digests import empty_row
+from eskin_cloud.store.schema.tables import events, nodes
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
@@ -15,31 +18,16 @@ if TYPE_CHECKING:
     from eskin_cloud.store.write.write_cache import Row, WriteCache
 
 ENERGY: Final = ("stored_lo", "stored_hi", "charge_lo", "charge_hi", "sustained", "shedding")
-"""Columns of what a node tells of its energy."""
-_NOTHING: Final = dict.fromkeys(
-    (
-        "channel",
-        "verdict",
-        "count_lo",
-        "count_hi",
-        "height_lo",
-        "height_hi",
-        "prominence_lo",
-        "prominence_hi",
-        "unit",
-        "coverage",
-        "detail",
-        "data",
-    )
-)
+"""Columns of a node's energy."""
+_EMPTY: Final = empty_row(events)
 
 
 def event_row(
     node: str, kind: str, position: Position, time: tuple[int, int], **rest: object
 ) -> Row:
-    """An event's row, without its place in the feed."""
+    """An event's row, without its cursor."""
     return {
-        **_NOTHING,
+        **_EMPTY,
         "node": node,
         "kind": kind,
         "boot": position.boot,
@@ -48,6 +36,14 @@ def event_row(
         "t_hi": time[1],
         **rest,
     }
+
+
+def store_event(connection: Connection, cache: WriteCache, row: Row, *, now: int) -> FeedEntry:
+    """Store an event's row; returns its entry for the live feed."""
+    cursor = cache.next_cursor(connection)
+    row |= {"cursor": cursor, "received": now}
+    connection.execute(insert(events), row)
+    return FeedEntry(cursor, row["node"], row["channel"], None, row, now)
 
 
 def peak_row(node: str, peak: Peak, data: bytes) -> Row:
@@ -79,7 +75,7 @@ def gap_row(node: str, gap: Gap, data: bytes) -> Row:
 def status_row(
     connection: Connection, cache: WriteCache, node: str, status: Status, data: bytes, *, now: int
 ) -> Row | None:
-    """Keep the node's latest status; gives a row when it tells of a new start."""
+    """Store the node's latest status; returns an event's row for a new boot."""
     row = cache.row(connection, nodes, node)
     if row is None:
         return None
@@ -115,7 +111,7 @@ def status_row(
 
 
 def _faults(status: Status) -> str | None:
-    """Which taxels may be broken; nothing before the node's first self-test."""
+    """Possibly broken taxels as JSON; ``None`` before the first self-test."""
     if status.faults is None:
         return None
     faults = [
@@ -126,15 +122,15 @@ def _faults(status: Status) -> str | None:
 
 
 def _places(status: Status) -> str | None:
-    """Where its taxels sit; nothing where none sits somewhere."""
+    """The taxels' positions as JSON; ``None`` without any."""
     places = [[place.taxel, place.x, place.y] for place in status.places]
     return orjson.dumps(places).decode() if places else None
 
 
 def _energy(status: Status) -> Row:
-    """What the node tells of its energy; nothing where its supply never ends."""
+    """The node's energy; ``None`` values for a node with mains supply."""
     energy = status.energy
     if energy is None:
         return dict.fromkeys(ENERGY)
-    told = (*energy.stored, *energy.charge, int(energy.verdict), int(energy.shedding))
-    return dict(zip(ENERGY, told, strict=True))
+    values = (*energy.stored, *energy.charge, int(energy.verdict), int(energy.shedding))
+    return dict(zip(ENERGY, values, strict=True))

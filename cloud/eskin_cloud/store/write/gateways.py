@@ -1,51 +1,20 @@
-"""What is known of each gateway: when it was heard, what it brought, what it tells of itself."""
+"""Rows of gateways: last contact, counts of messages, reported status."""
 
 from __future__ import annotations
 
 from collections import Counter
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from sqlalchemy import BigInteger, Column, Table, insert, select, update
+from sqlalchemy import insert, select, update
 
-from eskin_cloud.store.row_digests import keep_checked, sound, without_digest
-from eskin_cloud.store.schema.tables import NODE_LENGTH, metadata
-from eskin_cloud.store.schema.text_type import Text
-from eskin_cloud.store.write.node_sites import SITE_LENGTH
+from eskin_cloud.store.row_digests import intact_rows, without_digest
+from eskin_cloud.store.schema.tables import gateways
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin_cloud.store.write.ingest import IngestResult
 
-gateways: Final = Table(
-    "gateways",
-    metadata,
-    Column("gateway", Text(NODE_LENGTH + 9), primary_key=True),
-    Column("site", Text(SITE_LENGTH), nullable=False),
-    Column("first_heard", BigInteger, nullable=False),
-    Column("last_heard", BigInteger, nullable=False),
-    Column("due", BigInteger, nullable=False),
-    Column("told", BigInteger),
-    Column("messages", BigInteger),
-    Column("used", BigInteger),
-    Column("capacity", BigInteger),
-    Column("oldest", BigInteger),
-    Column("dead_letters", BigInteger),
-    Column("nodes", BigInteger),
-    Column("stored", BigInteger, nullable=False),
-    Column("duplicate", BigInteger, nullable=False),
-    Column("rejected", BigInteger, nullable=False),
-    Column("latest", BigInteger),
-    Column("lag_lo", BigInteger),
-    Column("lag_hi", BigInteger),
-)
-"""Each gateway that ever proved who it is.
-
-``due`` is up to when it may be silent, since it waits for an answer; ``told`` is when it told of
-itself last, ``oldest`` for how long its oldest message had waited then. ``latest`` is when its
-latest block was stored, and ``lag_lo`` to ``lag_hi`` how long after that block's last sample.
-"""
-keep_checked(gateways)
 _COUNTED: Final = ("stored", "duplicate", "rejected")
 
 
@@ -69,7 +38,7 @@ class GatewayStatus(NamedTuple):
     nodes: int
 
 
-def hear(
+def record_contact(
     connection: Connection,
     gateway: str,
     *,
@@ -79,22 +48,22 @@ def hear(
     wait: int = 0,
     outcome: IngestResult | None = None,
 ) -> None:
-    """Note that a gateway was heard.
+    """Record a gateway's contact.
 
     Args:
-        connection: The writing thread's, in a transaction.
+        connection: The writer's, in a transaction.
         gateway: Its name.
         site: Its site.
-        condition: The status that it reported, if any.
+        condition: Its reported status, if any.
         now: UTC ns.
-        wait: For how long it waits now, ns.
-        outcome: What became of the batch that it brought, if it did.
+        wait: How long its request may wait, ns.
+        outcome: The result of its batch, if it sent one.
     """
     values: dict[str, Any] = {"last_heard": now}
     if outcome is None:
         values["due"] = now + wait
     if condition is not None:
-        values |= {"told": now, **condition._asdict()}
+        values |= {"reported": now, **condition._asdict()}
     counts: Counter[str] = Counter()
     if outcome is not None:
         results = (receipt.result for receipt in outcome.results)
@@ -112,7 +81,7 @@ def hear(
 
 
 def list_gateways(connection: Connection) -> list[dict[str, Any]]:
-    """All gateways, by name; they are few."""
+    """All gateways, by name."""
     query = select(gateways).order_by(gateways.c.gateway)
     rows = connection.execute(query).mappings()
-    return [without_digest(row) for row in sound(connection, gateways, rows)]
+    return [without_digest(row) for row in intact_rows(connection, gateways, rows)]

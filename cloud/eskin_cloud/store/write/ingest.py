@@ -1,30 +1,42 @@
-"""Taking a batch into the store: each message once, whatever else is in the batch."""
+"""Store a batch of messages, each exactly once."""
 
 from __future__ import annotations
 
 import hashlib
 import logging
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
-from sqlalchemy import insert, select
+from sqlalchemy import delete, func, insert, select, tuple_
+from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.privacy import SealedMessage
 from eskin.wire.messages import BlockSummary, Gap, Peak, Position, Result, Status
+from eskin_cloud.store.db_errors import explain, is_store_fault
 from eskin_cloud.store.feed_entry import FeedEntry
-from eskin_cloud.store.schema.sealed_tables import erased_subjects, veiled
-from eskin_cloud.store.schema.tables import blocks, events
+from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages
+from eskin_cloud.store.schema.tables import blocks, dead_letters, events
 from eskin_cloud.store.write.block_row import BlockRow
-from eskin_cloud.store.write.block_run import BlockRun
-from eskin_cloud.store.write.bulk_insert import Inserts, inserts
-from eskin_cloud.store.write.channels import add_veiled, check_channels, declare, named
-from eskin_cloud.store.write.commands import keep_result
-from eskin_cloud.store.write.dead_letters import keep
+from eskin_cloud.store.write.bulk_insert import BulkInsert, bulk_insert
+from eskin_cloud.store.write.channels import (
+    add_blocks,
+    add_sealed,
+    channels_of,
+    check_channels,
+    declare_channels,
+    ensure_channel,
+)
+from eskin_cloud.store.write.commands import store_result
 from eskin_cloud.store.write.events import event_row, gap_row, peak_row, status_row
-from eskin_cloud.store.write.missing_messages import note_ends, note_lost, state_flash_age
-from eskin_cloud.store.write.parsed_message import is_node
-from eskin_cloud.store.write.presence import note_veiled_lag, see
-from eskin_cloud.store.write.stored_sequences import MOST_RANGES
+from eskin_cloud.store.write.missing_messages import (
+    describe_flash_rollback,
+    record_boot_ends,
+    record_lost,
+)
+from eskin_cloud.store.write.parsed_message import ParsedMessage, is_node
+from eskin_cloud.store.write.presence import mark_online, record_position, record_sealed_lag
+from eskin_cloud.store.write.stored_sequences import MAX_RANGES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,7 +44,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from eskin_cloud.store.write.parsed_message import ParsedMessage
+    from eskin_cloud.store.write.stored_sequences import StoredSequences
     from eskin_cloud.store.write.write_cache import Row, WriteCache
 
 log = logging.getLogger(__name__)
@@ -44,52 +56,74 @@ UNKNOWN_NODE: Final = "unknown_node"
 
 
 class Receipt(NamedTuple):
-    """What became of one item.
+    """The result of one message.
 
     Attributes:
-        result: ``stored``, ``duplicate``, ``rejected``, or ``unknown_node``: nothing is kept of it
-            until the gateway presents a certificate of that node for its own site.
-        reason: Why it was rejected, or is not kept.
+        result: ``stored``, ``duplicate``, ``rejected``, or ``unknown_node``: the cloud stores
+            nothing of the node until the gateway presents its certificate for the gateway's site.
+        reason: Why the message is not stored.
     """
 
     result: str
     reason: str | None = None
 
 
-_Other: TypeAlias = Peak | Gap | Status | Result | SealedMessage
-"""Whatever is no block."""
-_KEPT: Final = Receipt(STORED)
-_AGAIN: Final = Receipt(DUPLICATE)
+_NonBlock: TypeAlias = Peak | Gap | Status | Result | SealedMessage
+_STORED: Final = Receipt(STORED)
+_DUPLICATE: Final = Receipt(DUPLICATE)
 _UNKNOWN: Final = Receipt(
-    UNKNOWN_NODE, "no certificate of this node was presented for the gateway's site; present it"
+    UNKNOWN_NODE, "no certificate of this node is known for the gateway's site; present it"
 )
 CONFLICT: Final = (
-    "another message is stored under its boot and sequence; see whether a node was copied or set "
-    "back, or who else speaks for it"
+    "another message is stored under this boot and sequence; check whether the node was cloned or "
+    "restored, or whether another party uses its key"
 )
-_HOLES: Final = (
-    f"its boot has {MOST_RANGES} holes between its sequence numbers; let the node start anew, and "
-    "see why it leaves numbers out"
+_TOO_MANY_RANGES: Final = (
+    f"this boot has {MAX_RANGES} gaps between its sequence numbers; restart the node, and find out "
+    "why it skips numbers"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class IngestResult:
-    """What became of a batch.
+    """The result of a batch.
 
     Attributes:
-        results: In the batch's order.
-        entries: News for the live feed.
-        buried: Dead letters that had to make room.
-        lag: How long after its last sample the latest block was stored: an enclosure, ns.
-        conflicts: Messages that differ from those stored under their numbers.
+        results: One a message, in the batch's order.
+        entries: Entries for the live feed.
+        dropped: Number of old dead letters that were deleted to make room.
+        lag: Enclosure of the time from the latest block's last sample to its storage, ns.
+        conflicts: Number of messages that differ from those stored under their numbers.
     """
 
     results: list[Receipt]
     entries: list[FeedEntry]
-    buried: int
+    dropped: int
     lag: tuple[int, int] | None = None
     conflicts: int = 0
+
+
+@dataclass(slots=True)
+class _BlockRun:
+    """A batch's blocks of one channel in one boot; work that they share is done once.
+
+    Attributes:
+        node: The node.
+        boot: Its boot.
+        channel: Its channel.
+        ranges: The cache's stored sequence numbers of this boot.
+        digests: The cache's new digests of this boot, by sequence number.
+        known: The channel's row; empty before the first block.
+        rows: The blocks' rows, in the batch's order.
+    """
+
+    node: str
+    boot: int
+    channel: str
+    ranges: StoredSequences
+    digests: dict[int, bytes]
+    known: Row = field(default_factory=dict)
+    rows: list[BlockRow] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -97,20 +131,22 @@ class _Batch:
     connection: Connection
     cache: WriteCache
     now: int
-    blocks: Inserts
+    blocks: BulkInsert
     events: list[Row] = field(default_factory=list)
-    veiled: list[Row] = field(default_factory=list)
+    sealed: list[Row] = field(default_factory=list)
     dead: list[Row] = field(default_factory=list)
     refused: list[tuple[str, Position]] = field(default_factory=list)
     entries: list[FeedEntry] = field(default_factory=list)
-    runs: dict[tuple[str, int, str], BlockRun] = field(default_factory=dict)
+    runs: dict[tuple[str, int, str], _BlockRun] = field(default_factory=dict)
     conflicts: int = 0
     items: Sequence[ParsedMessage] = ()
     compared: bool = False
     site: str | None = None
     foreign: AbstractSet[str] = frozenset()
 
-    def tell(self, row: Row) -> None:
+    def add_event(self, row: Row | None) -> None:
+        if row is None:
+            return
         cursor = self.cache.next_cursor(self.connection)
         row |= {"cursor": cursor, "received": self.now}
         self.events.append(row)
@@ -127,35 +163,96 @@ def ingest(
     now: int,
     dead_letters: int,
 ) -> IngestResult:
-    """Store a batch within a transaction; what the cache learns is to be saved before its end.
+    """Store a batch within a transaction; the caller saves the cache before the commit.
 
     Args:
-        connection: The writing thread's, in a transaction.
-        cache: The writing thread's.
-        items: What a gateway brought.
-        gateway: Its name, for dead letters.
-        site: Its site; items of nodes that are not known to be of it are answered `UNKNOWN_NODE`.
-            ``None`` takes all, where the caller knows whose they are.
+        connection: The writer's, in a transaction.
+        cache: The writer's.
+        items: The batch.
+        gateway: Name of the gateway that sent it.
+        site: The gateway's site; messages of nodes that are not of it get `UNKNOWN_NODE`.
+            ``None`` accepts all nodes.
         now: UTC ns.
-        dead_letters: How many dead letters are kept.
+        dead_letters: Most dead letters that are kept.
     """
-    batch = _Batch(connection, cache, now, inserts(connection, blocks), items=items, site=site)
+    batch = _Batch(connection, cache, now, bulk_insert(connection, blocks), items=items, site=site)
     if site is not None:
-        named = dict.fromkeys(item.node for item in items)
-        known = cache.sites(connection, named)
-        batch.foreign = {node for node in named if known.get(node) != site and is_node(node)}
+        nodes = {item.node for item in items}
+        known = cache.sites(connection, nodes)
+        batch.foreign = {node for node in nodes if known.get(node) != site and is_node(node)}
     _prepare(batch, [item for item in items if item.node not in batch.foreign])
-    results = [_take(batch, item, gateway) for item in items]
-    lag = _settle(batch)
+    results = [_ingest_message(batch, item, gateway) for item in items]
+    lag = _finish_runs(batch)
     batch.blocks.finish()
     if batch.events:
         connection.execute(insert(events), batch.events)
-    if batch.veiled:
-        connection.execute(insert(veiled), batch.veiled)
+    if batch.sealed:
+        connection.execute(insert(sealed_messages), batch.sealed)
     for node, (boot, sequence) in batch.refused:
-        note_lost(connection, node, [(boot, sequence, sequence)])
-    buried = keep(connection, batch.dead, most=dead_letters) if batch.dead else 0
-    return IngestResult(results, batch.entries, buried, lag, batch.conflicts)
+        record_lost(connection, node, [(boot, sequence, sequence)])
+    dropped = store_dead_letters(connection, batch.dead, most=dead_letters) if batch.dead else 0
+    return IngestResult(results, batch.entries, dropped, lag, batch.conflicts)
+
+
+def ingest_individually(
+    connection: Connection,
+    cache: WriteCache,
+    items: Sequence[ParsedMessage],
+    *,
+    gateway: str,
+    site: str | None = None,
+    now: int,
+    dead_letters: int,
+) -> IngestResult:
+    """Store a batch, each message in a savepoint; one that fails becomes a dead letter.
+
+    Otherwise the gateway would resend the same batch without end. Arguments and result are those
+    of `ingest`.
+    """
+
+    def take(item: ParsedMessage) -> IngestResult:
+        outcome = ingest(
+            connection,
+            cache,
+            [item],
+            gateway=gateway,
+            site=site,
+            now=now,
+            dead_letters=dead_letters,
+        )
+        cache.save(connection)  # a later failure clears the cache
+        return outcome
+
+    def take_or_reject(item: ParsedMessage) -> IngestResult:
+        savepoint = connection.begin_nested()
+        try:
+            outcome = take(item)
+        except Exception as error:
+            if is_store_fault(error):
+                raise
+            savepoint.rollback()
+            cache.clear()
+            log.exception("message failed: node=%s bytes=%d", item.node, len(item.data))
+            if item.message is not None:
+                boot, sequence = item.message.position
+                record_lost(connection, item.node, [(boot, sequence, sequence)])
+            return take(
+                ParsedMessage.rejected(
+                    item.node, item.data, f"it cannot be stored: {_reason_of(error)}"
+                )
+            )
+        savepoint.commit()
+        return outcome
+
+    outcomes = [take_or_reject(item) for item in items]
+    lags = [outcome.lag for outcome in outcomes if outcome.lag is not None]
+    return IngestResult(
+        results=list(chain.from_iterable(outcome.results for outcome in outcomes)),
+        entries=list(chain.from_iterable(outcome.entries for outcome in outcomes)),
+        dropped=sum(outcome.dropped for outcome in outcomes),
+        lag=lags[-1] if lags else None,
+        conflicts=sum(outcome.conflicts for outcome in outcomes),
+    )
 
 
 def _prepare(batch: _Batch, items: Sequence[ParsedMessage]) -> None:
@@ -168,99 +265,107 @@ def _prepare(batch: _Batch, items: Sequence[ParsedMessage]) -> None:
             runs[node, message.position.boot, message.channel] = None
         elif message is not None:
             boots[node, message.position.boot] = None
-            places |= dict.fromkeys((node, channel) for channel, _ in named(message))
+            places |= dict.fromkeys((node, channel) for channel, _ in channels_of(message))
     boots |= dict.fromkeys((node, boot) for node, boot, _ in runs)
     places |= dict.fromkeys((node, channel) for node, _, channel in runs)
     batch.cache.prepare(batch.connection, boots=boots, places=places)
 
 
-def _settle(batch: _Batch) -> tuple[int, int] | None:
-    """Add each run's blocks to what is known of its node and channel; gives the last's lag."""
-    begun = [run for run in batch.runs.values() if run.rows]
+def _finish_runs(batch: _Batch) -> tuple[int, int] | None:
+    """Add each run's blocks to the rows of node and channel; returns the last block's lag."""
     lag = None
-    for run in sorted(begun, key=BlockRun.cursor):
-        lag = run.settle(batch.connection, batch.cache, now=batch.now)
+    for run in sorted((r for r in batch.runs.values() if r.rows), key=lambda r: r.rows[-1].cursor):
+        batch.cache.mark_ranges_changed(run.node, run.boot)
+        add_blocks(batch.cache, run.known, run.rows)
+        lag = record_position(batch.connection, batch.cache, run.rows, now=batch.now)
     return lag
 
 
-def _take(batch: _Batch, item: ParsedMessage, gateway: str) -> Receipt:
+def _ingest_message(batch: _Batch, item: ParsedMessage, gateway: str) -> Receipt:
     message, reason = item.message, item.reason
     if item.node in batch.foreign:
         return _UNKNOWN
     if isinstance(message, BlockSummary):
-        return _take_block(batch, item, message, gateway)
+        return _ingest_block(batch, item, message, gateway)
     if message is not None:
         place = message.position
         ranges = batch.cache.ranges(batch.connection, item.node, place.boot)
         if place.sequence in ranges:
-            return _compare(batch, item, place, gateway)
+            return _check_duplicate(batch, item, place, gateway)
         if not ranges.has_room_for(place.sequence):
-            return _refuse(batch, item, _HOLES, gateway)
+            return _reject(batch, item, _TOO_MANY_RANGES, gateway)
         reason = check_channels(batch.connection, batch.cache, item.node, message)
     if message is None or reason is not None:
         if message is not None:
             batch.refused.append((item.node, message.position))
-        return _refuse(batch, item, reason or "no message", gateway)
-    _see(batch, item.node, message.position)
-    _store(batch, item.node, message, item.data)
+        return _reject(batch, item, reason or "no message", gateway)
+    batch.add_event(
+        mark_online(batch.connection, batch.cache, item.node, message.position, now=batch.now)
+    )
+    _store_message(batch, item.node, message, item.data)
     batch.cache.add(batch.connection, item.node, place.boot, place.sequence, item.digest)
-    return _KEPT
+    return _STORED
 
 
-def _take_block(batch: _Batch, item: ParsedMessage, block: BlockSummary, gateway: str) -> Receipt:
-    """Take a block in; what its run shares waits for `_settle`, as most items are blocks."""
+def _ingest_block(batch: _Batch, item: ParsedMessage, block: BlockSummary, gateway: str) -> Receipt:
+    """Store a block; `_finish_runs` does what the blocks of a run share."""
     node, (boot, sequence) = item.node, block.position
     run = batch.runs.get((node, boot, block.channel))
     if run is None:
         ranges = batch.cache.ranges(batch.connection, node, boot)
         digests = batch.cache.digests.added(node, boot)
-        run = BlockRun(node, boot, block.channel, ranges, digests)
+        run = _BlockRun(node, boot, block.channel, ranges, digests)
         batch.runs[node, boot, block.channel] = run
     if sequence in run.ranges:
-        return _compare(batch, item, block.position, gateway)
+        return _check_duplicate(batch, item, block.position, gateway)
     if not run.ranges.has_room_for(sequence):
-        return _refuse(batch, item, _HOLES, gateway)
-    if block.unit != run.unit:
+        return _reject(batch, item, _TOO_MANY_RANGES, gateway)
+    if block.unit != run.known.get("unit"):
         reason = check_channels(batch.connection, batch.cache, node, block)
         if reason is not None:
             batch.refused.append((node, block.position))
-            return _refuse(batch, item, reason, gateway)
+            return _reject(batch, item, reason, gateway)
     if not run.rows:
-        _see(batch, node, block.position)
-        run.begin(batch.connection, batch.cache, block)
+        batch.add_event(
+            mark_online(batch.connection, batch.cache, node, block.position, now=batch.now)
+        )
+        # Before the first block is stored: a batch must not state two units of a new channel.
+        run.known = ensure_channel(batch.connection, batch.cache, node, block)
     cursor = batch.cache.next_cursor(batch.connection)
-    row = BlockRow.of(node, block, item.kept or item.data, item.digest, cursor, batch.now)
+    row = BlockRow.of(node, block, item.compressed or item.data, item.digest, cursor, batch.now)
     run.rows.append(row)
     run.ranges.add(sequence)
     run.digests[sequence] = item.digest
     batch.blocks.add(row)
     batch.entries.append(FeedEntry(cursor, node, block.channel, item.data, None, batch.now))
-    return _KEPT
+    return _STORED
 
 
-def _compare(batch: _Batch, item: ParsedMessage, position: Position, gateway: str) -> Receipt:
-    """Tell a message that comes again from another one under its number, which is a dead letter."""
+def _check_duplicate(
+    batch: _Batch, item: ParsedMessage, position: Position, gateway: str
+) -> Receipt:
+    """Accept a duplicate; reject another message under a stored number."""
     boot, sequence = position
-    if not batch.compared:  # what comes again seldom comes alone
+    if not batch.compared:  # duplicates seldom come alone
         batch.compared = True
         batch.cache.digests.fetch(batch.connection, _spans(batch.items))
     stored = batch.cache.digests.find(batch.connection, item.node, boot, sequence)
-    if stored == item.digest or _is_of_erased(batch, item):
-        return _AGAIN
+    if stored == item.digest or _is_of_erased_subject(batch, item):
+        return _DUPLICATE
     batch.conflicts += 1
     log.error(
         "message differs from the one stored: node=%s boot=%d sequence=%d gateway=%s",
         *(item.node, boot, sequence, gateway),
         extra={"source": item.node},
     )
-    detail = f"boot {boot}, sequence {sequence}: differs from what is stored; from {gateway}"
+    detail = f"boot {boot}, sequence {sequence}: differs from the stored message; from {gateway}"
     now = batch.now, batch.now
-    batch.tell(event_row(item.node, "conflict", position, now, detail=detail))
-    return _refuse(batch, item, CONFLICT, gateway)
+    batch.add_event(event_row(item.node, "conflict", position, now, detail=detail))
+    return _reject(batch, item, CONFLICT, gateway)
 
 
 def _spans(items: Sequence[ParsedMessage]) -> dict[tuple[str, int], tuple[int, int]]:
-    """The least and the greatest number of each boot in a batch."""
+    """The least and the greatest sequence number of each boot in a batch."""
     spans: dict[tuple[str, int], tuple[int, int]] = {}
     for item in items:
         if item.message is not None:
@@ -270,8 +375,8 @@ def _spans(items: Sequence[ParsedMessage]) -> dict[tuple[str, int], tuple[int, i
     return spans
 
 
-def _is_of_erased(batch: _Batch, item: ParsedMessage) -> bool:
-    """Whether a message is of an erased subject: each sealing of it has a key that nobody keeps."""
+def _is_of_erased_subject(batch: _Batch, item: ParsedMessage) -> bool:
+    """Whether a sealed message is of an erased subject, whose digest differs at each sealing."""
     if not isinstance(item.message, SealedMessage):
         return False
     e = erased_subjects.c
@@ -279,58 +384,47 @@ def _is_of_erased(batch: _Batch, item: ParsedMessage) -> bool:
     return batch.connection.execute(gone).first() is not None
 
 
-def _refuse(batch: _Batch, item: ParsedMessage, reason: str, gateway: str) -> Receipt:
-    batch.dead.append(_letter(item, reason, gateway, batch.now))
+def _reject(batch: _Batch, item: ParsedMessage, reason: str, gateway: str) -> Receipt:
+    batch.dead.append(_dead_letter(item, reason, gateway, batch.now))
     return Receipt(REJECTED, reason)
 
 
-def _see(batch: _Batch, node: str, position: Position) -> None:
-    back = see(batch.connection, batch.cache, node, position, now=batch.now)
-    if back is not None:
-        batch.tell(back)
-
-
-def _store(batch: _Batch, node: str, message: _Other, data: bytes) -> None:
+def _store_message(batch: _Batch, node: str, message: _NonBlock, data: bytes) -> None:
     if isinstance(message, SealedMessage):
         cursor = batch.cache.next_cursor(batch.connection)
-        batch.veiled.append(_veiled_row(node, message, data, cursor, batch.now))
+        batch.sealed.append(_sealed_row(node, message, data, cursor, batch.now))
         batch.entries.append(FeedEntry(cursor, node, message.channel, None, None, batch.now, data))
-        add_veiled(batch.connection, batch.cache, node, message)
-        note_veiled_lag(batch.connection, batch.cache, node, message, now=batch.now)
+        add_sealed(batch.connection, batch.cache, node, message)
+        record_sealed_lag(batch.connection, batch.cache, node, message, now=batch.now)
     elif isinstance(message, Peak):
-        batch.tell(peak_row(node, message, data))
+        batch.add_event(peak_row(node, message, data))
     elif isinstance(message, Gap):
-        batch.tell(gap_row(node, message, data))
-        note_lost(batch.connection, node, message.lost)
+        batch.add_event(gap_row(node, message, data))
+        record_lost(batch.connection, node, message.lost)
     elif isinstance(message, Result):
-        _tell_if_any(batch, keep_result(batch.connection, node, message, data))
+        batch.add_event(store_result(batch.connection, node, message, data))
     else:
-        declare(batch.connection, batch.cache, node, message)
+        declare_channels(batch.connection, batch.cache, node, message)
         started = status_row(batch.connection, batch.cache, node, message, data, now=batch.now)
-        _tell_if_any(batch, started)
+        batch.add_event(started)
         if started is not None and message.ended is not None:
-            _compare_flash(batch, node, message, message.ended)
+            _check_flash(batch, node, message, message.ended)
 
 
-def _compare_flash(
+def _check_flash(
     batch: _Batch, node: str, status: Status, ended: Sequence[tuple[int, int]]
 ) -> None:
-    """At a node's start, hold what its flash knows of former boots against what is stored."""
+    """At a node's start, compare what its flash states of former boots with the store."""
     place = status.position
     former = [each for each in ended if each[0] < place.boot]
-    note_ends(batch.connection, node, former)
-    detail = state_flash_age(batch.connection, node, place.boot, former)
+    record_boot_ends(batch.connection, node, former)
+    detail = describe_flash_rollback(batch.connection, node, place.boot, former)
     if detail is not None:
-        log.error("flash of a node is not the latest: node=%s detail=%r", node, detail)
-        batch.tell(event_row(node, "status", place, status.time, detail=detail))
+        log.error("flash rolled back: node=%s detail=%r", node, detail)
+        batch.add_event(event_row(node, "status", place, status.time, detail=detail))
 
 
-def _tell_if_any(batch: _Batch, row: Row | None) -> None:
-    if row is not None:
-        batch.tell(row)
-
-
-def _veiled_row(node: str, message: SealedMessage, data: bytes, cursor: int, now: int) -> Row:
+def _sealed_row(node: str, message: SealedMessage, data: bytes, cursor: int, now: int) -> Row:
     return {
         "node": node,
         "boot": message.position.boot,
@@ -346,7 +440,7 @@ def _veiled_row(node: str, message: SealedMessage, data: bytes, cursor: int, now
     }
 
 
-def _letter(item: ParsedMessage, reason: str, gateway: str, now: int) -> Row:
+def _dead_letter(item: ParsedMessage, reason: str, gateway: str, now: int) -> Row:
     return {
         "node": item.node,
         "digest": hashlib.sha256(item.data or reason.encode()).hexdigest(),
@@ -355,3 +449,34 @@ def _letter(item: ParsedMessage, reason: str, gateway: str, now: int) -> Row:
         "received": now,
         "data": item.data,
     }
+
+
+def _reason_of(error: Exception) -> str:
+    """The error without values that it may quote: a dead letter's reason is not confidential."""
+    name = type(error).__name__
+    return f"{name}: {explain(error)}" if isinstance(error, SQLAlchemyError) else name
+
+
+def store_dead_letters(connection: Connection, letters: Sequence[Row], *, most: int) -> int:
+    """Store dead letters, the same bytes of a node once, and delete the oldest above ``most``.
+
+    Returns:
+        The number of deleted ones.
+    """
+    key = tuple_(dead_letters.c.node, dead_letters.c.digest)
+    for letter in letters:
+        here = key == tuple_(letter["node"], letter["digest"])
+        if connection.execute(select(dead_letters.c.node).where(here)).first() is None:
+            connection.execute(insert(dead_letters), letter)
+    excess = count_dead_letters(connection) - most
+    if excess <= 0:
+        return 0
+    oldest = select(dead_letters.c.node, dead_letters.c.digest)
+    oldest = oldest.order_by(dead_letters.c.received, dead_letters.c.digest).limit(excess)
+    connection.execute(delete(dead_letters).where(key.in_(oldest)))
+    return excess
+
+
+def count_dead_letters(connection: Connection) -> int:
+    """The number of dead letters."""
+    return connection.execute(select(func.count()).select_from(dead_letters)).scalar_one()

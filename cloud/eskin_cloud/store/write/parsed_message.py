@@ -1,4 +1,4 @@
-"""One message of a batch, read and checked, before the store is asked anything."""
+"""Parse and check messages of a batch, before they reach the store."""
 
 from __future__ import annotations
 
@@ -22,54 +22,56 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 _AT_ONCE: Final = 64
-"""Messages of one look: as many as a processor's cache holds."""
-IN_THE_CLEAR: Final = (
-    "it tells of a person and is not sealed, so that none of it is kept here; let a gateway that "
-    "seals bring it"
+"""Messages that are parsed at once: they fit a processor's cache."""
+UNSEALED: Final = (
+    "a biometric channel must be sealed; nothing of this message is kept: send it through a "
+    "gateway that seals"
 )
-UNREAD: Final = "it cannot be read"
-WITHHELD: Final = "; of its {} bytes none is kept here, as they may tell of a person"
+UNREADABLE: Final = "the message cannot be decoded"
+WITHHELD: Final = "; its {} bytes are not kept, as they may be biometric"
 
 
 class ParsedMessage(NamedTuple):
-    """One message of a batch, already read.
+    """A parsed message.
 
     Attributes:
-        node: Who said it, as the gateway vouches.
+        node: Its node, as the gateway verified.
         data: Its bytes.
-        message: What they say; ``None`` if they say nothing.
-        reason: Why not.
-        kept: A block as the store keeps it, where that is shorter than its bytes.
-        digest: Of its bytes as the store keeps them, or of what each sealing of it shares: by it
-            the store tells it from another message under its number. Empty where there is none.
+        message: The decoded message; ``None`` if it is rejected.
+        reason: Why it is rejected.
+        compressed: A block compressed for the store, if that is shorter.
+        digest: Digest of the stored bytes, or of what all sealings of the message share; it tells
+            duplicates from conflicts. Empty if there is none.
     """
 
     node: str
     data: bytes
     message: Summary | SealedMessage | None
     reason: str | None = None
-    kept: bytes | None = None
+    compressed: bytes | None = None
     digest: bytes = b""
 
     @classmethod
-    def read(cls, node: str, data: bytes) -> ParsedMessage:
-        """Read a message; a poor one becomes an item with a reason."""
-        return cls.read_all([(node, data)])[0]
+    def parse(cls, node: str, data: bytes) -> ParsedMessage:
+        """Parse a message; an invalid one has a reason instead of a message."""
+        return cls.parse_all([(node, data)])[0]
 
     @classmethod
-    def read_all(cls, said: Sequence[tuple[str, bytes]]) -> list[ParsedMessage]:
-        """Read messages, each with its node: other threads wait for no look at samples."""
+    def parse_all(cls, received: Sequence[tuple[str, bytes]]) -> list[ParsedMessage]:
+        """Parse messages, each with its node."""
         items: list[ParsedMessage] = []
-        for at in range(0, len(said), _AT_ONCE):
-            some = said[at : at + _AT_ONCE]
+        for at in range(0, len(received), _AT_ONCE):
+            some = received[at : at + _AT_ONCE]
             joined = Joined.of([data for _, data in some])
             found = zip(some, scan_all(joined), compress_all(joined), strict=True)
-            items += [cls._of(node, data, block, kept) for (node, data), block, kept in found]
+            items += [
+                cls._of(node, data, block, compressed) for (node, data), block, compressed in found
+            ]
         return items
 
     @classmethod
     def _of(
-        cls, node: str, data: bytes, block: BlockSummary | None, kept: bytes | None
+        cls, node: str, data: bytes, block: BlockSummary | None, compressed: bytes | None
     ) -> ParsedMessage:
         try:
             _require_node(node)
@@ -78,39 +80,39 @@ class ParsedMessage(NamedTuple):
                 return cls(node, data, sealed, digest=digest(sealed.said))
             message = decode_summary(data) if block is None else block
             if isinstance(message, BlockSummary | Peak) and is_biometric(message.channel):
-                return cls.refused(node, b"", IN_THE_CLEAR)
+                return cls.rejected(node, b"", UNSEALED)
             _require_storable(message)
         except MessageError as error:
-            return cls.unread(node, data, str(error), instead=UNREAD)
+            return cls.unreadable(node, data, str(error), instead=UNREADABLE)
         except IdentityError as error:
-            return cls.unread(node, data, str(error))
-        return cls(node, data, message, None, kept, digest(kept or data))
+            return cls.unreadable(node, data, str(error))
+        return cls(node, data, message, None, compressed, digest(compressed or data))
 
     @classmethod
-    def unread(
+    def unreadable(
         cls, node: str, data: bytes, reason: str, *, instead: str | None = None
     ) -> ParsedMessage:
-        """An item that cannot be used; of what may tell of a person its size alone is kept.
+        """A rejected message; only the size is kept of one that may be biometric.
 
         Args:
-            node: Who said it.
-            data: All of it.
-            reason: Why it cannot be used.
-            instead: What is said of what may tell of a person, where the reason may quote it.
+            node: Its node.
+            data: Its bytes.
+            reason: Why it is rejected.
+            instead: The reason for one that may be biometric, where ``reason`` may quote it.
         """
         if is_impersonal(data):
-            return cls.refused(node, data[:MOST_BYTES], reason)
-        return cls.refused(node, b"", (instead or reason) + WITHHELD.format(len(data)))
+            return cls.rejected(node, data[:MOST_BYTES], reason)
+        return cls.rejected(node, b"", (instead or reason) + WITHHELD.format(len(data)))
 
     @classmethod
-    def refused(cls, node: str, data: bytes, reason: str) -> ParsedMessage:
-        """An item that says nothing."""
+    def rejected(cls, node: str, data: bytes, reason: str) -> ParsedMessage:
+        """A rejected message."""
         shown = "".join(letter for letter in node[:NODE_LENGTH] if letter.isprintable())
         return cls(shown, data, None, reason)
 
 
 def is_node(name: str) -> bool:
-    """Whether a text may name a node."""
+    """Whether a text is a valid node name."""
     try:
         _require_node(name)
     except IdentityError:
@@ -125,7 +127,7 @@ def _require_node(name: str) -> None:
 
 def _require_biometric(message: SealedMessage) -> SealedMessage:
     if message.kind is Kind.VEILED or not is_biometric(message.channel):
-        raise MessageError(f"channel {message.channel} is not biometric; it is not to be sealed")
+        raise MessageError(f"channel {message.channel} is not biometric; do not seal it")
     return message
 
 

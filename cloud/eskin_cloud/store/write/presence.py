@@ -1,17 +1,17 @@
-"""Whether nodes are there: seen by their messages, given up by their silence."""
+"""Whether nodes are online, by their messages."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import insert, select
+from sqlalchemy import select
 
 from eskin.privacy.sealed_message import MINUTE
 from eskin.wire.messages import Position
 from eskin.wire.messages.header import Kind
-from eskin_cloud.store.feed_entry import FeedEntry
-from eskin_cloud.store.schema.tables import events, nodes
-from eskin_cloud.store.write.events import event_row
+from eskin_cloud.store.row_digests import empty_row
+from eskin_cloud.store.schema.tables import nodes
+from eskin_cloud.store.write.events import event_row, store_event
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,20 +19,21 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin.privacy import SealedMessage
+    from eskin_cloud.store.feed_entry import FeedEntry
     from eskin_cloud.store.write.block_row import BlockRow
     from eskin_cloud.store.write.write_cache import Row, WriteCache
 
 MOST_LAG: Final = 2**63 - 1
-"""What the store can hold, ns: 292 years. A node's times lie as far back as its clock does."""
+"""The greatest lag that a column holds, ns: 292 years."""
 
 
-def see(
+def mark_online(
     connection: Connection, cache: WriteCache, node: str, position: Position, *, now: int
 ) -> Row | None:
-    """Note that a node spoke; gives an event's row when it had been offline."""
+    """Record a node's message; returns an event's row if the node was offline."""
     row = cache.row(connection, nodes, node)
     if row is None:
-        cache.create(nodes, (node,), _fresh(node, position, now))
+        cache.create(nodes, (node,), _new_node(node, position, now))
         return None
     was_online, last = row["online"], row["last_seen"]
     row["online"], row["last_seen"] = 1, now
@@ -44,27 +45,27 @@ def see(
     return event_row(node, "status", position, (min(last, now), now), detail="online again")
 
 
-def note_absent(
+def add_offline_node(
     connection: Connection, cache: WriteCache, node: str, place: tuple[int, int], *, now: int
 ) -> None:
-    """Note a node that this store does not know, though another one knew it: it is offline."""
+    """Add a node that only a gateway knows, as offline."""
     if cache.row(connection, nodes, node) is None:
-        cache.create(nodes, (node,), _fresh(node, Position(*place), now) | {"online": 0})
+        cache.create(nodes, (node,), _new_node(node, Position(*place), now) | {"online": 0})
 
 
-def note_blocks(
+def record_position(
     connection: Connection, cache: WriteCache, rows: Sequence[BlockRow], *, now: int
 ) -> tuple[int, int]:
-    """Note where a node is, and how long after the last block's last sample that was stored.
+    """Record a node's position, and the lag of its last block.
 
     Args:
-        connection: The writing thread's, in a transaction.
-        cache: The writing thread's.
-        rows: Rows of blocks of one boot of a node that was seen, in the order they came.
+        connection: The writer's, in a transaction.
+        cache: The writer's.
+        rows: Rows of blocks of one boot of an online node, in the order of arrival.
         now: UTC ns.
 
     Returns:
-        The lag: an enclosure, ns; `MOST_LAG` stands for more, too.
+        An enclosure of the lag, ns, at most `MOST_LAG`.
     """
     last = rows[-1]
     lag = _lag(now - (last.t_end - last.t), (last.t_lo, last.t_hi))
@@ -77,13 +78,12 @@ def note_blocks(
     return lag
 
 
-def note_veiled_lag(
+def record_sealed_lag(
     connection: Connection, cache: WriteCache, node: str, message: SealedMessage, *, now: int
 ) -> None:
-    """Note a sealed block's lag, as wide as the minutes that it tells, where no other one is known.
+    """Record a sealed block's lag, at the resolution of its minutes, if no finer one is known.
 
-    Not that of a peak: it would tell everybody when that came. What a block in the clear told stays
-    until another such block comes.
+    The lag of a peak is not recorded, as it would show when the peak occurred.
     """
     row = cache.row(connection, nodes, node)
     if row is None or message.kind is not Kind.BLOCK:
@@ -93,22 +93,22 @@ def note_veiled_lag(
         cache.change(nodes, node)
 
 
-def give_up(
+def mark_silent_offline(
     connection: Connection, cache: WriteCache, *, silent_since: int, now: int
 ) -> list[FeedEntry]:
-    """Note which nodes fell silent.
+    """Mark silent nodes as offline.
 
     Args:
-        connection: The writing thread's, in a transaction.
-        cache: The writing thread's.
-        silent_since: UTC ns; nodes last seen before are offline.
+        connection: The writer's, in a transaction.
+        cache: The writer's.
+        silent_since: Nodes last seen before it, UTC ns, are offline.
         now: UTC ns.
 
     Returns:
-        News for the live feed.
+        Entries for the live feed.
     """
-    # A last_seen that lies far ahead comes from before the clock was set back: it says nothing.
-    # Clocks of several clouds on one store differ somewhat.
+    # A last_seen far in the future was written before the clock was set back. Clocks of several
+    # clouds on one store differ somewhat.
     ahead = nodes.c.last_seen > now + (now - silent_since)
     gone = (nodes.c.last_seen < silent_since) | ahead
     silent = select(nodes.c.node).where(nodes.c.online == 1, gone)
@@ -123,10 +123,7 @@ def give_up(
         event = event_row(
             node, "status", position, (min(row["last_seen"], now), now), detail="offline"
         )
-        cursor = cache.next_cursor(connection)
-        event |= {"cursor": cursor, "received": now}
-        connection.execute(insert(events), event)
-        entries.append(FeedEntry(cursor, node, None, None, event, now))
+        entries.append(store_event(connection, cache, event, now=now))
     return entries
 
 
@@ -134,12 +131,6 @@ def _lag(now: int, moment: tuple[int, int]) -> tuple[int, int]:
     return min(now - moment[1], MOST_LAG), min(now - moment[0], MOST_LAG)
 
 
-def _fresh(node: str, position: Position, now: int) -> Row:
-    return {
-        "node": node,
-        "first_seen": now,
-        "last_seen": now,
-        "online": 1,
-        "boot": position.boot,
-        "sequence": position.sequence,
-    } | dict.fromkeys(column.name for column in nodes.columns if column.nullable)
+def _new_node(node: str, position: Position, now: int) -> Row:
+    place = {"node": node, "boot": position.boot, "sequence": position.sequence}
+    return empty_row(nodes) | place | {"first_seen": now, "last_seen": now, "online": 1}

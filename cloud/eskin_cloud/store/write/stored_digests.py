@@ -1,7 +1,6 @@
-"""The digest of each stored message, by node, boot and sequence: told apart from what comes again.
+"""The digests of stored messages, which distinguish duplicates from conflicts.
 
-A row holds those of numbers that follow each other. Digests stay when retention removes messages:
-numbers do, too.
+A row holds the digests of consecutive sequence numbers. Retention keeps digests and numbers.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import and_, or_, select, text
 
 from eskin.runtime.digest import DIGEST_BYTES
+from eskin_cloud.store.read.lookup import key_batches
 from eskin_cloud.store.schema.tables import digests
 
 if TYPE_CHECKING:
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-_FULL: Final = 64
-"""A row of so many digests is written no more: each commit that adds to it writes it whole."""
-_LONGEST: Final = 1024
-"""Digests of a row, however many come at once."""
+_FULL_ROW: Final = 64
+"""A row with so many digests is not extended: each extension rewrites the row."""
+_MAX_ROW: Final = 1024
+"""Most digests of a row."""
 _MOST_ASKED: Final = 500
-_MOST_OPEN: Final = 10_000
+_MAX_OPEN_ROWS: Final = 10_000
 _WRITE: Final = text(
     "INSERT INTO digests (node, boot, first, data) VALUES (:node, :boot, :first, :data) "
     "ON CONFLICT (node, boot, first) DO UPDATE SET data = excluded.data"
@@ -34,7 +34,7 @@ _WRITE: Final = text(
 
 
 class StoredDigests:
-    """Digests as they are read and added by the writing thread; `save` writes what was added."""
+    """Digests as the writer thread reads and adds them; `save` writes added ones."""
 
     def __init__(self) -> None:
         self._added: dict[tuple[str, int], dict[int, bytes]] = defaultdict(dict)
@@ -42,32 +42,32 @@ class StoredDigests:
         self._fetched: dict[tuple[str, int], list[tuple[int, bytes]]] = {}
 
     def added(self, node: str, boot: int) -> dict[int, bytes]:
-        """By number, those of messages that are stored for the first time: add to them."""
+        """The new digests of a boot by sequence number; the caller adds to them."""
         return self._added[node, boot]
 
     def fetch(
         self, connection: Connection, spans: Mapping[tuple[str, int], tuple[int, int]]
     ) -> None:
-        """Read at once what `find` will be asked for.
+        """Read the digests that `find` will need, in few statements.
 
         Args:
-            connection: The writing thread's.
-            spans: Of nodes and their boots, the least and the greatest number.
+            connection: The writer's.
+            spans: The least and the greatest sequence number, by node and boot.
         """
         d, places = digests.c, list(spans)
         query = select(d.node, d.boot, d.first, d.data).order_by(d.first)
         self._fetched = {}
-        for begin in range(0, len(places), _MOST_ASKED):
+        for batch in key_batches(places, _MOST_ASKED):
             wanted = [
-                and_(d.node == node, d.boot == boot, d.first > least - _LONGEST, d.first <= most)
-                for node, boot in places[begin : begin + _MOST_ASKED]
+                and_(d.node == node, d.boot == boot, d.first > least - _MAX_ROW, d.first <= most)
+                for node, boot in batch
                 for least, most in [spans[node, boot]]
             ]
             for node, boot, first, data in connection.execute(query.where(or_(*wanted))):
                 self._fetched.setdefault((node, boot), []).append((first, data))
 
     def find(self, connection: Connection, node: str, boot: int, sequence: int) -> bytes | None:
-        """The digest of a stored message; ``None`` where the store has lost it."""
+        """The digest of a stored message; ``None`` if it is missing."""
         added = self._added[node, boot].get(sequence)
         if added is not None:
             return added
@@ -77,7 +77,7 @@ class StoredDigests:
         return known or find_digest(connection, node, boot, sequence)
 
     def save(self, connection: Connection) -> None:
-        """Write what was added, and go on adding to a boot's last row while it is not full."""
+        """Write added digests; a boot's last row is extended until it is full."""
         self._fetched = {}
         rows = []
         for (node, boot), added in self._added.items():
@@ -86,47 +86,47 @@ class StoredDigests:
         self._added.clear()
         if rows:
             connection.execute(_WRITE, rows)
-        if len(self._open) > _MOST_OPEN:
+        if len(self._open) > _MAX_OPEN_ROWS:
             self._open.clear()
 
     def _joined(
         self, place: tuple[str, int], added: Mapping[int, bytes]
     ) -> Iterator[tuple[int, bytes]]:
-        """Rows of a boot, with the digests that were added."""
-        for numbers in _stretches(sorted(added)):
+        """The rows of a boot that hold the added digests."""
+        for numbers in _consecutive(sorted(added)):
             first, data = self._open.get(place, (0, b""))
             if first + len(data) // DIGEST_BYTES != numbers[0]:
                 first, data = numbers[0], b""
             data += b"".join(map(added.__getitem__, numbers))
             yield first, data
-            if len(data) < _FULL * DIGEST_BYTES:
+            if len(data) < _FULL_ROW * DIGEST_BYTES:
                 self._open[place] = first, data
             else:
                 self._open.pop(place, None)
 
 
 def find_digest(connection: Connection, node: str, boot: int, sequence: int) -> bytes | None:
-    """The digest of a stored message; ``None`` where the store has none."""
+    """The digest of a stored message; ``None`` if there is none."""
     d = digests.c
     query = select(d.first, d.data).where(d.node == node, d.boot == boot, d.first <= sequence)
     standing = connection.execute(query.order_by(d.first.desc()).limit(1)).first()
     return None if standing is None else _within(standing.first, standing.data, sequence)
 
 
-def _stretches(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
-    """Parts of sorted numbers, each without a hole and short enough for a row that is not full."""
+def _consecutive(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
+    """Runs of consecutive numbers, each short enough for a row that is not full."""
     begin = 0
     for end in range(1, len(numbers) + 1):
         if (
             end == len(numbers)
             or numbers[end] != numbers[end - 1] + 1
-            or end - begin == _LONGEST - _FULL
+            or end - begin == _MAX_ROW - _FULL_ROW
         ):
             yield numbers[begin:end]
             begin = end
 
 
 def _within(first: int, row: bytes, sequence: int) -> bytes | None:
-    """A number's digest in a row; ``None`` where the row ends before it."""
+    """A number's digest in a row; ``None`` if the row ends before it."""
     at = (sequence - first) * DIGEST_BYTES
     return row[at : at + DIGEST_BYTES] if 0 <= at < len(row) else None

@@ -1,4 +1,4 @@
-"""The memory behind *once*: which numbers of a boot are stored, and what is not written yet."""
+"""The stored sequence numbers of a boot, and the changes that are not written yet."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 
-MOST_RANGES: Final = 100_000
-"""Of a boot: each costs a row for ever, and memory. An honest node leaves a hole where it tells of
-a loss, and nowhere else."""
+MAX_RANGES: Final = 100_000
+"""Of a boot: each range costs a row and memory. Honest nodes skip numbers only for losses."""
 
 
-class Change(NamedTuple):
-    """A range that changed since it was written.
+class RangeChange(NamedTuple):
+    """A range that changed since the last write.
 
     Attributes:
         first: Its first number.
-        before: Its last as it was written; ``None``: there was none.
-        now: Its last now; ``None``: it is a part of another one.
+        before: Its last number as written; ``None`` for a new range.
+        now: Its last number now; ``None`` if it was merged into another range.
     """
 
     first: int
@@ -30,10 +29,10 @@ class Change(NamedTuple):
 
 
 class StoredSequences(SequenceRanges):
-    """Ranges, of which only what changed is written: a node may leave a hole at each second number.
+    """Ranges that record their changes, so that a save writes only these.
 
     Args:
-        ranges: As they were written.
+        ranges: The stored ranges.
     """
 
     def __init__(self, ranges: Iterable[tuple[int, int]] = ()) -> None:
@@ -51,21 +50,21 @@ class StoredSequences(SequenceRanges):
             for known in self.near(first, first if last is None else last):
                 self._before.setdefault(*known)
             self._before.setdefault(first, None)
-        else:  # most numbers arrive in order
+        else:  # the usual case: numbers arrive in order
             self._before.setdefault(self._firsts[-1], self._lasts[-1])
         super().add(first, last)
 
     def has_room_for(self, number: int) -> bool:
-        """Whether a number may be added; one that leaves another hole may be one too many."""
-        return len(self) < MOST_RANGES or bool(self.near(number, number))
+        """Whether a number may be added without exceeding `MAX_RANGES`."""
+        return len(self) < MAX_RANGES or bool(self.near(number, number))
 
-    def changes(self) -> Iterator[Change]:
-        """What is to be written."""
+    def changes(self) -> Iterator[RangeChange]:
+        """The changes to write."""
         for first, before in self._before.items():
             now = self.last_of(first)
             if now != before:
-                yield Change(first, before, now)
+                yield RangeChange(first, before, now)
 
     def written(self) -> None:
-        """All of it is written now."""
+        """Forget the changes, which are written."""
         self._before.clear()

@@ -1,81 +1,89 @@
-"""What the writing thread remembers of the store, so that it need not ask for every message."""
+"""The writer's cache of stored rows, written back once a transaction."""
 
 from __future__ import annotations
 
 import secrets
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from sqlalchemy import bindparam, delete, func, select, text, tuple_, update
+from sqlalchemy import and_, bindparam, delete, func, insert, select, text, tuple_, update
 
 from eskin.errors import StoreError
 from eskin_cloud.store.notify import FEED, notify
+from eskin_cloud.store.read.lookup import key_batches
 from eskin_cloud.store.row_digests import without_digest
-from eskin_cloud.store.sample_grid import CHUNK, grain_for
+from eskin_cloud.store.sample_grid import CHUNK, level_for
 from eskin_cloud.store.schema.tables import channels, feed, nodes, sequences
-from eskin_cloud.store.schema.tile_tables import stale
+from eskin_cloud.store.schema.tile_tables import stale_chunks
 from eskin_cloud.store.write.node_sites import sites_of
-from eskin_cloud.store.write.prepared_statements import ADD, CHANGE, REMOVE, placed
 from eskin_cloud.store.write.stored_digests import StoredDigests
 from eskin_cloud.store.write.stored_sequences import StoredSequences
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterable
 
-    from sqlalchemy import Connection, Table
+    from sqlalchemy import ColumnElement, Connection, Table
 
     from eskin_cloud.store.sample_grid import SampleGrid
 
 Row: TypeAlias = dict[str, Any]
-T = TypeVar("T")
 
 MOVING: Final = "moving"
-"""Who writes while a store is moved to another place."""
-_MOST_ASKED: Final = 4000
-"""Keys in one statement: some builds of SQLite take 32,766 values, PostgreSQL takes 65,535."""
-_MOST_BOOTS: Final = 10_000
-_MOST_ROWS: Final = 100_000
-"""Of nodes and channels: a node may name as many channels as it likes."""
+"""The writer's name while a store is moved."""
+_MAX_BOOTS: Final = 10_000
+_MAX_ROWS: Final = 100_000
+"""Rows of nodes and channels together."""
 _WRITER: Final = select(feed.c.writer)
-_OUTDATE: Final = text(
-    "INSERT INTO stale (node, channel, chunk, mark) VALUES (:node, :channel, :chunk, :mark) "
+_MARK_STALE: Final = text(
+    "INSERT INTO stale_chunks (node, channel, chunk, mark) VALUES (:node, :channel, :chunk, :mark) "
     "ON CONFLICT (node, channel, chunk) DO UPDATE SET mark = excluded.mark"
 )
-_RAZE: Final = delete(stale).where(
-    stale.c.node == bindparam("n"), stale.c.channel == bindparam("c")
+_CLEAR_STALE: Final = delete(stale_chunks).where(
+    stale_chunks.c.node == bindparam("n"), stale_chunks.c.channel == bindparam("c")
 )
+
+
+def _by_key(table: Table) -> ColumnElement[bool]:
+    """A condition on the key, as `_with_key_parameters` names it."""
+    return and_(*(column == bindparam(f"at_{column.name}") for column in table.primary_key.columns))
+
+
+_TABLES: Final = (nodes, channels, sequences)
+# Compiled once: compiling a statement takes as long as executing it.
+_INSERT: Final = {table: insert(table) for table in _TABLES}
+_UPDATE: Final = {table: update(table).where(_by_key(table)) for table in _TABLES}
+_DELETE: Final = {table: delete(table).where(_by_key(table)) for table in _TABLES}
 
 
 class WriteCache:
-    """Rows of nodes, channels and sequences, and the last cursor; written back by `save`.
+    """Rows of nodes, channels and sequences, and the last cursor; `save` writes them back.
 
-    Only the writing thread uses it. After a rollback, and after somebody else wrote, it is
-    forgotten and read anew.
+    Only the writer thread uses it. A rollback clears it, and so does a write of another process.
 
     Attributes:
-        name: By which others know who wrote.
-        digests: Of what is stored.
+        name: Identifies this writer to other processes.
+        digests: Digests of stored messages.
     """
 
     def __init__(self) -> None:
         self.name = secrets.token_hex(16)
-        self.forget()
+        self.clear()
 
     def refresh(self, connection: Connection) -> None:
-        """Drop what somebody else may have changed; at the beginning of each transaction.
+        """Clear the cache if another process wrote; at the beginning of each transaction.
 
         Raises:
-            StoreError: Not all is there yet: a store is being moved here.
+            StoreError: A store is being moved here.
         """
         writer = connection.execute(_WRITER).scalar_one()
         if writer == MOVING:
             raise StoreError(
-                "a store is being moved here; let `eskin cloud move` end, or start it again"
+                "a store is being moved here; wait for `eskin cloud move`, or start it again"
             )
         if writer != self.name:
-            self.forget()
+            self.clear()
 
-    def forget(self) -> None:
-        """Drop everything that is remembered."""
+    def clear(self) -> None:
+        """Drop all cached rows and unsaved changes."""
         self._cursor: int | None = None
         self._moved = False
         self.digests = StoredDigests()
@@ -86,21 +94,21 @@ class WriteCache:
         self._new: set[tuple[Table, tuple[str, ...]]] = set()
         self._changed: dict[tuple[Table, tuple[str, ...]], None] = {}
         self._added: dict[tuple[str, int], None] = {}
-        self._outdated: dict[tuple[str, str, int], None] = {}
-        self._razed: dict[tuple[str, str], None] = {}
+        self._invalid: dict[tuple[str, str, int], None] = {}
+        self._reset: dict[tuple[str, str], None] = {}
 
     def sites(self, connection: Connection, named: Collection[str]) -> dict[str, str]:
-        """The sites of nodes, without those that have none yet; they never change."""
+        """The sites of those nodes that have one; sites never change."""
         unknown = [node for node in named if node not in self._sites]
         if unknown:
-            if len(self._sites) > _MOST_ROWS:
+            if len(self._sites) > _MAX_ROWS:
                 self._sites.clear()
                 unknown = list(named)
             self._sites |= sites_of(connection, unknown)
         return {node: self._sites[node] for node in named if node in self._sites}
 
     def next_cursor(self, connection: Connection) -> int:
-        """The next place in the feed."""
+        """The next cursor of the feed."""
         if self._cursor is None:
             self._cursor = connection.execute(select(feed.c.cursor)).scalar_one()
         self._cursor += 1
@@ -114,10 +122,10 @@ class WriteCache:
         boots: Iterable[tuple[str, int]],
         places: Collection[tuple[str, str]],
     ) -> None:
-        """Read at once what a batch will ask for, where it is not remembered.
+        """Read the rows that a batch needs, a few statements for all.
 
         Args:
-            connection: The writing thread's, in a transaction.
+            connection: The writer's, in a transaction.
             boots: Nodes and their boots.
             places: Nodes and their channels.
         """
@@ -130,7 +138,7 @@ class WriteCache:
         found: dict[tuple[str, int], list[tuple[int, int]]] = {key: [] for key in unknown}
         s = sequences.c
         query = select(s.node, s.boot, s.first, s.last)
-        for part in _parts(unknown):
+        for part in key_batches(unknown):
             here = tuple_(s.node, s.boot).in_(part)
             for node, boot, first, last in connection.execute(query.where(here)):
                 found[node, boot].append((first, last))
@@ -146,7 +154,7 @@ class WriteCache:
             return
         columns = table.primary_key.columns
         rows.update(dict.fromkeys(unknown))
-        for part in _parts(unknown):
+        for part in key_batches(unknown):
             query = select(table).where(tuple_(*columns).in_(part))
             for row in connection.execute(query).mappings():
                 rows[tuple(row[column.name] for column in columns)] = without_digest(row)
@@ -157,13 +165,13 @@ class WriteCache:
         unknown = [node for node in growing if node not in self._channels_of]
         here = channels.c.node
         query = select(here, func.count()).group_by(here)
-        for part in _parts(unknown):
+        for part in key_batches(unknown):
             self._channels_of |= dict.fromkeys(part, 0)
             for node, count in connection.execute(query.where(here.in_(part))):
                 self._channels_of[node] = count
 
     def ranges(self, connection: Connection, node: str, boot: int) -> StoredSequences:
-        """What was stored of one boot of a node."""
+        """The stored sequence numbers of a node's boot."""
         key = node, boot
         if key not in self._ranges:
             where = (sequences.c.node == node) & (sequences.c.boot == boot)
@@ -174,17 +182,17 @@ class WriteCache:
     def add(
         self, connection: Connection, node: str, boot: int, sequence: int, digest: bytes
     ) -> None:
-        """Remember that a message is stored, with its digest."""
+        """Add a stored message's sequence number and digest."""
         self.ranges(connection, node, boot).add(sequence)
         self.digests.added(node, boot)[sequence] = digest
-        self.grow(node, boot)
+        self.mark_ranges_changed(node, boot)
 
-    def grow(self, node: str, boot: int) -> None:
-        """Have the ranges of a boot written, to which somebody added what is stored."""
+    def mark_ranges_changed(self, node: str, boot: int) -> None:
+        """Have `save` write the ranges of a boot, which the caller changed."""
         self._added[node, boot] = None
 
     def row(self, connection: Connection, table: Table, *key: str) -> Row | None:
-        """A node's or a channel's row; changes of it count after `change`."""
+        """A node's or a channel's row; call `change` after changing it."""
         rows = self._rows[table]
         if key not in rows:
             query = select(table)
@@ -195,14 +203,14 @@ class WriteCache:
         return rows[key]
 
     def count_channels(self, connection: Connection, node: str) -> int:
-        """How many channels a node has; ask before `create`, which counts on."""
+        """The number of a node's channels."""
         if node not in self._channels_of:
             query = select(func.count()).select_from(channels).where(channels.c.node == node)
             self._channels_of[node] = connection.execute(query).scalar_one()
         return self._channels_of[node]
 
     def create(self, table: Table, key: tuple[str, ...], row: Row) -> None:
-        """Add a row that is not there yet."""
+        """Add a new row."""
         self._rows[table][key] = row
         if table is channels and key[0] in self._channels_of:
             self._channels_of[key[0]] += 1
@@ -210,57 +218,59 @@ class WriteCache:
         self._changed[table, key] = None
 
     def change(self, table: Table, *key: str) -> None:
-        """Have a row written."""
+        """Have `save` write a row."""
         self._changed[table, key] = None
 
-    def outdate(self, channel: Row, comb: SampleGrid, *, since: int = -(2**63)) -> None:
-        """Have a channel's pyramid made anew where a row's samples are, up to where there is one.
+    def invalidate_tiles(self, channel: Row, samples: SampleGrid, *, since: int = -(2**63)) -> None:
+        """Mark the chunks of tiles that hold a row's samples as stale.
 
-        Samples that touch many of its chunks have all of it made anew, of longer ones: otherwise a
-        node that first samples each nanosecond, and then each hour, would have billions marked.
+        Samples that touch many chunks reset all tiles, to longer ones: otherwise a node that
+        samples each nanosecond at first, and each hour later, would mark billions of chunks.
 
         Args:
             channel: The channel's row.
-            comb: The row's samples.
-            since: What lies before, UTC ns, is good; a whole chunk's beginning.
+            samples: The row's samples.
+            since: Chunks that begin before it, UTC ns, are valid.
         """
         if channel["built"] is None:
             return
-        grain = grain_for(channel["grain"], comb)
+        grain = level_for(channel["grain"], samples)
         if grain > channel["grain"]:
-            self._raze(channel, grain)
+            self._reset_tiles(channel, grain)
             return
-        for chunk in comb.chunks(grain):
+        for chunk in samples.chunks(grain):
             if since <= chunk << (grain + CHUNK) < channel["built"]:
-                self._outdated[channel["node"], channel["channel"], chunk] = None
+                self._invalid[channel["node"], channel["channel"], chunk] = None
 
-    def _raze(self, channel: Row, grain: int) -> None:
-        """Count a channel's pyramid as not built; who builds it anew clears what is left of it."""
+    def _reset_tiles(self, channel: Row, grain: int) -> None:
+        """Count a channel's tiles as not built; the next build deletes the old ones."""
         place = channel["node"], channel["channel"]
         channel |= {"built": None, "grain": grain}
-        self._razed[place] = None
-        self._outdated = {key: None for key in self._outdated if key[:2] != place}
+        self._reset[place] = None
+        self._invalid = {key: None for key in self._invalid if key[:2] != place}
         self.change(channels, *place)
 
     def save(self, connection: Connection) -> None:
-        """Write what changed, within the transaction of what it speaks of."""
+        """Write the changes, in the transaction of the messages that caused them."""
         if self._changed or self._added or self._moved:
             self._write(connection)
         self._trim()
 
     def _write(self, connection: Connection) -> None:
-        if self._razed:
-            connection.execute(_RAZE, [{"n": node, "c": channel} for node, channel in self._razed])
-            self._razed.clear()
-        if self._outdated:
-            connection.execute(_OUTDATE, [_stale_row(*key) for key in self._outdated])
-            self._outdated.clear()
+        if self._reset:
+            connection.execute(
+                _CLEAR_STALE, [{"n": node, "c": channel} for node, channel in self._reset]
+            )
+            self._reset.clear()
+        if self._invalid:
+            connection.execute(_MARK_STALE, [_stale_row(*key) for key in self._invalid])
+            self._invalid.clear()
         values = {"writer": self.name} | ({"cursor": self._cursor} if self._moved else {})
         connection.execute(update(feed).values(values))
         if self._moved:
             notify(connection, FEED, self._cursor, self.name)
         self._moved = False
-        # One statement for all rows of a kind: a batch of a fleet changes thousands.
+        # One statement a table: a batch of a fleet changes thousands of rows.
         changed: dict[Table, list[Row]] = {}
         fresh: dict[Table, list[Row]] = {}
         for table, key in self._changed:
@@ -269,9 +279,9 @@ class WriteCache:
                 kind = fresh if (table, key) in self._new else changed
                 kind.setdefault(table, []).append(row)
         for table, rows in fresh.items():
-            connection.execute(ADD[table], rows)
+            connection.execute(_INSERT[table], rows)
         for table, rows in changed.items():
-            connection.execute(CHANGE[table], placed(table, rows))
+            connection.execute(_UPDATE[table], _with_key_parameters(table, rows))
         self._changed.clear()
         self._new.clear()
         self._save_ranges(connection)
@@ -290,28 +300,31 @@ class WriteCache:
                     (fresh if before is None else grown).append(place | {"last": now})
             ranges.written()
         if gone:
-            connection.execute(REMOVE[sequences], placed(sequences, gone))
+            connection.execute(_DELETE[sequences], _with_key_parameters(sequences, gone))
         if grown:
-            connection.execute(CHANGE[sequences], placed(sequences, grown))
+            connection.execute(_UPDATE[sequences], _with_key_parameters(sequences, grown))
         if fresh:
-            connection.execute(ADD[sequences], fresh)
+            connection.execute(_INSERT[sequences], fresh)
         self._added.clear()
         self.digests.save(connection)
 
     def _trim(self) -> None:
-        """Forget what is written, where it is much."""
-        if len(self._ranges) > _MOST_BOOTS:
+        """Drop written rows if there are many."""
+        if len(self._ranges) > _MAX_BOOTS:
             self._ranges.clear()
-        if sum(map(len, self._rows.values())) > _MOST_ROWS:
+        if sum(map(len, self._rows.values())) > _MAX_ROWS:
             for rows in self._rows.values():
                 rows.clear()
             self._channels_of.clear()
 
 
-def _parts(keys: Sequence[T]) -> Iterator[Sequence[T]]:
-    """So many at a time as any database can be asked for at once."""
-    for begin in range(0, len(keys), _MOST_ASKED):
-        yield keys[begin : begin + _MOST_ASKED]
+def _with_key_parameters(table: Table, rows: Iterable[Row]) -> list[Row]:
+    """Rows as parameters of `_UPDATE` and `_DELETE`."""
+    keys = {column.name for column in table.primary_key.columns}
+    return [
+        {f"at_{name}" if name in keys else name: value for name, value in row.items()}
+        for row in rows
+    ]
 
 
 def _stale_row(node: str, channel: str, chunk: int) -> Row:

@@ -1,4 +1,4 @@
-"""The one thread that writes: several jobs share one commit, and none is answered before it."""
+"""The writer thread: jobs share a commit, and each future is done after it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import EskinError, StoreError
-from eskin_cloud.store.db_errors import explain, is_of_the_store
+from eskin_cloud.store.db_errors import explain, is_store_fault
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,28 +27,28 @@ _MOST_SHARED: Final = 32
 
 @dataclass(frozen=True, slots=True)
 class _Job:
-    ways: tuple[Callable[[Connection], Any], ...]
+    attempts: tuple[Callable[[Connection], Any], ...]
     future: Future[Any]
-    together: bool
+    shared: bool
 
 
 class Writer:
-    """Runs jobs and commits them together; each is undone alone where it breaks.
+    """Runs jobs and commits them together; a failed job is rolled back alone.
 
     Args:
         engine: With one connection.
-        capacity: Jobs that may wait.
+        capacity: Most jobs that may wait.
         on_begin: Called at the beginning of each transaction.
-        on_save: Called before its end, and around each job that is done for itself, to write what
-            is only remembered yet.
-        on_rollback: Called when what jobs did was undone, so that caches are forgotten.
-        probe: Writes a little; after a fault it must succeed, lest a job that writes nothing
-            passes for a store that is well again.
+        on_save: Called before the commit, and around each job in a savepoint, to write cached
+            changes.
+        on_rollback: Called after a rollback, to clear caches.
+        probe: Writes a little. It runs first after a fault, so that a job which writes nothing
+            cannot clear the fault.
 
     Attributes:
-        fault: Why the last commit failed; ``None`` once one succeeded again.
-        commits: How many commits there were.
-        jobs: How many jobs they held.
+        fault: Why the last commit failed; ``None`` after a success.
+        commits: Number of commits.
+        jobs: Number of committed jobs.
     """
 
     def __init__(
@@ -77,42 +77,42 @@ class Writer:
 
     @property
     def waiting(self) -> int:
-        """Jobs that wait."""
+        """Number of waiting jobs."""
         return self._jobs.qsize()
 
     def submit(
         self,
         work: Callable[[Connection], T],
         *,
-        instead: Callable[[Connection], T] | None = None,
-        together: bool = False,
+        fallback: Callable[[Connection], T] | None = None,
+        shared: bool = False,
     ) -> Future[T]:
-        """Have work done within a transaction; the future is done after its commit.
+        """Queue a job; its future is done after the commit.
 
         Args:
-            work: What is done.
-            instead: Done where that broke by an error that is none of ours: what nobody foresaw.
-            together: Whether jobs like it need no savepoint between them, as they rarely break.
-                Where one does, the whole transaction is undone, and each job is done for itself.
+            work: The job.
+            fallback: Runs instead if ``work`` raises anything but an `EskinError`.
+            shared: Whether the job needs no savepoint. If a shared job fails, the transaction is
+                rolled back, and each of its jobs runs in a transaction of its own.
 
         Raises:
-            StoreError: Too many wait, or the store is closed.
+            StoreError: Too many jobs wait, or the store is closed.
         """
         future: Future[T] = Future()
         with self._lock:
             if self._closing.is_set():
-                raise StoreError("the store is closed; nothing more is written")
+                raise StoreError("the store is closed")
             try:
-                ways = (work,) if instead is None else (work, instead)
-                self._jobs.put_nowait(_Job(ways, future, together))
+                attempts = (work,) if fallback is None else (work, fallback)
+                self._jobs.put_nowait(_Job(attempts, future, shared))
             except queue.Full:
                 raise StoreError(
-                    f"{self._jobs.maxsize} writes wait already; try again in a moment"
+                    f"{self._jobs.maxsize} writes wait already; retry in a moment"
                 ) from None
         return future
 
     def close(self) -> None:
-        """Do what waits, then stop."""
+        """Run waiting jobs, then stop."""
         with self._lock:
             self._closing.set()
         self._jobs.put(None)
@@ -134,7 +134,7 @@ class Writer:
                 self._commit(batch)
 
     def _commit(self, batch: list[_Job]) -> Exception | None:
-        """Do jobs and commit them; gives why that failed, which each of them was told."""
+        """Run and commit jobs; returns the error with which all of them failed."""
         done: list[tuple[_Job, Any]] = []
         working = False
         try:
@@ -147,7 +147,7 @@ class Writer:
                     self._do(connection, job, done)
                 self._on_save(connection)
                 working = False
-        except Exception as error:  # noqa: BLE001 - each job is told, and the thread goes on
+        except Exception as error:  # noqa: BLE001 - fails the jobs, not the thread
             if working and _is_of_shared_work(batch, error):
                 return self._redo(batch, error)
             self._fail(batch, error)
@@ -160,61 +160,63 @@ class Writer:
         return None
 
     def _do(self, connection: Connection, job: _Job, done: list[tuple[_Job, Any]]) -> None:
-        if job.together:
-            done.append((job, job.ways[0](connection)))
+        if job.shared:
+            done.append((job, job.attempts[0](connection)))
             return
-        self._on_save(connection)  # of the jobs before: this one may be undone without them
-        for way in job.ways:
+        self._on_save(connection)  # changes of earlier jobs, which a rollback of this one must keep
+        for attempt in job.attempts:
             savepoint = connection.begin_nested()
             try:
-                result = way(connection)
+                result = attempt(connection)
                 self._on_save(connection)
             except Exception as error:
-                if is_of_the_store(error):
-                    raise  # nobody's work is committed
+                if is_store_fault(error):
+                    raise  # no job is committed
                 savepoint.rollback()
                 self._on_rollback()
-                if way is job.ways[-1] or isinstance(error, EskinError):
+                if attempt is job.attempts[-1] or isinstance(error, EskinError):
                     job.future.set_exception(error)
                     return
-                log.exception("work failed, trying it in parts")
+                log.exception("job failed, running its fallback")
             else:
                 savepoint.commit()
                 done.append((job, result))
                 return
 
     def _redo(self, batch: list[_Job], error: Exception) -> Exception | None:
-        """Nothing is committed, as somebody's work broke: do each job for itself."""
-        log.warning("shared work broke, doing %d jobs one by one", len(batch), exc_info=error)
+        """After a rollback by a failed shared job, run each job in its own transaction."""
+        log.warning(
+            "shared job failed, running each job alone: jobs=%d", len(batch), exc_info=error
+        )
         self._on_rollback()
-        waiting = [replace(job, together=False) for job in batch if not job.future.done()]
+        waiting = [replace(job, shared=False) for job in batch if not job.future.done()]
         while waiting:
             broken = self._commit([waiting.pop(0)])
-            if broken is not None:  # what made this one wait shall not make others wait, too
+            if broken is not None:  # the store failed: the others would wait for the same timeout
                 self._fail(waiting, broken)
                 return broken
         return None
 
     def _fail(self, batch: list[_Job], error: Exception) -> None:
         if not isinstance(error, SQLAlchemyError | StoreError | MemoryError | OSError):
-            log.error("commit broke", exc_info=error)  # and the thread goes on
+            log.error("commit failed", exc_info=error)
         self._on_rollback()
         cause = explain(error)
         self.fault = f"the store cannot be written: {cause}"
         log.error("commit failed: jobs=%d reason=%s", len(batch), cause)
         for job in batch:
             if not job.future.done():
-                failure = StoreError(f"{self.fault}; then send again")
+                failure = StoreError(f"{self.fault}; then retry")
                 failure.__cause__ = error
                 job.future.set_exception(failure)
 
 
 def _is_of_shared_work(batch: list[_Job], error: Exception) -> bool:
-    return any(job.together for job in batch) and not is_of_the_store(error)
+    return any(job.shared for job in batch) and not is_store_fault(error)
 
 
 def _collect(job: _Job | None, batch: list[_Job]) -> bool:
-    """Add a job unless its caller went away; gives whether more may come."""
+    """Add a job unless it was cancelled; returns whether the writer goes on."""
     if job is None:
         return False
     if job.future.set_running_or_notify_cancel():

@@ -25,7 +25,7 @@ from eskin_cloud.jobs.integrity import look_at
 from eskin_cloud.service import make_cloud
 from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from eskin_cloud.store import Store
-from eskin_cloud.store.integrity import LARGE
+from eskin_cloud.store.integrity import LARGE_TABLES
 from eskin_cloud.store.row_digests import find_damaged
 from eskin_cloud.store.schema.tables import sequences
 
@@ -114,7 +114,7 @@ def _standing(folder: Path, token: str) -> Iterator[Stand]:
     with Store(folder / _STORE, clock=clock) as store:
         cloud = make_cloud(settings, store, clock=clock, dashboard=folder)
         cloud.feed.ids = cloud.feed.encoder.ids = PlainIds(bytes(32))
-        for table in LARGE:
+        for table in LARGE_TABLES:
             try:
                 look_at(store, table)
             except StoreError as error:

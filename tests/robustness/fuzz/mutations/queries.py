@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 from urllib.parse import parse_qsl, urlencode
 
 from eskin_cloud.query.cursors import write_cursor
-from eskin_cloud.query.models import MODELS, UNITS, USUAL
+from eskin_cloud.query.models import DEFAULTS, MODELS, UNITS
 
 from tests.robustness.fuzz.mutations.texts import mutate_text
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START
@@ -77,7 +77,7 @@ def _value(random: Random) -> str:
 
 def _parameter(random: Random) -> str:
     """A model's parameter, as it usually is, or of any bounds."""
-    usual = random.choice(list(USUAL.values()))
+    usual = random.choice(list(DEFAULTS.values()))
     name = random.choice([*usual, *UNITS])
     if name in usual and random.random() < 0.6:
         return ":".join([name, *map(str, usual[name])])

@@ -86,7 +86,7 @@ class _Transaction:
         if self._connection is None or self._used == _AT_ONCE:
             if self._connection is not None:
                 self._connection.rollback()
-                self._store.cache.forget()
+                self._store.cache.clear()
             else:
                 self._connection = self._store._writing.connect()
             self._used = 0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from eskin_cloud.api.responses import choose
 from eskin_cloud.query.cursors import read_numbers, read_texts, write_cursor
-from eskin_cloud.store.read.window import read_moment, read_window
+from eskin_cloud.store.read.window import parse_time, parse_window
 
 from eskin.errors import MessageError, QueryError
 from eskin.wire.timestamp import format_timestamp, parse_timestamp
@@ -47,10 +47,10 @@ def check(data: bytes) -> None:
     except ValueError:
         pass
     try:
-        found = read_moment("start", text)
+        found = parse_time("start", text)
         assert found is not None
         assert abs(found) < 2**63
-        window = read_window(text, None, last=0)
+        window = parse_window(text, None, last=0)
         assert window.start <= window.end
     except QueryError:
         pass

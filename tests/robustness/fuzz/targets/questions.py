@@ -7,9 +7,9 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from eskin_cloud.query.models import USUAL
+from eskin_cloud.query.models import DEFAULTS
 from eskin_cloud.rollup.builder import build
-from eskin_cloud.store.compaction import pack_some
+from eskin_cloud.store.compaction import compact_page
 
 from eskin.wire.messages import Encoding
 from tests.robustness.fuzz.mutations.queries import OTHER, mutate_query
@@ -29,7 +29,7 @@ _SERIES: Final = f"api/v1/series/{NODE}/{CHANNEL}"
 _ALL: Final = f"start={START}&end={START + 10**10}"
 _SWING: Final = "&".join(
     f"parameter={name}:{lo}:{hi}"
-    for name, (lo, hi) in {**USUAL["alternating_capacitance"], "frequency": (2.0, 2.0)}.items()
+    for name, (lo, hi) in {**DEFAULTS["alternating_capacitance"], "frequency": (2.0, 2.0)}.items()
 )
 _PREDICTED: Final = f"model=alternating_capacitance&{_SWING}&{_ALL}"
 _ASKED: Final = (
@@ -84,5 +84,5 @@ def _fill(store: Store) -> None:
             time = early, early + 3 * DT
             put(store, block(2 * number + 1, lo + 0.1, lo + 0.3, channel=OTHER, time=time))
     build(store)
-    pack_some(store, (NODE, CHANNEL), 0)
+    compact_page(store, (NODE, CHANNEL), 0)
     put(store, status(0, boot=2, channels=(CHANNEL, OTHER)), peak(1, boot=2), gap(2, boot=2))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_cloud.store.damage import Head
+from eskin_cloud.store.damage import RowHeader
 from eskin_sensor_node.fleet.service import require_files
 
 from eskin.demo.audit import audit
@@ -79,7 +79,7 @@ def shift(stack: RealStack, node: str) -> None:
         moved = Tube(tube.time, tube.dt, Interval(lo, hi), tube.unit, tube.coverage)
         data = Block.pack(block.position, block.channel, block.ticks, moved, Encoding.F64)
         row["digest"] = digest(data.encode())
-        moved_row = data.encode(), row["digest"], Head.of(row).checksum(), row["cursor"]
+        moved_row = data.encode(), row["digest"], RowHeader.of(row).checksum(), row["cursor"]
         db.execute("UPDATE blocks SET data = ?, digest = ?, head = ? WHERE cursor = ?", moved_row)
 
 

@@ -1,4 +1,4 @@
-"""Packing changes no answer, at any moment, whatever comes late or is removed meanwhile."""
+"""Compaction changes no answer, also with late and removed blocks."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_cloud.jobs.compaction import _catch_up, compact
-from eskin_cloud.query.export import Export, Mark, Source
+from eskin_cloud.query.export import Export, ExportChannel, ExportPosition
 from eskin_cloud.query.predicate import Predicate
+from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import read_series
-from eskin_cloud.query.threshold import find_segments
 from eskin_cloud.rollup.builder import build
 from eskin_cloud.settings import LiveSection, PackingSection
 from eskin_cloud.store import Store, compaction
-from eskin_cloud.store.compaction import find_packable, pack_some
+from eskin_cloud.store.compaction import compact_page, find_compactable
 from eskin_cloud.store.disk_usage import measure_disk
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
-from eskin_cloud.store.removal import Reason, Sweep, remove
+from eskin_cloud.store.removal import RemovalReason, Sweep, remove
 from eskin_cloud.store.schema.tables import blocks, metadata
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -61,8 +61,8 @@ def rows(store: Store, *columns: Any) -> list[dict[str, Any]]:
 
 
 def pack_all(store: Store, behind: int = 0) -> None:
-    for place in find_packable(store, behind):
-        while pack_some(store, place, behind):
+    for place in find_compactable(store, behind):
+        while compact_page(store, place, behind):
             pass
 
 
@@ -70,13 +70,13 @@ def packs(store: Store) -> list[int]:
     return [row["packed"] for row in rows(store, blocks.c.packed) if row["packed"] is not None]
 
 
-def exported(store: Store, window: Window, after: Mark | None, limit: int) -> list[bytes]:
+def exported(store: Store, window: Window, after: ExportPosition | None, limit: int) -> list[bytes]:
     """Blocks page by page, each with an export of its own, as a client that resumes asks."""
     with store.read() as connection:
         channel = find_channel(connection, *PLACE)
     found = []
     while True:
-        export = Export([Source(channel, store.read)], window, after)
+        export = Export([ExportChannel(channel, store.read)], window, after)
         after = export.find_end(limit)
         found += [
             each.encode()
@@ -89,7 +89,7 @@ def exported(store: Store, window: Window, after: Mark | None, limit: int) -> li
 
 
 def answers(store: Store, window: Window) -> list[Any]:
-    """What is told of a window, each time anew."""
+    """The answers for a window."""
     with store.read() as connection:
         channel = find_channel(connection, *PLACE)
         fine = read_series(connection, channel, window, points=20_000)
@@ -108,7 +108,7 @@ def answers(store: Store, window: Window) -> list[Any]:
     [(2**62 + 10**12,) * 2, (-(2**62) - 10**12,) * 2, (-(2**62) - 5, 2**62 + 8)],
     ids=["late", "early", "unknown"],
 )
-def test_packs_far_from_1970_answer_as_their_blocks(store: Store, time: tuple[int, int]) -> None:
+def test_packs_far_from_1970_equal_their_blocks(store: Store, time: tuple[int, int]) -> None:
     random = np.random.default_rng(1)
     lo = random.normal(size=(22, 100))
     times = [(time[0] + k * SPAN, time[1] + k * SPAN) for k in range(22)]
@@ -141,14 +141,14 @@ STEPS = st.lists(
 
 
 class Twins:
-    """Two stores that are told the same; one of them never packs."""
+    """Two stores with the same messages; one of them never compacts."""
 
     def __init__(self, store: Store, plain: Store) -> None:
         self.store, self.plain = store, plain
         self.next = 0
         for each in (store, plain):
             each.write(_clear).result(120)
-            each.cache.forget()
+            each.cache.clear()
 
     def take(self, step: str, number: int) -> None:
         """Do one step."""
@@ -191,7 +191,7 @@ def _clear(connection: Any) -> None:
 
 
 def _remove(store: Store, before: int) -> None:
-    sweep = Sweep(*PLACE, Reason.AGE, before)
+    sweep = Sweep(*PLACE, RemovalReason.AGE, before)
     while (
         store.write(lambda c: remove(c, store.cache, sweep, most=7, now=store.clock())).result(120)
         >= 7
@@ -201,7 +201,7 @@ def _remove(store: Store, before: int) -> None:
 
 @pytest.fixture
 def plain(tmp_path: Path) -> Iterator[Store]:
-    """A store that nobody packs."""
+    """A store without compaction."""
     with Store(tmp_path / "plain.sqlite") as opened:
         yield opened
 
@@ -210,7 +210,7 @@ def plain(tmp_path: Path) -> Iterator[Store]:
     max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(steps=STEPS)
-def test_no_answer_tells_whether_blocks_are_packed(
+def test_compaction_changes_no_answer(
     store: Store, plain: Store, monkeypatch: pytest.MonkeyPatch, steps: list[tuple[str, int]]
 ) -> None:
     monkeypatch.setattr("eskin_cloud.rollup.blocks._FEW", 8)  # else all are decoded
@@ -224,7 +224,7 @@ def test_no_answer_tells_whether_blocks_are_packed(
     twins.compare()
 
 
-def test_pack_holds_blocks_that_follow_each_other_and_no_others(store: Store) -> None:
+def test_pack_holds_consecutive_blocks_only(store: Store) -> None:
     put(store, *(said(k, encoding=_kind(k)) for k in range(70)))
     before = rows(store)
     pack_all(store)
@@ -234,18 +234,18 @@ def test_pack_holds_blocks_that_follow_each_other_and_no_others(store: Store) ->
     assert all(row in before for row in left)
 
 
-def test_disk_use_counts_samples_and_what_is_free(store: Store) -> None:
+def test_disk_use_counts_samples_and_free_bytes(store: Store) -> None:
     put(store, *map(said, range(210)))
     before = measure_disk(store)
     assert (before.samples, before.taken > 0) == (21_000, True)
     pack_all(store)
     after = measure_disk(store)
     assert after.samples == 21_000
-    if isinstance(store.place, Path):
+    if isinstance(store.location, Path):
         assert after.free > before.free
 
 
-def test_blocks_that_a_stream_may_be_resumed_from_stay(store: Store) -> None:
+def test_blocks_in_the_feed_backlog_are_not_compacted(store: Store) -> None:
     put(store, *map(said, range(60)))
     pack_all(store, 60)
     assert packs(store) == []
@@ -253,16 +253,16 @@ def test_blocks_that_a_stream_may_be_resumed_from_stay(store: Store) -> None:
     assert sum(packs(store)) == 21
 
 
-def test_pack_is_not_written_if_a_block_went_meanwhile(store: Store, monkeypatch: Any) -> None:
+def test_pack_of_a_removed_block_is_not_written(store: Store, monkeypatch: Any) -> None:
     put(store, *map(said, range(30)))
-    keep = compaction._keep
+    keep = compaction._replace
 
     def lose_one(connection: Any, *rest: Any) -> bool:
         connection.execute(delete(blocks).where(blocks.c.sequence == 4))
         return keep(connection, *rest)
 
-    monkeypatch.setattr(compaction, "_keep", lose_one)
-    assert not pack_some(store, PLACE, 0)
+    monkeypatch.setattr(compaction, "_replace", lose_one)
+    assert not compact_page(store, PLACE, 0)
     assert packs(store) == []
     assert len(rows(store)) == 29
 
@@ -277,14 +277,14 @@ def test_fault_in_the_middle_leaves_every_block_once(store: Store, monkeypatch: 
     with monkeypatch.context() as patch:
         patch.setattr(compaction, "insert_many", fail)
         with pytest.raises(StoreError, match="disk is full"):
-            pack_some(store, PLACE, 0)
+            compact_page(store, PLACE, 0)
     assert rows(store) == before
     pack_all(store)
     assert sum(packs(store)) == 21
 
 
 @pytest.mark.anyio
-async def test_cloud_packs_in_the_background_but_not_where_it_is_told_not_to(
+async def test_background_compaction_follows_its_setting(
     tmp_path: Path, identities: Identities, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def once(cloud: AppState, stopping: asyncio.Event) -> None:

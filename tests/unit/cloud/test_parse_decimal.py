@@ -20,7 +20,7 @@ from hypothesis import strategies as st
         st.from_regex(r"[+-]?[0-9]{1,40}(\.[0-9]{0,20})?(e[+-]?[0-9]{1,2})?", fullmatch=True),
     )
 )
-def test_number_of_a_question_is_enclosed_by_neighbours(text: str) -> None:
+def test_decimal_is_enclosed_by_neighbours(text: str) -> None:
     lo, hi = enclose_decimal(text)
     if "inf" in text:
         assert lo == hi == float(text)
@@ -48,6 +48,6 @@ def test_number_beyond_floats_is_enclosed(text: str, lo: float, hi: float) -> No
 
 
 @pytest.mark.parametrize("text", ["", "nan", "-nan", "snan", "1_0", "0x1", "1e", "--1"])
-def test_what_is_no_number_is_refused(text: str) -> None:
+def test_text_that_is_no_number_is_rejected(text: str) -> None:
     with pytest.raises(ValueError, match=r"number|float"):
         enclose_decimal(text)

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_cloud.rollup.builder import build
-from eskin_cloud.store.compaction import pack_some
+from eskin_cloud.store.compaction import compact_page
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import (
     MOST_CHUNKS,
     MOST_SPAN,
     TOP,
     SampleGrid,
-    grain_for,
-    grain_of,
+    base_level,
+    level_for,
 )
 from eskin_cloud.store.schema.tables import blocks
 from sqlalchemy import select
@@ -55,9 +55,7 @@ def drawn(random: np.random.Generator, sequence: int) -> Block:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_slow_blocks_among_fast_ones_answer_as_brute_force_and_coarsen_nothing(
-    store: Store, seed: int
-) -> None:
+def test_slow_blocks_among_fast_ones_equal_brute_force(store: Store, seed: int) -> None:
     random = np.random.default_rng(seed)
     said = [block(0, [0.1], [0.3], time=(START, START), dt=MS)]
     put(store, *said)
@@ -74,7 +72,7 @@ def test_slow_blocks_among_fast_ones_answer_as_brute_force_and_coarsen_nothing(
             before = START + int(random.integers(0, 10**13))
             said = [b for b in said if b.tube.moments[-1] + b.tube.time_error >= before]
             remove_before(store, before)
-        assert lowest_level(store) == grain_of(MS)
+        assert lowest_level(store) == base_level(MS)
         if not said:
             continue
         truth = Truth(said)
@@ -87,7 +85,7 @@ def test_slow_blocks_among_fast_ones_answer_as_brute_force_and_coarsen_nothing(
                 compare(series, truth, window, 100)
 
 
-def test_pack_of_slow_blocks_coarsens_nothing_when_built_anew_or_removed(store: Store) -> None:
+def test_pack_of_slow_blocks_keeps_the_tiles_when_rebuilt_or_removed(store: Store) -> None:
     said = [block(0, [0.1] * 9, [0.3] * 9, time=(START, START), dt=MS)]
     for k in range(64):
         at = START + 10**10 + 2 * k * SLOWEST
@@ -95,7 +93,7 @@ def test_pack_of_slow_blocks_coarsens_nothing_when_built_anew_or_removed(store: 
             block(k + 1, [0.0, 1.0], [1.0, 2.0], time=(at, at), dt=SLOWEST, encoding=Encoding.Q16)
         )
     put(store, *said)
-    while pack_some(store, (NODE, CHANNEL), 0):
+    while compact_page(store, (NODE, CHANNEL), 0):
         pass
     with store.read() as connection:
         assert max(n or 0 for n in connection.execute(select(blocks.c.packed)).scalars()) == 64
@@ -103,11 +101,11 @@ def test_pack_of_slow_blocks_coarsens_nothing_when_built_anew_or_removed(store: 
     truth, window = Truth(said), Window(START, START + 130 * SLOWEST)
     compare(ask(store, window, 100), truth, window, 100)
     remove_before(store, START + 200 * SLOWEST)
-    assert lowest_level(store) == grain_of(MS)
+    assert lowest_level(store) == base_level(MS)
     assert count_marked(store) > MOST_CHUNKS
 
 
-def test_slow_block_is_decoded_where_its_samples_are_alone(
+def test_slow_block_is_decoded_at_its_samples_only(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slow = block(1, [0.0] * 9, [1.0] * 9, time=(START, START), dt=SLOWEST)
@@ -123,11 +121,11 @@ def test_slow_block_is_decoded_where_its_samples_are_alone(
 @pytest.mark.parametrize("n", [1, 2, MOST_CHUNKS, MOST_CHUNKS + 1, 1000])
 @pytest.mark.parametrize("first", [1, MS])
 def test_a_level_is_as_low_as_its_bounds_allow(first: int, n: int, dt: int) -> None:
-    comb, own = SampleGrid(START, dt, n), grain_of(first)
-    grain = grain_for(own, comb)
+    samples, own = SampleGrid(START, dt, n), base_level(first)
+    grain = level_for(own, samples)
     for level in range(own, min(grain, TOP - 2) + 1, 2):
         chunks = {(START + k * dt) >> (level + 8) for k in range(n)}
-        assert sorted(comb.chunks(level)) == sorted(chunks)
+        assert sorted(samples.chunks(level)) == sorted(chunks)
         span = max(chunks) - min(chunks) + 1
         # The first one keeps what it has, if it can.
         assert (level == grain) == (len(chunks) <= MOST_CHUNKS and span <= MOST_SPAN)

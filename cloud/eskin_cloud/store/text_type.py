@@ -1,4 +1,4 @@
-"""Text as every store keeps it."""
+"""The column type of text, alike in SQLite and PostgreSQL."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 class Text(TypeDecorator[str]):
-    """Text of at most so many characters, in the order of its code points.
+    """Text of limited length, ordered by code points.
 
-    PostgreSQL knows no NUL within text, and sorts as people do unless it is told otherwise.
+    PostgreSQL accepts no NUL within text, and would order by locale.
     """
 
     impl = String
@@ -28,7 +28,7 @@ class Text(TypeDecorator[str]):
         return dialect.type_descriptor(String(length, collation=collation))
 
     def process_bind_param(self, value: str | None, dialect: Dialect) -> str | None:
-        """Text on its way to the store."""
+        """Replace NUL."""
         del dialect
         return None if value is None else storable(value)
 

@@ -1,4 +1,4 @@
-"""A process that hangs in the middle of its rows does not keep others from writing for ever."""
+"""A process that hangs during COPY is ended, so that others can write."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from eskin_cloud.store import Store
 from eskin_cloud.store.schema.tables import blocks
 from eskin_cloud.store.stuck_writer import end_stuck_writer
 from eskin_cloud.store.write.block_row import BlockRow
-from eskin_cloud.store.write.bulk_insert import inserts
+from eskin_cloud.store.write.bulk_insert import bulk_insert
 from sqlalchemy import func, select
 
 from eskin.errors import StoreError
@@ -26,15 +26,13 @@ if TYPE_CHECKING:
     from tests.support.postgresql import Cluster
 
 
-def test_writer_that_hangs_between_rows_is_ended_and_tries_again(
-    cluster: Cluster, shared_database: URL
-) -> None:
+def test_stuck_writer_is_ended_and_retries(cluster: Cluster, shared_database: URL) -> None:
     cluster.clear(shared_database)
     begun: Future[None] = Future()
     held: Future[None] = Future()
 
     def hang(connection: Connection) -> None:
-        into = inserts(connection, blocks)
+        into = bulk_insert(connection, blocks)
         data = block(0).encode()
         said = decode_summary(data)
         assert isinstance(said, BlockSummary)
@@ -44,13 +42,13 @@ def test_writer_that_hangs_between_rows_is_ended_and_tries_again(
 
     with Store(shared_database) as hung, Store(shared_database) as other:
         assert not end_stuck_writer(other, after_s=0.0)
-        broken = hung.write(hang, together=True)
+        broken = hung.write(hang, shared=True)
         begun.result(120)
         assert not end_stuck_writer(other, after_s=3600.0)
         wait_until(lambda: end_stuck_writer(other, after_s=0.05), "the one that hangs is ended")
         assert put(other, block(1)).results[0].result == "stored"
         held.set_result(None)
-        with pytest.raises(StoreError, match="then send again"):
+        with pytest.raises(StoreError, match="then retry"):
             broken.result(120)
         assert [each.result for each in put(hung, block(1), block(2)).results] == [
             "duplicate",

@@ -1,4 +1,4 @@
-"""Batches that share a commit: what they learn is saved once, and what breaks harms none beside."""
+"""Batches that share a commit: the cache is saved once, failures are isolated."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eskin_cloud.store.schema.tables import (
     nodes,
     sequences,
 )
-from eskin_cloud.store.write.bulk_insert import inserts
+from eskin_cloud.store.write.bulk_insert import bulk_insert
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import event, func, select
@@ -59,19 +59,19 @@ def refuse(_: Connection) -> None:
 
 
 def stumble(_: Connection) -> None:
-    """Break as nobody foresaw."""
+    """Raise an unexpected error."""
     raise ZeroDivisionError
 
 
 def collide(connection: Connection) -> None:
-    """Add a row that is there already: PostgreSQL tells when the COPY ends, maybe in other work."""
+    """Add a row that is there already: PostgreSQL reports it when the COPY ends."""
     row = connection.execute(select(blocks).limit(1)).one()
-    inserts_ = inserts(connection, blocks)
+    inserts_ = bulk_insert(connection, blocks)
     inserts_.add(tuple(row))
     inserts_.finish()
 
 
-def test_batches_that_share_a_commit_are_saved_once(store: Store) -> None:
+def test_shared_commit_saves_the_cache_once(store: Store) -> None:
     saved: list[str] = []
 
     def note(_: Connection, __: Any, statement: str, *rest: object) -> None:
@@ -85,11 +85,11 @@ def test_batches_that_share_a_commit_are_saved_once(store: Store) -> None:
     assert [kinds(each.result(120)) for each in written] == [["stored"] * 2] * 8
     assert saved.count("UPDATE channels") == saved.count("UPDATE nodes") == 1
     assert saved.count("UPDATE feed") == 1
-    store.cache.forget()
+    store.cache.clear()
     assert kinds(put(store, block(80), block(82))) == ["duplicate", "stored"]
 
 
-def test_work_of_another_kind_sees_what_batches_before_it_left(store: Store) -> None:
+def test_other_work_sees_earlier_batches(store: Store) -> None:
     def count(connection: Connection) -> tuple[int, int]:
         rows = select(func.count()).select_from(blocks)
         counted = select(func.coalesce(func.sum(channels.c.blocks), 0))
@@ -107,7 +107,7 @@ def test_work_of_another_kind_sees_what_batches_before_it_left(store: Store) -> 
 @pytest.mark.parametrize(("then", "told"), [
     (refuse, QueryError), (stumble, ZeroDivisionError), (collide, IntegrityError),
 ])  # fmt: skip
-def test_batch_that_breaks_harms_none_beside_it(
+def test_failed_batch_affects_no_other(
     store: Store,
     caplog: pytest.LogCaptureFixture,
     then: Callable[[Connection], None],
@@ -130,7 +130,7 @@ def test_batch_that_breaks_harms_none_beside_it(
         assert connection.execute(select(dead_letters)).all() == []
 
 
-def test_message_that_breaks_what_stores_it_is_buried_alone(
+def test_message_that_fails_becomes_a_dead_letter_alone(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def breaks(*_: object) -> None:
@@ -153,7 +153,7 @@ _WORK: Final = st.tuples(
 
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(_WORK, max_size=8))
-def test_what_is_left_is_what_each_for_itself_leaves(
+def test_shared_commits_equal_single_commits(
     twins: tuple[Store, Store], work: list[tuple[list[int], Any, bool]]
 ) -> None:
     shared, alone = map(emptied, twins)
@@ -167,7 +167,7 @@ def test_what_is_left_is_what_each_for_itself_leaves(
                 shared.write(lambda c: c.execute(select(func.count()).select_from(nodes)).scalar())
     told = [_outcome(each) for each in written]
     apart = [
-        _outcome(bring(alone, *map(_said, numbers), then=then, together=False))
+        _outcome(bring(alone, *map(_said, numbers), then=then, shared=False))
         for numbers, then, _ in work
     ]
     assert told == apart

@@ -1,4 +1,4 @@
-"""What nodes made and the store lacks: named after a while, taken back when it comes."""
+"""Missing messages: reported after a while, withdrawn when they arrive."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.unit.cloud.messages import NODE, START, block, gap, status
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.location import StoreLocation
 
     from tests.support.identities import Identities
     from tests.unit.cloud.clouds import Said, Stand
@@ -40,7 +40,7 @@ async def bring(stand: Stand, *messages: Said) -> None:
 
 
 async def wait(stand: Stand) -> Any:
-    """Let the cloud look before and after its patience; gives what it then says is missing."""
+    """Search before and after the patience; returns what is then missing."""
     await look(stand.cloud)
     stand.clock.turn(PATIENCE_S)
     await look(stand.cloud)
@@ -48,16 +48,17 @@ async def wait(stand: Stand) -> Any:
 
 
 async def missing(stand: Stand) -> Any:
-    """What the node's document says is missing, which must agree with the list's and the metric."""
+    """What the node's document states as missing, equal to the list's and the metric."""
     (node,) = (await stand.get("/api/v1/nodes")).json()["items"]
     assert node == (await stand.get(f"/api/v1/nodes/{NODE}")).json()
     told = node["missing"]
-    assert count_missing(stand.cloud.store) == (0 if told is None else told["messages"])
+    with stand.cloud.store.read() as connection:
+        assert count_missing(connection) == (0 if told is None else told["messages"])
     return told
 
 
 async def details(stand: Stand) -> list[str]:
-    """What events say, the oldest first."""
+    """The details of events, the oldest first."""
     found = (await stand.get("/api/v1/events", kind="status", order="asc")).json()["items"]
     return [event["detail"] for event in found if not event["detail"].startswith("started")]
 
@@ -67,7 +68,7 @@ def ranges(told: Any) -> list[tuple[int, int, int]]:
     return [(each["boot"], each["first"], each["last"]) for each in told["ranges"]]
 
 
-async def test_hole_between_stored_messages_is_named_after_five_minutes(stand: Stand) -> None:
+async def test_gap_between_stored_messages_is_reported_after_five_minutes(stand: Stand) -> None:
     await bring(stand, *(block(number) for number in (0, 1, 2, 7, 8, 10)))
     await look(stand.cloud)
     stand.clock.turn(PATIENCE_S - 1)
@@ -85,7 +86,7 @@ async def test_hole_between_stored_messages_is_named_after_five_minutes(stand: S
     assert len(await details(stand)) == 1  # once
 
 
-async def test_hole_that_fills_late_is_taken_back(stand: Stand) -> None:
+async def test_late_message_withdraws_the_report(stand: Stand) -> None:
     await bring(stand, *(block(number) for number in (0, 5)))
     assert (await wait(stand))["messages"] == 4
     await bring(stand, block(1), block(2))
@@ -98,7 +99,7 @@ async def test_hole_that_fills_late_is_taken_back(stand: Stand) -> None:
     assert [each.split(":")[0] for each in await details(stand)] == ["missing", "found"]
 
 
-async def test_hole_that_fills_in_time_is_never_named(stand: Stand) -> None:
+async def test_gap_that_fills_in_time_is_not_reported(stand: Stand) -> None:
     await bring(stand, *(block(number) for number in (0, 5)))
     await look(stand.cloud)
     await bring(stand, *(block(number) for number in (1, 2, 3, 4)))
@@ -106,7 +107,7 @@ async def test_hole_that_fills_in_time_is_never_named(stand: Stand) -> None:
     assert await details(stand) == []
 
 
-async def test_what_a_gap_names_is_explained(stand: Stand) -> None:
+async def test_lost_messages_of_a_gap_are_not_missing(stand: Stand) -> None:
     await bring(stand, block(3), gap(4), block(7))
     assert ranges(await wait(stand)) == [(1, 5, 6)]
     told = Gap(Position(1, 8), "flash full", (START, START), 2, 0, ((1, 5, 6),))
@@ -122,13 +123,13 @@ async def test_dead_letter_is_not_missing(stand: Stand) -> None:
     assert await wait(stand) is None
 
 
-async def test_dead_letters_hide_no_hole(stand: Stand) -> None:
+async def test_dead_letters_hide_no_missing_message(stand: Stand) -> None:
     said = [block(number, unit="FH"[number % 2]) for number in range(2100)]
     await bring(stand, *said, block(2101))
     assert ranges(await wait(stand)) == [(1, 2100, 2100)]
 
 
-async def test_message_that_the_store_cannot_keep_is_not_missing(
+async def test_message_that_fails_is_not_missing(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def add(*args: Any) -> None:
@@ -136,17 +137,17 @@ async def test_message_that_the_store_cannot_keep_is_not_missing(
             raise ZeroDivisionError
         add_blocks(*args)
 
-    monkeypatch.setattr("eskin_cloud.store.write.block_run.add_blocks", add)
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.add_blocks", add)
     await bring(stand, *(block(number) for number in range(3)))
     assert await wait(stand) is None
 
 
-async def test_end_of_a_former_boot_shows_its_tail(stand: Stand) -> None:
+async def test_end_of_a_former_boot_shows_its_missing_tail(stand: Stand) -> None:
     await bring(stand, block(0), block(1), replace(status(0, boot=5), ended=((1, 9), (3, 2))))
     assert ranges(await wait(stand)) == [(1, 2, 9), (3, 0, 2)]
 
 
-async def test_what_the_node_still_holds_is_on_its_way(stand: Stand) -> None:
+async def test_messages_in_flash_are_not_missing(stand: Stand) -> None:
     holding = replace(status(20), held=Position(1, 10))
     await bring(stand, block(0), holding)
     assert ranges(await wait(stand)) == [(1, 1, 9)]
@@ -154,8 +155,8 @@ async def test_what_the_node_still_holds_is_on_its_way(stand: Stand) -> None:
     assert ranges(await wait(stand)) == [(1, 1, 19)]
 
 
-async def test_what_retention_removed_is_not_missing(
-    tmp_path: Path, identities: Identities, place: Place
+async def test_removed_messages_are_not_missing(
+    tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     rules = RetentionSection(days=1.0)
     with standing(tmp_path, identities, place=place, retention=rules) as stand:
@@ -165,7 +166,8 @@ async def test_what_retention_removed_is_not_missing(
         for _ in range(2):
             stand.clock.turn(PATIENCE_S)
             await look(stand.cloud)
-        assert count_missing(stand.cloud.store) == 0
+        with stand.cloud.store.read() as connection:
+            assert count_missing(connection) == 0
 
 
 @pytest.mark.parametrize(
@@ -178,7 +180,7 @@ async def test_what_retention_removed_is_not_missing(
         (None, False),
     ],
 )
-async def test_flash_that_lacks_what_is_stored_is_named(
+async def test_flash_rollback_is_reported(
     stand: Stand,
     ended: tuple[tuple[int, int], ...] | None,
     lost: bool,  # noqa: FBT001 - a parameter of the test
@@ -188,7 +190,7 @@ async def test_flash_that_lacks_what_is_stored_is_named(
     assert any("flash" in each for each in await details(stand)) is lost
 
 
-async def test_store_that_lacks_what_it_confirmed_is_named_by_node_and_range(stand: Stand) -> None:
+async def test_store_rollback_is_reported_by_node_and_range(stand: Stand) -> None:
     await bring(stand, *(block(number) for number in range(4)))
     admit(stand.cloud.store, "palm")
     async with stand.ingest_client() as gateway:
@@ -217,7 +219,7 @@ async def test_store_that_lacks_what_it_confirmed_is_named_by_node_and_range(sta
     }
 
 
-async def test_number_of_holes_of_a_node_is_bounded(stand: Stand) -> None:
+async def test_missing_ranges_of_a_node_are_bounded(stand: Stand) -> None:
     await bring(stand, *(block(2 * number + 1) for number in range(1100)))
     assert (await wait(stand))["messages"] == 1000
 
@@ -226,7 +228,7 @@ spans = st.lists(st.tuples(st.integers(0, 40), st.integers(0, 6)), max_size=6)
 
 
 @given(spans, spans)
-def test_subtraction_is_that_of_sets(
+def test_subtraction_equals_that_of_sets(
     one: list[tuple[int, int]], other: list[tuple[int, int]]
 ) -> None:
     mine = list(SequenceRanges((a, a + n) for a, n in one))

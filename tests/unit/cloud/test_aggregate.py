@@ -1,4 +1,4 @@
-"""Samples folded in one pass against a look at each sample; stored bounds against messages."""
+"""Aggregates against brute force; stored bounds against messages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from eskin_cloud.rollup.blocks import Buckets, decode, fold
-from eskin_cloud.store.damage import Head
+from eskin_cloud.store.damage import RowHeader
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.write.block_row import BlockRow
 from hypothesis import given, settings
@@ -45,7 +45,7 @@ def rows(said: list[Block]) -> list[tuple[Any, ...]]:
     return [
         (
             *(each.first_moment, each.dt, len(each), each.time_error, each.coverage, data),
-            *(head["head"], *Head.of(head)),
+            *(head["head"], *RowHeader.of(head)),
         )
         for one in said
         for each, data in [(one.tube, one.encode())]
@@ -55,9 +55,7 @@ def rows(said: list[Block]) -> list[tuple[Any, ...]]:
 
 @settings(max_examples=60, deadline=None)
 @given(spoken(), st.integers(-5, 60), st.integers(1, 150), st.integers(1, 40))
-def test_pieces_are_what_their_samples_are(
-    said: list[Block], begin: int, span: int, width: int
-) -> None:
+def test_aggregates_equal_brute_force(said: list[Block], begin: int, span: int, width: int) -> None:
     window = Window(START + begin, START + begin + span)
     buckets = Buckets(window.start - 3, width, -(-(span + 3) // width))
     found = fold(rows(said), window, buckets)
@@ -86,7 +84,7 @@ def exact(numbers: Any) -> Fraction | float:
 
 @pytest.mark.parametrize("encoding", Encoding)
 @pytest.mark.parametrize("scale", [1.0, 1e-12, 1e-310, 1e300])
-def test_stored_bounds_are_those_of_the_message(encoding: Encoding, scale: float) -> None:
+def test_stored_bounds_equal_the_message(encoding: Encoding, scale: float) -> None:
     lo = np.array([0.5, -np.inf, 1.0, -np.inf, -3.0]) * scale
     hi = np.array([0.75, 2.0, np.inf, np.inf, -2.0]) * scale
     said = block(2**40, lo, hi, channel="t01.x", unit="Pa", encoding=encoding)

@@ -1,4 +1,4 @@
-"""What is stored is remembered, and each commit writes what changed of it alone."""
+"""Each commit writes only the changed ranges of stored sequence numbers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_cloud.store.schema.tables import sequences
-from eskin_cloud.store.write.stored_sequences import Change, StoredSequences
+from eskin_cloud.store.write.stored_sequences import RangeChange, StoredSequences
 from hypothesis import given
 from hypothesis import strategies as st
 from sqlalchemy import select
@@ -22,7 +22,7 @@ COMMITS = st.lists(st.lists(st.tuples(st.integers(0, 40), st.integers(0, 5)), ma
 
 
 @given(commits=COMMITS)
-def test_what_is_written_by_changes_is_what_is_remembered(
+def test_written_changes_equal_the_ranges(
     commits: list[list[tuple[int, int]]],
 ) -> None:
     memory, written = StoredSequences(), dict[int, int]()
@@ -40,17 +40,17 @@ def test_what_is_written_by_changes_is_what_is_remembered(
         assert written == dict(memory) == dict(StoredSequences(sorted(written.items())))
 
 
-def test_number_behind_many_holes_changes_one_range() -> None:
+def test_number_after_many_gaps_changes_one_range() -> None:
     memory = StoredSequences((number, number) for number in range(0, 20_000, 2))
     memory.add(20_000)
-    assert list(memory.changes()) == [Change(20_000, None, 20_000)]
+    assert list(memory.changes()) == [RangeChange(20_000, None, 20_000)]
     memory.written()
     memory.add(9_999)
     assert sorted(memory.changes()) == [(9_998, 9_998, 10_000), (10_000, 10_000, None)]
 
 
 @pytest.mark.anyio
-async def test_commit_costs_the_same_however_many_holes_a_node_leaves(
+async def test_cost_of_a_commit_is_independent_of_gaps(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     even = [block(number) for number in range(0, 600, 2)]
@@ -67,7 +67,7 @@ async def test_commit_costs_the_same_however_many_holes_a_node_leaves(
     missing = [block(number) for number in range(1, 600, 2)]
     answer = await stand.ingest(batch(*missing))
     assert {item["result"] for item in answer.json()["items"]} == {"stored"}
-    stand.cloud.store.cache.forget()
+    stand.cloud.store.cache.clear()
     answer = await stand.ingest(batch(*even, *missing))
     assert {item["result"] for item in answer.json()["items"]} == {"duplicate"}
     assert count_blocks(stand) == 602
@@ -77,10 +77,8 @@ async def test_commit_costs_the_same_however_many_holes_a_node_leaves(
 
 
 @pytest.mark.anyio
-async def test_rows_are_forgotten_where_they_are_many(
-    stand: Stand, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("eskin_cloud.store.write.write_cache._MOST_ROWS", 3)
+async def test_cache_of_rows_is_bounded(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eskin_cloud.store.write.write_cache._MAX_ROWS", 3)
     for number in range(6):
         said = block(2 * number, channel=f"t{number:02}.pressure"), block(2 * number + 1)
         answer = await stand.ingest(batch(*said))

@@ -1,4 +1,4 @@
-"""The pyramid against brute force over raw samples, while blocks come in any order and go again."""
+"""Rollups against brute force, while blocks arrive in any order and are removed."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_cloud.jobs.rollup import build_rollup
-from eskin_cloud.query.occupancy import measure_occupancy, sum_up
+from eskin_cloud.query.occupancy import measure_occupancy, total_occupancy
 from eskin_cloud.query.predicate import Predicate, Verdict
-from eskin_cloud.query.segments import Segment, merge
-from eskin_cloud.query.threshold import find_segments
-from eskin_cloud.rollup.builder import build
-from eskin_cloud.rollup.levels import write_levels
+from eskin_cloud.query.segments import Segment, find_segments, merge
+from eskin_cloud.rollup.builder import build, write_levels
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
-from eskin_cloud.store.schema.tile_tables import stale, tiles
+from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sqlalchemy import select
@@ -63,7 +61,7 @@ def drawn(random: np.random.Generator, sequence: int, first: int, last: int) -> 
 
 
 @pytest.mark.parametrize(("seed", "few"), [(0, 600), (1, 3)])
-def test_buckets_equal_brute_force_whatever_comes_and_goes(
+def test_buckets_equal_brute_force(
     store: Store, monkeypatch: pytest.MonkeyPatch, seed: int, few: int
 ) -> None:
     monkeypatch.setattr("eskin_cloud.rollup.blocks._FEW", few)
@@ -125,14 +123,12 @@ def test_entries_are_those_of_every_signal_between_the_bounds(
                 for state, was, (_, gap) in zip(signal, before, samples, strict=True)
             )
         )
-    whole = sum_up(runs, Window(0, t + 10), None)
+    whole = total_occupancy(runs, Window(0, t + 10), None)
     assert whole.entries == (min(counts), max(counts))
-    assert sum_up(merge(runs), Window(0, t + 10), None).entries == whole.entries
+    assert total_occupancy(merge(runs), Window(0, t + 10), None).entries == whole.entries
 
 
-def test_states_decode_only_blocks_that_straddle(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_states_decode_only_undecided_blocks(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     levels = [0.0, 5.0, 9.5, 12.0]
     said = [
         block(n, [levels[n // 200]] * 500, [levels[n // 200] + 1] * 500, time=(at, at), dt=1)
@@ -157,7 +153,7 @@ def test_states_decode_only_blocks_that_straddle(
 
 
 @pytest.mark.anyio
-async def test_background_builds_what_came_and_ends_when_told(stand: Stand) -> None:
+async def test_background_build_starts_and_stops(stand: Stand) -> None:
     moments = [START + n * 20_000 for n in range(5)]
     put(stand.cloud.store, *(block(n, time=(t, t), dt=1) for n, t in enumerate(moments)))
     stopping = asyncio.Event()
@@ -187,10 +183,10 @@ def test_certain_segment_ends_at_each_gap_within_a_tile(store: Store) -> None:
     assert [(run.start, run.end) for run in found] == [(t, t + 29) for t in moments]
 
 
-def test_building_gives_way_between_channels_to_whoever_else_writes(
+def test_build_yields_to_other_writers_between_channels(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Chunks of all channels are whole at the same moment: nobody shall wait for all of them."""
+    """Chunks of all channels are complete at the same time; other writes must not wait for all."""
     names = [f"t{number:02}.capacitance" for number in range(3)]
     for at, name in enumerate(names):
         moments = [START, START + 20_000]
@@ -208,5 +204,5 @@ def test_building_gives_way_between_channels_to_whoever_else_writes(
     build(store)
     assert order == [names[0], "another", *names[1:]]
     with store.read() as connection:
-        assert not connection.execute(select(stale)).all()
+        assert not connection.execute(select(stale_chunks)).all()
         assert set(connection.execute(select(tiles.c.channel)).scalars()) == set(names)
