@@ -11,8 +11,8 @@ import importlib
 from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import EskinError
-from eskin.interval import Interval, Verdicts
-from eskin.peaks import PeakEvent, Peaks, PeakStream, Verdict, find_peaks
+from eskin.interval import Interval, Verdict, Verdicts
+from eskin.peaks import PeakEvent, Peaks, PeakStream, find_peaks
 from eskin.tube import Tube
 
 if TYPE_CHECKING:

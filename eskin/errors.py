@@ -14,7 +14,7 @@
     ├── IdentityError            keys or certificates that cannot be used
     │   ├── UntrustedCertificateError
     │   └── AuthorityError       a CA whose own files cannot be used
-    ├── PrivacyError             what tells of a person and cannot be sealed or read
+    ├── PrivacyError             biometric data that cannot be encrypted or decrypted
     │   └── NoKeyError
     ├── LockedError              a file that another process owns
     ├── FirmwareError            a node's firmware that failed while it ran
@@ -151,15 +151,15 @@ class UntrustedCertificateError(IdentityError):
 
 
 class AuthorityError(IdentityError):
-    """A CA's own files cannot be read or written now; nobody's request is at fault."""
+    """A CA's own files cannot be read or written; the request is not at fault."""
 
 
 class PrivacyError(EskinError):
-    """What tells of a person and cannot be sealed or read; its text never holds what it tells."""
+    """Biometric data cannot be encrypted or decrypted; the text never holds them."""
 
 
 class BrokenSealError(PrivacyError):
-    """What was sealed is not what lies there: a bit flipped, or somebody changed or moved it."""
+    """Encrypted data were changed, moved or damaged."""
 
 
 class KeyConflictError(PrivacyError):

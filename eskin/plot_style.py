@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.ticker import Formatter
 
 COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
-"""Okabe and Ito's colours, told apart by the colour-blind, too."""
+"""Okabe and Ito's colours, distinct for the colour-blind, too."""
 _FACTORS: Final = {"m2": (1e4, "cm²"), "percent": (1.0, "%"), "F": (1e12, "pF")}
 
 

@@ -61,7 +61,7 @@ def create_application(
 ) -> FastAPI:
     """Build the application over an opened CA.
 
-    Whoever serves it may set ``app.state.follow``, which is awaited before anybody is told the
+    The server may set ``app.state.follow``, which is awaited before a caller gets the
     roots that stand: the service's own certificate must not lead to one that visitors then have
     dropped.
     """
@@ -95,7 +95,7 @@ def create_application(
 
 
 def _add_public(app: FastAPI, authority: CertificateAuthority, change_queue: ChangeQueue) -> None:
-    """What anybody may read."""
+    """Public routes."""
 
     @app.get("/certificates/{name}")
     async def certificate(name: Annotated[str, Path(max_length=100)]) -> Response:
@@ -130,7 +130,7 @@ def _add_public(app: FastAPI, authority: CertificateAuthority, change_queue: Cha
 
 
 async def _nothing() -> None:
-    """Nobody serves it who would have a certificate to look after."""
+    """The default: no certificate to watch."""
 
 
 def _decoded(text: str) -> bytes:

@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 MOST: Final = 64
 PATIENCE_S: Final = 10.0
-"""Then whoever stands in the queue is told to come again: parties wait no longer for an answer."""
+"""Then queued callers get 503 with Retry-After: clients wait no longer for an answer."""
 
 
 class ChangeQueue:
@@ -34,7 +34,7 @@ class ChangeQueue:
         """Have a change made, and give what it gives.
 
         Raises:
-            LockedError: Too many wait, or somebody else has been changing the CA for too long.
+            LockedError: Too many wait, or another writer held the CA's lock for too long.
         """
         if self._inside >= MOST:
             raise LockedError(self._directory)

@@ -174,7 +174,7 @@ def fetch_roots(url: str, *directories: Path) -> list[Path]:
 
     Raises:
         NotReadyError: The service is away.
-        IdentityError: For one of them nobody vouches.
+        IdentityError: One of them is not certified.
     """
     content = ask("GET", url, directories[0], "/roots", None).content
     offered = x509.load_pem_x509_certificates(content)

@@ -67,12 +67,12 @@ class EnrolmentService:
             may be lost.
 
         Raises:
-            LockedError: Somebody else has been changing the CA for too long.
+            LockedError: Another writer held the CA's lock for too long.
             IdentityError: The token is not good for this key or name, or the key was revoked.
         """
         key, name = requested_key(request), requested_name(request)
         register = self._authority.register
-        # Whoever is revoked while this is judged shall not get another certificate by it.
+        # An identity that is revoked meanwhile gets no new certificate.
         with self._authority.changing():
             register.require_unrevoked(key)
             found = self._tokens.redeem(token, _der(key), name, revocation=register.revocation)

@@ -107,7 +107,7 @@ def ask(
 
 
 def waited(path: Path) -> bytes:
-    """Read a file that the CA service, or somebody else, puts where it is.
+    """Read a file that the CA service, or another process, writes.
 
     Raises:
         NotReadyError: It is not there.

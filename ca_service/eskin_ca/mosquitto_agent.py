@@ -57,7 +57,7 @@ DYNAMIC_SECURITY: Final = {
     ],
     "clients": [],
 }
-"""Whoever reaches the socket file may speak to the plugin, and do nothing else."""
+"""A client of the socket file may use the plugin, and nothing else."""
 _PATIENCE_S: Final = 5.0
 
 
@@ -104,7 +104,7 @@ class MosquittoAgent:
             self._seen = self._state()
             while broker.poll() is None and not self._stopping.wait(_LOOK_S):
                 self._look(broker)
-        finally:  # one that nobody guards would let in the revoked
+        finally:  # an unguarded broker would accept revoked clients
             broker.terminate()
             status = broker.wait()
         return status
@@ -168,11 +168,11 @@ class MosquittoAgent:
     def _listed(self) -> set[tuple[str, str]]:
         """Whom the broker refuses by the lists that it has: others could come back at once."""
         refused = revoked(self._folder)
-        told = {one for kind in KINDS for one in fetch_revoked(self._url, self._identity, kind)}
-        return {(name, serial) for name, serial in told if serial in refused}
+        listed = {one for kind in KINDS for one in fetch_revoked(self._url, self._identity, kind)}
+        return {(name, serial) for name, serial in listed if serial in refused}
 
     def _end_revoked(self) -> None:
-        """End connections of whoever was revoked since the last time."""
+        """End connections of clients that were revoked since the last time."""
         listed = self._listed()
         names = sorted({name for name, _ in listed - self._revoked})
         if names:

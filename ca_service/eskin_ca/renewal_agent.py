@@ -13,11 +13,11 @@ from eskin.errors import IdentityError, LockedError
 from eskin.identity import (
     Identity,
     common_name,
+    finish_renewal,
     forget_past,
     is_due,
     is_superseded,
     load_certificates,
-    settle,
 )
 from eskin.runtime.files.lock import LockFile
 from eskin_ca.client import fetch_revocations, fetch_roots, fetch_site, renew
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _RENEWAL: Final = "renewal"
-"""Whoever renews an identity owns this file of its folder meanwhile."""
+"""The agent that renews an identity locks this file of its folder."""
 
 
 class RenewalAgent:
     """Works in a thread while its block runs; without a CA service, not at all.
 
-    The parties look at their files by themselves, so it matters to nobody who renews them.
+    The services watch their own files, so any process may renew them.
 
     Args:
         settings: The CA service.
@@ -48,7 +48,7 @@ class RenewalAgent:
         lists: Files of revocation lists; ``None`` where a process has none.
 
     Attributes:
-        faults: How often something failed in a way that nobody foresaw.
+        faults: Number of unexpected errors.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class RenewalAgent:
         except (IdentityError, OSError) as error:
             if self._is_new(what, error):
                 log.warning("%s failed, trying again: %s", what, error)
-        except Exception as error:  # the thread's outermost loop: what broke is told and counted
+        except Exception as error:  # unexpected errors must not stop the thread
             self.faults += 1
             if self._is_new(what, error):
                 log.exception("%s failed, trying again: faults=%d", what, self.faults)
@@ -117,7 +117,7 @@ class RenewalAgent:
     def _renew(self, directory: Path) -> None:
         """Renew what is due; where gateways share a site's folder, one of them does it."""
         with suppress(LockedError), LockFile(directory / _RENEWAL):
-            settle(directory)
+            finish_renewal(directory)
             now = datetime.now(UTC)
             forget_past(directory, now)
             standing = Identity.load(directory)

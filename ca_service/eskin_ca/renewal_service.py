@@ -1,4 +1,4 @@
-"""Renewing: who holds a certificate that still stands gets the next one, for a fresh key."""
+"""Renewal: the holder of a valid certificate gets the next one, for a fresh key."""
 
 from __future__ import annotations
 
@@ -76,12 +76,12 @@ class RenewalService:
             The certificate, then the issuing CA's.
 
         Raises:
-            LockedError: Somebody else has been changing the CA for too long.
+            LockedError: Another writer held the CA's lock for too long.
             TooOftenError: The name got many lately.
             IdentityError: The old certificate is revoked, too old or not ours, or its CA retired,
                 or it does not speak for this request.
         """
-        # Whoever is revoked while this is judged shall not get another certificate by it.
+        # An identity that is revoked meanwhile gets no new certificate.
         with self._authority.changing():
             old, key = self._judged(signed)
             kind, name = issuer_kind(old), common_name(old)
@@ -124,11 +124,11 @@ class RenewalService:
 
     def _opened(self, signed: bytes, old: x509.Certificate, kind: IdentityKind, name: str) -> bytes:
         # Judged at the end of its validity, where that has passed.
-        trust = ChainVerifier(
+        chains = ChainVerifier(
             *self._authority.roots, clock=lambda: min(self._clock(), old.not_valid_after_utc)
         )
         try:
-            return Verifier(trust, kind=kind, name=name).verify(signed, topic=RENEWAL)
+            return Verifier(chains, kind=kind, name=name).verify(signed, topic=RENEWAL)
         except EnvelopeError as error:
             raise IdentityError(f"no request to renew of {name}: {error}") from error
 

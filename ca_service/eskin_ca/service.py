@@ -142,12 +142,12 @@ class Server(Listener):
         """Look, and come back once it is done; one look is enough for all who wait for it.
 
         Raises:
-            LockedError: Somebody else has been changing the CA for too long.
+            LockedError: Another writer held the CA's lock for too long.
             IdentityError: The CA's folder cannot be read or written.
         """
         before = self._looking
         if before is not None and not before.done():
-            # It may have looked before what the visitor is about to be told.
+            # Its last look may be older than what the caller is about to get.
             await asyncio.wait([before])
         look = self._looking
         await asyncio.shield(self._look_again() if look is None or look is before else look)
@@ -186,7 +186,7 @@ def _hand_out(
     """Put token and root into the folder of who was never issued a certificate, or not whole."""
     _spread_roots(authority, expected.directory)
     names = numbered(expected.name, expected.count) if expected.count else [expected.name]
-    # First: whoever is revoked from here on is not enrolled by it.
+    # First: an identity that is revoked from here on is not enrolled.
     lines = authority.register.length()
     issued = {entry.name for entry in authority.issued()}
     if issued.issuperset(names):
@@ -200,7 +200,7 @@ def _hand_out(
 
 
 def _spread_roots(authority: CertificateAuthority, folder: Path) -> None:
-    """Let whoever enrols believe the roots that stand."""
+    """Give enrolling clients the present roots."""
     file, roots = folder / ROOT_FILE, authority.root_file.read_bytes()
     if not file.exists() or file.read_bytes() != roots:
         write_whole(file, roots)

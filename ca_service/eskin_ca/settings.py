@@ -15,7 +15,7 @@ from eskin.runtime.settings import Host, LogSection, Section, Settings
 class CaSection(Section):
     """Where the CA lives and listens."""
 
-    directory: Path = Field(description="folder of the CA's keys; nobody else needs it")
+    directory: Path = Field(description="folder of the CA's keys; no other process needs it")
     host: Host = Field(default="127.0.0.1", description="address to listen on (HTTPS)")
     port: int = Field(default=8444, ge=1, le=65535, description="port to listen on")
     names: tuple[str, ...] = Field(

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field, StringConstraints, ValidationInfo, field_validator
 
 from eskin.errors import SettingsError, shown
-from eskin.runtime.loopback import is_loopback
+from eskin.runtime.net import is_loopback
 from eskin.runtime.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
 from eskin_cloud.store.location import StoreLocation, is_local, parse_url
 

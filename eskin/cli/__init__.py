@@ -33,7 +33,7 @@ _EXTRAS: Final = {"matplotlib": "figures", "pkcs11": "pkcs11"}
 """Libraries that come with an extra of their own; all others that a command needs are the stack."""
 
 app = typer.Typer(name="eskin", add_completion=False, pretty_exceptions_enable=False)
-"""The command, for whoever calls it from Python."""
+"""The command, for callers from Python."""
 app.command()(demo)
 app.command()(audit)
 app.command()(figures)

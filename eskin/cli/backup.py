@@ -42,7 +42,7 @@ def backup(sources: Sources, out: Out) -> None:
 
 
 def copy(source: Path, target: Path) -> None:
-    """Copy a folder or a file; SQLite databases consistently, whoever writes them.
+    """Copy a folder or a file; SQLite databases consistently, also during writes.
 
     Files are readable by their owner alone. The journals, locks and reserves beside databases are
     left out: a database's copy holds all that was committed when it was taken.

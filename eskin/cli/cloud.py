@@ -63,7 +63,7 @@ def login(
     ] = None,
     minutes: Annotated[float, typer.Option(min=1, max=1440, help="How long it is good.")] = 15.0,
     biometric: Annotated[
-        bool, typer.Option("--biometric", help="It shows what tells of a person, too.")
+        bool, typer.Option("--biometric", help="It shows biometric data, too.")
     ] = False,
 ) -> None:
     """Print a URL that logs in, once; also while the cloud runs."""

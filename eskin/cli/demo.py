@@ -72,7 +72,7 @@ def audit(data: Data = _DATA) -> None:
 
     Exit status 1 if one channel breaks its promise (a violation under bounded noise, or under
     Gaussian noise more of them than the 1 - 1e-6 quantile of its coverage), or if a block that a
-    node made is neither stored, nor under way, nor told as lost.
+    node made is neither stored, nor under way, nor reported as lost.
     """
     from rich.console import Console
     from rich.progress import Progress
@@ -118,8 +118,8 @@ def _remarks(found: Audit) -> Iterator[str]:
     for delivery in found.deliveries:
         yield (
             f"{delivery.node}: of {delivery.made} blocks {delivery.stored} are stored, "
-            f"{delivery.waiting} under way, {delivery.told} told as lost, "
-            f"{delivery.unborn} not yet in flash, {delivery.removed} removed as told"
+            f"{delivery.waiting} under way, {delivery.lost} reported as lost, "
+            f"{delivery.unborn} not yet in flash, {delivery.removed} removed as reported"
         )
     claims = Counter(entry.coverage for entry in found.channels)
     for coverage, count in sorted(claims.items()):

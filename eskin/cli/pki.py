@@ -81,8 +81,8 @@ def issue(
         )
         Identity.save(folder, key=key, chain=chain, roots=authority.roots)
     until = chain[0].not_valid_after_utc.isoformat()
-    told = f"{names[0]} to {names[-1]}" if count else name
-    typer.echo(f"{told} in {out}, valid until {until}")
+    names_made = f"{names[0]} to {names[-1]}" if count else name
+    typer.echo(f"{names_made} in {out}, valid until {until}")
 
 
 @pki.command(name="list")
@@ -177,7 +177,7 @@ def guard(
     argv: Annotated[list[str], typer.Argument(help="The broker: mosquitto -c FILE.")],
     also: Annotated[list[Path] | None, typer.Option(help="Further identity to renew.")] = None,
 ) -> None:
-    """Run Mosquitto with renewed certificates, and end connections of whoever is revoked."""
+    """Run Mosquitto with renewed certificates, and end connections of revoked clients."""
     from eskin_ca.mosquitto_agent import MosquittoAgent
     from eskin_ca.renewal_agent import RenewalAgent
 
@@ -264,7 +264,7 @@ def fetch(
     out: Annotated[Path, typer.Option(help="PEM file to write.")],
     patience: Patience = 60.0,
 ) -> None:
-    """Fetch somebody's certificate, such as the site's for its nodes; wait until it is issued."""
+    """Fetch a certificate, such as the site's for its nodes; wait until it is issued."""
     from eskin_ca.client import fetch as ask
     from eskin_ca.http_client import patiently
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Directory = Annotated[Path, typer.Option("--dir", file_okay=False, help="Folder of the CA.")]
 OneKind = Annotated[IdentityKind | None, typer.Option("--kind", help="Its kind of identities.")]
 Root = Annotated[bool, typer.Option("--root", help="The root, and with it the CAs of all kinds.")]
-Force = Annotated[bool, typer.Option("--force", help="Without waiting for anybody.")]
+Force = Annotated[bool, typer.Option("--force", help="Without waiting for other parties.")]
 
 
 def rotate(directory: Directory, kind: OneKind = None, root: Root = False) -> None:
@@ -28,7 +28,7 @@ def rotate(directory: Directory, kind: OneKind = None, root: Root = False) -> No
     if _is_root(kind, root=root):
         RootRotation(CertificateAuthority(directory)).begin()
         typer.echo(
-            "a new root is trusted by whoever hears of it; once all have, `eskin pki switch` lets "
+            "a new root is trusted by all that fetch it; once all have, `eskin pki switch` lets "
             "its CAs issue"
         )
     elif kind is not None:

@@ -58,8 +58,8 @@ def list_subjects(config: Config) -> None:
         table.add_column(heading, overflow="fold")
     for subject in keystore.subjects():
         wears = " ".join(worn.get(subject.pseudonym, []))
-        add_row(table, subject.name or "(nobody)", subject.pseudonym, wears, "sealed")
-    for tombstone in keystore.graves():
+        add_row(table, subject.name or "(unassigned)", subject.pseudonym, wears, "sealed")
+    for tombstone in keystore.tombstones():
         add_row(table, "", tombstone.pseudonym, "", _state(tombstone.confirmed))
     show(table)
 
@@ -85,13 +85,13 @@ def assign(
 
 @subjects.command()
 def release(
-    config: Config, node: Annotated[str, typer.Option(help="The node that nobody wears now.")]
+    config: Config, node: Annotated[str, typer.Option(help="The node to unassign.")]
 ) -> None:
-    """Have nobody wear a node from now on; it is sealed under a fresh key all the same."""
+    """Unassign a node; its data are encrypted under a fresh key."""
     keystore, assignments = _open(config)
-    nobody = keystore.create()
-    assignments.assign(node, nobody, since=time.time_ns())
-    typer.echo(f"{node} is worn by nobody from now on ({nobody.pseudonym})")
+    fresh = keystore.create()
+    assignments.assign(node, fresh, since=time.time_ns())
+    typer.echo(f"{node} is unassigned from now on ({fresh.pseudonym})")
 
 
 @subjects.command()
@@ -109,7 +109,7 @@ def erase(
         keystore.erase(gone.pseudonym)
         typer.echo(f"{gone.pseudonym}: its key and name are destroyed here")
         for node in nodes:
-            typer.echo(f"{node} is worn by nobody from now on")
+            typer.echo(f"{node} is unassigned from now on")
     typer.echo("the running gateway has the cloud destroy its copy; `list` says when it did")
 
 

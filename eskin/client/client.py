@@ -17,7 +17,7 @@ from eskin.client.queries import Queries
 from eskin.client.timestamps import written_moments
 from eskin.errors import QueryError
 from eskin.identity import client_context
-from eskin.runtime.loopback import is_loopback
+from eskin.runtime.net import is_loopback
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -9,13 +9,13 @@ from eskin.identity import (
     CertificateAuthority,
     Identity,
     IdentityKind,
+    finish_renewal,
     forget_past,
     install,
     is_due,
     is_superseded,
     new_key,
     next_key,
-    settle,
 )
 from eskin.identity.identity import ROOT_FILE, write_whole
 
@@ -45,7 +45,7 @@ def prepare_identities(layout: Layout, nodes: Sequence[str], *, lifetime: timede
         lifetime: Of the certificates.
 
     Returns:
-        Names that were revoked: they keep their certificates, and nobody lets them in.
+        Names that were revoked: they keep their certificates, and all servers reject them.
 
     Raises:
         IdentityError: The folder cannot be read or written.
@@ -101,11 +101,11 @@ def _prepare(
         Identity.save(directory, key=key, chain=chain, roots=authority.roots)
         return True
     now = datetime.now(UTC)
-    settle(directory)
+    finish_renewal(directory)
     if (directory / ROOT_FILE).read_bytes() != authority.root_file.read_bytes():
         write_whole(directory / ROOT_FILE, authority.root_file.read_bytes())
     standing = Identity.load(directory)
-    # Whoever is revoked meanwhile is not renewed.
+    # An identity that is revoked meanwhile is not renewed.
     with authority.changing():
         if authority.register.is_revoked(standing.certificate):
             return False

@@ -14,10 +14,10 @@ _PORTS: Final = range(20_000, 32_000)
 
 
 def require_free(port: int) -> int:
-    """Check that nobody listens on a port.
+    """Check that a port is free.
 
     Raises:
-        SettingsError: Somebody does.
+        SettingsError: It is not.
     """
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -33,7 +33,7 @@ def require_free(port: int) -> int:
 def free_ports(count: int) -> list[int]:
     """So many ports, all different, that are free now and that no outgoing connection is given.
 
-    While a service is down, somebody's connection could hold its port else, and the service could
+    While a service is down, another connection could hold its port, and the service could
     not come back to it.
     """
     found: list[int] = []
@@ -55,7 +55,7 @@ def _is_free(port: int) -> bool:
 
 
 def accepts(port: int) -> bool:
-    """Whether somebody listens on a port."""
+    """Whether a process listens on a port."""
     with socket.socket() as probe:
         probe.settimeout(1.0)
         return probe.connect_ex((LOOPBACK, port)) == 0

@@ -60,7 +60,7 @@ class Options:
     embedded_broker: bool
 
 
-class _Stop(Exception):  # noqa: N818 - no error: the user's wish
+class _Stop(Exception):  # noqa: N818 - no error: the user asked
     """SIGTERM or SIGINT arrived."""
 
 

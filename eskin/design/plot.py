@@ -22,7 +22,7 @@ LOOKS: Final = {
     Region.POSSIBLE: "#f2c14e",
     Region.NEVER: "#f4f4f4",
 }
-"""Colour of each region, from dark to light: told apart without colour, too."""
+"""Colour of each region, from dark to light: distinct without colour, too."""
 
 
 def draw_paving(

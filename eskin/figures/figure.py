@@ -19,7 +19,7 @@ Floats: TypeAlias = "NDArray[np.float64]"
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How one line is drawn, where it must be told apart from another one.
+    """How one line is drawn, where it must differ from another one.
 
     Attributes:
         colour: Place in the list of colours; the line's own place if not given.

@@ -10,13 +10,13 @@ from eskin.identity.identity import Identity, load_certificates
 from eskin.identity.identity_kind import IdentityKind
 from eskin.identity.issuance_log import Issued
 from eskin.identity.renewal import (
+    finish_renewal,
     forget_past,
     install,
     is_due,
     is_superseded,
     next_key,
     past_identities,
-    settle,
 )
 from eskin.identity.revocation_file import RevocationFile
 from eskin.identity.rotation import RootRotation
@@ -33,6 +33,7 @@ __all__ = [
     "client_context",
     "common_name",
     "der",
+    "finish_renewal",
     "forget_past",
     "install",
     "is_due",
@@ -45,7 +46,6 @@ __all__ = [
     "numbered",
     "past_identities",
     "server_context",
-    "settle",
     "site_of",
     "thumbprint",
 ]

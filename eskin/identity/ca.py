@@ -4,8 +4,8 @@ Its folder holds the root (see `eskin.identity.roots`), the issuing CAs (see
 `eskin.identity.issuing_ca`), for each kind ``KIND.crl.pem``, what was issued last in
 ``issued/NAME.pem``, and a ``ledger.jsonl`` of everything issued and revoked. An *anchor* is an
 issuing CA's certificate signed by its own key: a TLS server that trusts only this one accepts that
-kind and no other, which the root as anchor could not say. Whoever changes the folder holds
-``ledger.jsonl.lock`` meanwhile (see `eskin.identity.ca_lock`).
+kind and no other, which the root as anchor could not say. A writer of the folder holds
+``ledger.jsonl.lock`` meanwhile (see `eskin.runtime.files.lock`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import AuthorityError, IdentityError
-from eskin.identity.ca_lock import CaLock
 from eskin.identity.certificates import issuer_kind, leaf_certificate
 from eskin.identity.create_ca import create_ca
 from eskin.identity.crl_publisher import RevocationLists
@@ -29,6 +28,7 @@ from eskin.identity.issuing_ca import (
     retire_issuers,
 )
 from eskin.identity.roots import is_replaced, root_key
+from eskin.runtime.files.lock import ReentrantLock
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 LEAF_LIFETIME: Final = timedelta(days=90)
 CA_SERVICE: Final = "server.authority"
-"""Common name of the CA service, which is known to whoever knows the oldest standing root."""
+"""Common name of the CA service, which clients verify by the oldest valid root."""
 
 
 class CertificateAuthority:
@@ -66,7 +66,7 @@ class CertificateAuthority:
             )
         self.directory = directory
         self.register = IssuanceRegister(directory)
-        self._turn = CaLock(directory / LEDGER)
+        self._turn = ReentrantLock(directory / LEDGER)
         self._lists = RevocationLists(directory, self.register, self._turn)
         for kind in IdentityKind:
             load_issuers(directory, kind)
@@ -99,12 +99,12 @@ class CertificateAuthority:
         return cls.open(directory)
 
     def changing(self) -> AbstractContextManager[None]:
-        """A block in which nobody else changes this CA, in this process or another.
+        """Lock this CA against other threads and processes.
 
         What is decided by looking at the CA, such as to whom to issue, is decided and done in one.
 
         Raises:
-            LockedError: Somebody else has been changing it for too long.
+            LockedError: Another writer held the lock for too long.
             IdentityError: The folder cannot be written.
         """
         return self._turn.take()
@@ -195,7 +195,7 @@ class CertificateAuthority:
             What stood until now; nothing if all was revoked before.
 
         Raises:
-            LockedError: Somebody else has been changing the CA for too long.
+            LockedError: Another writer held the CA's lock for too long.
             IdentityError: None was ever issued to that name, or the folder cannot be written.
         """
         with self.changing():

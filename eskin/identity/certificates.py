@@ -31,7 +31,7 @@ UNREADABLE: Final = (
     x509.InvalidVersion,
     x509.UnsupportedGeneralNameType,
 )
-"""What reading a stranger's certificate or request may raise, field by field."""
+"""Errors of reading an untrusted certificate or request."""
 
 _TRUST_DOMAIN: Final = "spiffe://eskin/"
 """What all SPIFFE IDs of one CA begin with."""
@@ -55,14 +55,14 @@ def new_key() -> ec.EllipticCurvePrivateKey:
 
 
 def read_certificate(data: bytes) -> x509.Certificate:
-    """Read a stranger's certificate (DER).
+    """Read an untrusted certificate (DER).
 
     Raises:
         IdentityError: It is none, or a field of it cannot be read.
     """
     try:
         found = x509.load_der_x509_certificate(data)
-        # Parsed when asked for, and no sooner: whoever asks later shall find them good.
+        # These fields are parsed lazily: check them now, so that later reads cannot fail.
         _ = found.subject, found.issuer, found.not_valid_before_utc, found.not_valid_after_utc
         _ = found.extensions, found.public_key(), found.signature_hash_algorithm
     except UNREADABLE as error:

@@ -66,12 +66,12 @@ class ChainVerifier:
         Raises:
             IdentityError: It cannot be read now.
         """
-        trust = cls(*load_certificates(file), clock=clock)
-        trust._file = file
-        return trust
+        verifier = cls(*load_certificates(file), clock=clock)
+        verifier._file = file
+        return verifier
 
     def revocations(self, kind: IdentityKind, data: bytes) -> None:
-        """Take over a kind's revocation list; from then on, nobody of it is trusted without one.
+        """Load a kind's revocation list; from then on that kind requires one.
 
         Args:
             kind: Whom it is about.
@@ -121,7 +121,7 @@ class ChainVerifier:
     def verify_issued(self, chain: Sequence[bytes], kind: IdentityKind) -> x509.Certificate:
         """Verify that a CA of ours issued a certificate, and has not revoked it.
 
-        It may have expired: for what a certificate says for good, as to which site a name belongs.
+        It may have expired: for permanent facts, such as the site to which a name belongs.
         It proves nothing about the peer that shows it.
 
         Args:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from eskin.errors import IdentityError
-from eskin.identity.ca_lock import CaLock
 from eskin.identity.certificates import new_key, pem
 from eskin.identity.identity import ROOT_FILE, save_key, write_whole
 from eskin.identity.identity_kind import IdentityKind
 from eskin.identity.issuance_register import LEDGER
 from eskin.identity.issuing_ca import found_issuer
 from eskin.identity.roots import root_certificate
+from eskin.runtime.files.lock import ReentrantLock
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,7 +26,7 @@ def create_ca(directory: Path) -> bool:
     if (directory / ROOT_FILE).exists():
         return False
     try:
-        with CaLock(directory / LEDGER).take():
+        with ReentrantLock(directory / LEDGER).take():
             if (directory / ROOT_FILE).exists():
                 return False
             _create(directory)

@@ -3,9 +3,9 @@
 Who was on a list stays on it, also where the ledger was brought back from a backup and has
 forgotten it; then the ledger learns it again from the list.
 
-Lists are numbered by the second in which they are signed, or one more than the list before where
-the clock was set back: so whoever follows the numbers takes the newest. OpenSSL goes by the times
-alone, and would prefer the older list as soon as its time comes; then it is time for another one.
+A list's number is the second in which it is signed, or one more than the last number if the clock
+was set back, so clients that follow numbers take the newest. OpenSSL goes by the times alone, and
+prefers an older list as soon as its time comes; a new list is due then.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from eskin.identity.issuing_ca import LIST_LIFETIME, issuing_certificates, load_
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin.identity.ca_lock import CaLock
     from eskin.identity.identity_kind import IdentityKind
     from eskin.identity.issuance_log import Issued
     from eskin.identity.issuance_register import IssuanceRegister
+    from eskin.runtime.files.lock import ReentrantLock
 
 
 class RevocationLists:
@@ -40,7 +40,7 @@ class RevocationLists:
         turn: Whose turn it is to change the folder.
     """
 
-    def __init__(self, directory: Path, register: IssuanceRegister, turn: CaLock) -> None:
+    def __init__(self, directory: Path, register: IssuanceRegister, turn: ReentrantLock) -> None:
         self._directory = directory
         self._register = register
         self._turn = turn
@@ -114,7 +114,7 @@ class RevocationLists:
         return [one for one in entries if one.kind == kind and one.revoked is not None]
 
     def _listed(self, kind: IdentityKind) -> dict[str, x509.RevokedCertificate]:
-        """Whom the list that stands revokes, by serial number; nobody where it cannot be read."""
+        """Serial numbers in the present list; none if it cannot be read."""
         try:
             return revoked_certificates(self.file(kind).read_bytes())
         except (OSError, *UNREADABLE):

@@ -69,7 +69,7 @@ class Revocation:
 class IssuanceLog:
     """A file that only grows; what others add to it is read when it is asked for.
 
-    Whoever reads it gets an `AuthorityError` where a line in it is damaged.
+    Readers get an `AuthorityError` where a line is damaged.
 
     Args:
         path: The file, which need not be there yet.
@@ -81,7 +81,7 @@ class IssuanceLog:
         self._start_over()
 
     def add(self, *entries: Issued) -> None:
-        """Write lines, durably; whoever does has the CA's turn.
+        """Append lines durably; the caller holds the CA's lock.
 
         Raises:
             OSError: They cannot be written.
@@ -145,7 +145,7 @@ class IssuanceLog:
                 self._inode = found.st_ino
             file.seek(self._read)
             added = file.read()
-        # Whoever writes may be in the middle of a line.
+        # A writer may be in the middle of a line.
         for line in whole_lines(added):
             self._take(line)
 

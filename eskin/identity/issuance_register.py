@@ -34,7 +34,7 @@ LEDGER: Final = "ledger.jsonl"
 
 
 class IssuanceRegister:
-    """Of one CA; whoever writes has its turn.
+    """Certificates issued by one CA; the writer holds its lock.
 
     Args:
         directory: The CA's folder.
@@ -47,10 +47,10 @@ class IssuanceRegister:
     def add(self, certificate: x509.Certificate, issuer: x509.Certificate) -> None:
         """Note a certificate that is issued, and keep its chain as its name's latest.
 
-        The ledger's line is first: whoever gets a certificate can be revoked.
+        The log's line is written first: every issued certificate can be revoked.
 
         Raises:
-            OSError: It cannot be written; then nobody may be given the certificate.
+            OSError: It cannot be written; the certificate must not be given out.
         """
         name, kind = common_name(certificate), issuer_kind(certificate)
         entry = Issued(

@@ -2,7 +2,8 @@
 
 Steps, each of which may be the last before a power cut: the new key in ``next/``; the old pair in
 ``past/THUMBPRINT/``; the new chain beside its key; then key, then chain in their places.
-`Identity.load` finds a pair that fits at any time, and `settle` goes on where it was cut off.
+`Identity.load` finds a pair that fits at any time, and `finish_renewal` completes an interrupted
+renewal.
 """
 
 from __future__ import annotations
@@ -77,13 +78,13 @@ def install(directory: Path, chain: tuple[x509.Certificate, ...]) -> Identity:
             directory / PAST / own.thumbprint.hex(), key=own.key, chain=own.chain, roots=own.roots
         )
         write_whole(directory / NEXT / CHAIN_FILE, pem(chain))
-        settle(directory)
+        finish_renewal(directory)
     except OSError as error:
         raise IdentityError(f"{directory}: cannot be renewed: {error.strerror}") from error
     return Identity.load(directory)
 
 
-def settle(directory: Path) -> None:
+def finish_renewal(directory: Path) -> None:
     """Finish a renewal that was cut off after its chain had come.
 
     Raises:

@@ -25,10 +25,10 @@ _AGAIN_S: Final = 1.0
 
 
 class RevocationFile:
-    """Has a trust follow a file; the last good list stays where another one cannot be used.
+    """Loads a revocation list whenever its file changes; keeps the last valid one.
 
     Args:
-        trust: Takes the list over.
+        verifier: Gets the list.
         kind: Whose list it is.
         path: The list (PEM); ``None`` where none is configured.
         clock: Monotonic seconds.
@@ -39,13 +39,13 @@ class RevocationFile:
 
     def __init__(
         self,
-        trust: ChainVerifier,
+        verifier: ChainVerifier,
         kind: IdentityKind,
         path: Path | None,
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._trust = trust
+        self._verifier = verifier
         self._kind = kind
         self._path = path
         self._clock = clock
@@ -81,18 +81,18 @@ class RevocationFile:
             if seen == self._seen and not again:
                 return False
             self._seen, self._looked = seen, self._clock()
-            self._trust.revocations(self._kind, path.read_bytes())
+            self._verifier.revocations(self._kind, path.read_bytes())
         except OSError as error:
-            self._complain(f"{path}: the revocation list cannot be read: {error.strerror}")
+            self._warn(f"{path}: the revocation list cannot be read: {error.strerror}")
             return False
         except UntrustedCertificateError as error:
-            self._complain(f"{path}: the revocation list cannot be used: {error}")
+            self._warn(f"{path}: the revocation list cannot be used: {error}")
             return False
         self._loaded, self.fault = True, None
         log.info("revocation list taken over: path=%s", path)
         return True
 
-    def _complain(self, fault: str) -> None:
+    def _warn(self, fault: str) -> None:
         if fault != self.fault:
             stays = f"the last good one stays; without one no {self._kind} is trusted"
             log.warning("%s; %s", fault, stays)

@@ -2,8 +2,8 @@
 
 The CA's ``root.pem`` holds those that stand, the one that issues first; everybody keeps a copy.
 Keys lie in ``root.key`` and ``root.SERIAL.key``. While two stand, ``root.cross.pem`` holds the
-newer one's key, certified by the older one: whoever trusts the older one learns from it that the
-newer one is genuine.
+newer one's key, certified by the older one, so that clients that trust the older one accept the
+newer one.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def accept_roots(
         now: The present.
 
     Raises:
-        UntrustedCertificateError: There is none, or for one of them nobody vouches.
+        UntrustedCertificateError: There is none, or one of them is not certified.
     """
     roots = tuple(one for one in offered if is_issued_by(one, one))
     if not roots:

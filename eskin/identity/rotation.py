@@ -1,8 +1,8 @@
 """Replacing the root CA under way, in three steps with time between them.
 
 First the new root, and an issuing CA of each kind under it, come to be trusted everywhere and issue
-nothing. Then they issue, and everybody renews. At last the old ones are retired. So nobody ever
-shows a certificate to somebody who does not trust it yet.
+nothing. Then they issue, and all parties renew. At last the old ones are retired. So no party ever
+shows a certificate to a peer that does not trust it yet.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from eskin.identity.ca import CertificateAuthority
 
 SPREAD: Final = timedelta(minutes=5)
-"""In which running parties have heard of a new root: they ask every second, or as they are told."""
+"""Time in which running clients fetch a new root: they poll every second, or as configured."""
 
 
 class RootRotation:

@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 
 
 class ClosingSocket(ssl.SSLSocket):
-    """Is closed at once where its handshake fails; paho leaves that to whoever finds it."""
+    """Closes itself when its handshake fails; paho leaves the socket open."""
 
     def do_handshake(self, block: bool = False) -> None:  # noqa: FBT001, FBT002 - as it is
         """See `ssl.SSLSocket`."""

@@ -20,7 +20,7 @@ _DIGITS: Final = 6
 _OF_WIDTH: Final = 2
 """Digits of the width that are shown, so that a thin interval looks thin."""
 _OF_FLOAT: Final = (15, 16, 17)
-"""Digits after which a float is told from its neighbours, the fewest first."""
+"""Digits that distinguish a float from its neighbours, the fewest first."""
 _LONGEST: Final = 1400
 """More digits than a float has, or 999 places behind the point give."""
 

@@ -6,24 +6,22 @@ that is unbounded.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eskin.errors import IntervalError, MissingExtraError
 from eskin.interval.conversion import enclose
-from eskin.interval.interval import Interval
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from eskin.interval.bounds import Bounds
     from eskin.interval.conversion import Floats
 
-_SIDES: Final = ("lo", "hi")
 
-
-def to_pandas(x: Interval) -> pd.DataFrame:
+def to_pandas(x: Bounds) -> pd.DataFrame:
     """A row for each interval of one axis.
 
     Raises:
@@ -39,16 +37,16 @@ def to_pandas(x: Interval) -> pd.DataFrame:
     return pd.DataFrame(_columns(x))
 
 
-def from_pandas(frame: pd.DataFrame) -> Interval:
-    """The intervals of columns ``lo`` and ``hi``.
+def sides_of_frame(frame: pd.DataFrame) -> tuple[Floats, Floats]:
+    """Read the bounds in columns ``lo`` and ``hi``.
 
     Raises:
         IntervalError: A column is missing, or holds no real numbers.
     """
-    return _interval(*(_side(column_of(frame, name), name) for name in _SIDES))
+    return _side(column_of(frame, "lo"), "lo"), _side(column_of(frame, "hi"), "hi")
 
 
-def to_xarray(x: Interval) -> xr.Dataset:
+def to_xarray(x: Bounds) -> xr.Dataset:
     """Variables ``lo`` and ``hi`` of the same axes.
 
     Raises:
@@ -62,23 +60,21 @@ def to_xarray(x: Interval) -> xr.Dataset:
     return xr.Dataset({name: (axes, side) for name, side in _columns(x).items()})
 
 
-def from_xarray(data: xr.Dataset) -> Interval:
-    """The intervals of variables ``lo`` and ``hi``, which are broadcast by the names of their axes.
+def sides_of_dataset(data: xr.Dataset) -> tuple[Floats, Floats]:
+    """Read variables ``lo`` and ``hi``, broadcast by the names of their axes.
 
     Raises:
         IntervalError: A variable is missing, or holds no real numbers.
     """
     import xarray as xr  # noqa: PLC0415 - a library of few
 
-    columns = xr.broadcast(*(column_of(data, name) for name in _SIDES))
-    return _interval(*(_side(column, name) for name, column in zip(_SIDES, columns, strict=True)))
+    lo, hi = xr.broadcast(column_of(data, "lo"), column_of(data, "hi"))
+    return _side(lo, "lo"), _side(hi, "hi")
 
 
-def _columns(x: Interval) -> dict[str, Floats]:
-    return {
-        name: np.where(x.is_entire, np.nan, side)
-        for name, side in zip(_SIDES, (x.inf, x.sup), strict=True)
-    }
+def _columns(x: Bounds) -> dict[str, Floats]:
+    entire = (x.inf == -np.inf) & (x.sup == np.inf)
+    return {"lo": np.where(entire, np.nan, x.inf), "hi": np.where(entire, np.nan, x.sup)}
 
 
 def column_of(table: Any, name: str) -> Any:
@@ -100,9 +96,3 @@ def _side(column: Any, name: str) -> Floats:
     missing = np.asarray(column.isnull())  # noqa: PD003 - xarray has no isna
     lo, hi = enclose(column.fillna(0).to_numpy(), name)
     return np.where(missing, -np.inf, lo) if name == "lo" else np.where(missing, np.inf, hi)
-
-
-def _interval(lo: Floats, hi: Floats) -> Interval:
-    empty = (lo == np.inf) & (hi == -np.inf)
-    made = Interval(np.where(empty, 0.0, lo), np.where(empty, 0.0, hi))
-    return Interval.where(empty, Interval.empty(), made)

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any, Final, Self
 import numpy as np
 
 from eskin.errors import IntervalError
+from eskin.interval import frames
 from eskin.interval.format import format_up, text_of
 from eskin.interval.markup import html_table, html_text
 from eskin.interval.reductions import Reductions
-from eskin.interval.verdict import Verdicts
+from eskin.interval.verdict import NUMPY_FUNCTIONS, Verdicts, call_numpy
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,14 +26,15 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from eskin.interval.bounds import Bounds
+    from eskin.interval.conversion import Floats
 
 
 class Interval(Reductions):
     """An array of closed intervals.
 
     Behaves as a numpy array of numbers does: it is broadcast, indexed and calculated with, and
-    numpy's own functions (``np.sqrt(x)``, ``np.add(x, y)``) take it. Comparisons give an `Verdicts`
-    of three values. The arrays of bounds are shared with whoever gave them and not to be changed.
+    numpy's own functions (``np.sqrt(x)``, ``np.add(x, y)``) take it. Comparisons give
+    `Verdicts`. The caller must not change the arrays of bounds, which are not copied.
 
     Args:
         lo: Lower bounds; or the numbers themselves, if ``hi`` is left out. What no float can hold
@@ -116,9 +118,7 @@ class Interval(Reductions):
             IntervalError: It has not one axis.
             MissingExtraError: pandas is not installed.
         """
-        from eskin.interval.frames import to_pandas  # noqa: PLC0415 - a library of few
-
-        return to_pandas(self)
+        return frames.to_pandas(self)
 
     @classmethod
     def from_pandas(cls, frame: pd.DataFrame) -> Interval:
@@ -127,9 +127,7 @@ class Interval(Reductions):
         Raises:
             IntervalError: A column is missing, or holds what is no interval.
         """
-        from eskin.interval.frames import from_pandas  # noqa: PLC0415 - a library of few
-
-        return from_pandas(frame)
+        return cls._from_sides(*frames.sides_of_frame(frame))
 
     def to_xarray(self) -> xr.Dataset:
         """Variables ``lo`` and ``hi`` of the same axes; NaN where all is missing.
@@ -137,9 +135,7 @@ class Interval(Reductions):
         Raises:
             MissingExtraError: xarray is not installed.
         """
-        from eskin.interval.frames import to_xarray  # noqa: PLC0415 - a library of few
-
-        return to_xarray(self)
+        return frames.to_xarray(self)
 
     @classmethod
     def from_xarray(cls, data: xr.Dataset) -> Interval:
@@ -148,9 +144,13 @@ class Interval(Reductions):
         Raises:
             IntervalError: A variable is missing, or holds what is no interval.
         """
-        from eskin.interval.frames import from_xarray  # noqa: PLC0415 - a library of few
+        return cls._from_sides(*frames.sides_of_dataset(data))
 
-        return from_xarray(data)
+    @classmethod
+    def _from_sides(cls, lo: Floats, hi: Floats) -> Interval:
+        empty = (lo == np.inf) & (hi == -np.inf)
+        made = Interval(np.where(empty, 0.0, lo), np.where(empty, 0.0, hi))
+        return Interval.where(empty, Interval.empty(), made)
 
     def _repr_html_(self) -> str:
         if self.ndim != 1:
@@ -178,20 +178,6 @@ class Interval(Reductions):
 
     def __array_function__(self, function: Any, _: Any, inputs: Any, options: Any) -> Any:
         return call_numpy(function, inputs, options)
-
-
-def call_numpy(function: Any, inputs: Any, options: Any) -> Any:
-    """Numpy's function, of intervals or answers.
-
-    Raises:
-        IntervalError: It is not defined for them.
-    """
-    if function not in _FUNCTIONS:
-        raise IntervalError(
-            f"numpy's {function.__name__} is not defined for intervals and answers; take .inf, "
-            ".sup or .mid, .certain or .impossible"
-        )
-    return _FUNCTIONS[function](*inputs, **options)
 
 
 def as_interval(value: Interval | ArrayLike) -> Interval:
@@ -261,25 +247,24 @@ def _clip(
     return Interval.of(x).clip(a_min if min is None else min, a_max if max is None else max)
 
 
-_FUNCTIONS: Final[dict[Any, Callable[..., Any]]] = {
-    np.sum: Interval.sum,
-    np.mean: Interval.mean,
-    np.min: Interval.min,
-    np.amin: Interval.min,
-    np.max: Interval.max,
-    np.amax: Interval.max,
-    np.cumsum: Interval.cumsum,
-    np.prod: Interval.prod,
-    np.diff: Interval.diff,
-    np.where: Interval.where,
-    np.all: lambda answer, axis=None: Verdicts.of(answer).all(axis),
-    np.any: lambda answer, axis=None: Verdicts.of(answer).any(axis),
-    np.clip: _clip,
-    np.stack: Interval.stack,
-    np.concatenate: Interval.concatenate,
-    np.reshape: Interval.reshape,
-    np.ravel: Interval.ravel,
-    np.shape: lambda x: x.shape,
-    np.ndim: lambda x: x.ndim,
-    np.size: lambda x: x.size,
-}
+NUMPY_FUNCTIONS.update(
+    {
+        np.sum: Interval.sum,
+        np.mean: Interval.mean,
+        np.min: Interval.min,
+        np.amin: Interval.min,
+        np.max: Interval.max,
+        np.amax: Interval.max,
+        np.cumsum: Interval.cumsum,
+        np.prod: Interval.prod,
+        np.diff: Interval.diff,
+        np.where: Interval.where,
+        np.clip: _clip,
+        np.stack: Interval.stack,
+        np.concatenate: Interval.concatenate,
+        np.reshape: Interval.reshape,
+        np.ravel: Interval.ravel,
+        np.ndim: lambda x: x.ndim,
+        np.size: lambda x: x.size,
+    }
+)

@@ -1,7 +1,8 @@
-"""Three answers to one question: certain, possible, impossible."""
+"""Verdicts of three values: impossible, possible, certain."""
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -10,16 +11,27 @@ from eskin.errors import IntervalError
 from eskin.interval.markup import html_table, html_text
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike, NDArray
 
-_WORDS: Final = ("certain", "possible", "impossible")
+
+class Verdict(IntEnum):
+    """Whether a statement about a value holds, where an interval encloses the value."""
+
+    IMPOSSIBLE = 0
+    """It holds for no number inside."""
+    POSSIBLE = 1
+    """It holds for some numbers inside, or it is not known to fail."""
+    CERTAIN = 2
+    """It holds for every number inside."""
 
 
 class Verdicts:
-    """What is known of a statement about numbers inside of intervals, element by element.
+    """An array of verdicts, as comparisons of intervals give it.
 
-    Combine answers with ``~``, ``&`` and ``|`` (Kleene's logic). A single answer that is decided
-    can be asked with ``if``; one that is only possible raises, so that nobody takes it for a yes.
+    Combine verdicts with ``~``, ``&`` and ``|`` (Kleene's logic). A single verdict that is certain
+    or impossible works in ``if``; a possible one raises, so that it cannot pass for true.
 
     Attributes:
         certain: True for all numbers inside.
@@ -33,19 +45,19 @@ class Verdicts:
     def __init__(self, certain: ArrayLike, impossible: ArrayLike) -> None:
         sure, never = np.broadcast_arrays(np.asarray(certain, bool), np.asarray(impossible, bool))
         if np.any(sure & never):
-            raise IntervalError("an answer is certain and impossible at once")
+            raise IntervalError("a verdict is certain and impossible at once")
         self.certain: NDArray[np.bool_] = sure
         self.impossible: NDArray[np.bool_] = never
 
     @classmethod
     def of(cls, value: Verdicts | ArrayLike) -> Verdicts:
-        """The answer itself, or what plain booleans are certain of."""
+        """The verdicts themselves, or those of plain booleans."""
         if isinstance(value, Verdicts):
             return value
         known = np.asarray(value)
         if known.dtype != np.bool_:
             raise IntervalError(
-                f"{value!r} is neither an answer nor a boolean; compare it with something"
+                f"{value!r} is neither a verdict nor a boolean; compare it with something"
             )
         return cls(known, ~known)
 
@@ -55,8 +67,13 @@ class Verdicts:
         return np.asarray(~self.certain & ~self.impossible)
 
     @property
+    def codes(self) -> NDArray[np.int8]:
+        """Values of `Verdict`."""
+        return np.add(self.certain, ~self.impossible, dtype=np.int8)
+
+    @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the array of answers."""
+        """Shape of the array of verdicts."""
         return self.certain.shape
 
     def __getitem__(self, index: Any) -> Verdicts:
@@ -79,6 +96,18 @@ class Verdicts:
 
     __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
 
+    def item(self) -> Verdict:
+        """The only verdict.
+
+        Raises:
+            IntervalError: There is not exactly one.
+        """
+        if self.certain.size != 1:
+            raise IntervalError(
+                f"one verdict is needed, not {self.certain.size}; take .all(), .any() or .codes"
+            )
+        return Verdict(self.codes.item())
+
     def all(self, axis: int | tuple[int, ...] | None = None) -> Verdicts:
         """Whether all are true, or all along an axis."""
         return Verdicts(np.all(self.certain, axis=axis), np.any(self.impossible, axis=axis))
@@ -88,39 +117,58 @@ class Verdicts:
         return Verdicts(np.any(self.certain, axis=axis), np.all(self.impossible, axis=axis))
 
     def __bool__(self) -> bool:
-        if self.certain.size != 1:
-            raise IntervalError(
-                f"{self.certain.size} answers are no single one; take .all(), .any() or .certain"
-            )
-        if np.any(self.possible):
-            raise IntervalError("only possible: ask for .certain, or for ~answer.impossible")
-        return bool(np.all(self.certain))
+        verdict = self.item()
+        if verdict is Verdict.POSSIBLE:
+            raise IntervalError("only possible: ask for .certain, or for ~verdicts.impossible")
+        return verdict is Verdict.CERTAIN
 
     def _words(self) -> NDArray[np.str_]:
-        return np.where(
-            self.certain, "certain", np.where(self.impossible, "impossible", "possible")
-        )
+        return np.array([each.name.lower() for each in Verdict])[self.codes]
 
     def _repr_html_(self) -> str:
         if self.certain.ndim == 0:
             return html_text(repr(self))
         words = self._words().reshape(-1)
-        counts = {word: np.count_nonzero(words == word) for word in _WORDS}
+        counts = {
+            word: np.count_nonzero(words == word) for word in ("certain", "possible", "impossible")
+        }
         caption = ", ".join(f"{count} {word}" for word, count in counts.items())
 
         def row(k: int) -> list[str]:
             return [", ".join(map(str, np.unravel_index(k, self.shape))), str(words[k])]
 
-        return html_table(caption, ["", "answer"], words.size, row)
+        return html_table(caption, ["", "verdict"], words.size, row)
 
     def __array__(self, *_: Any, **__: Any) -> NDArray[Any]:
-        raise IntervalError("an answer is not one array of booleans: take .certain or .possible")
+        raise IntervalError("verdicts are not one array of booleans: take .certain or .possible")
 
     def __array_function__(self, function: Any, _: Any, inputs: Any, options: Any) -> Any:
-        from eskin.interval.interval import call_numpy  # noqa: PLC0415 - intervals need answers
-
         return call_numpy(function, inputs, options)
 
     def __repr__(self) -> str:
         words = self._words()
-        return f"Answer({words.tolist()!r})" if self.certain.ndim else f"Answer({words.item()!r})"
+        return (
+            f"Verdicts({words.tolist()!r})" if self.certain.ndim else f"Verdicts({words.item()!r})"
+        )
+
+
+NUMPY_FUNCTIONS: Final[dict[Any, Callable[..., Any]]] = {
+    np.all: lambda verdicts, axis=None: Verdicts.of(verdicts).all(axis),
+    np.any: lambda verdicts, axis=None: Verdicts.of(verdicts).any(axis),
+    np.shape: lambda x: x.shape,
+}
+"""What numpy's functions do with verdicts and intervals; `eskin.interval.interval` adds its own."""
+
+
+def call_numpy(function: Any, inputs: Any, options: Any) -> Any:
+    """Call numpy's function with intervals or verdicts.
+
+    Raises:
+        IntervalError: It is not defined for them.
+    """
+    if function not in NUMPY_FUNCTIONS:
+        raise IntervalError(
+            f"numpy's {function.__name__} is not defined for intervals and verdicts; take .inf, "
+            ".sup or .mid, .certain or .impossible"
+        )
+    return NUMPY_FUNCTIONS[function](*inputs, **options)

@@ -1,8 +1,7 @@
-"""Whether a touch is detected: certainly, possibly, or missed."""
+"""Detection of a touch by a threshold."""
 
 from __future__ import annotations
 
-import enum
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,26 +15,15 @@ if TYPE_CHECKING:
     from eskin.interval import Interval
 
 
-class Detection(enum.IntEnum):
-    """What a threshold makes of an enclosed reading."""
-
-    MISSED = 0
-    """No member reaches the threshold."""
-    POSSIBLE = 1
-    """Some members reach it, some do not."""
-    CERTAIN = 2
-    """Every member reaches it."""
-
-
 def detect(readings: Interval | ArrayLike, threshold: ArrayLike) -> NDArray[np.int8]:
-    """Hold enclosed readings against a threshold; a reading on it counts as detected.
+    """Compare enclosed readings with a threshold; a reading equal to it is detected.
 
     Args:
         readings: Enclosures of the readings, or plain readings; any shape.
         threshold: In the same unit; broadcasts against them.
 
     Returns:
-        Values of `Detection`, of the broadcast shape.
+        Values of `Verdict`, of the broadcast shape.
 
     Raises:
         IntervalError: A threshold is no number, a reading is empty, one carries a unit, or shapes

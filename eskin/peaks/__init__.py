@@ -30,8 +30,8 @@ searches in plain Python and gives the same events.
 
 from __future__ import annotations
 
-from eskin.peaks.event import PeakEvent, Verdict
+from eskin.peaks.event import PeakEvent
 from eskin.peaks.stream import PeakStream, find_peaks
 from eskin.peaks.table import Peaks
 
-__all__ = ["PeakEvent", "PeakStream", "Peaks", "Verdict", "find_peaks"]
+__all__ = ["PeakEvent", "PeakStream", "Peaks", "find_peaks"]

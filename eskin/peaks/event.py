@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from math import inf
+from typing import TYPE_CHECKING
 
 from eskin.errors import IntervalError
 from eskin.interval import require_plain
 
-
-class Verdict(IntEnum):
-    """How sure an answer is."""
-
-    CERTAIN = 0
-    POSSIBLE = 1
+if TYPE_CHECKING:
+    from eskin.interval import Verdict
 
 
 @dataclass(frozen=True, slots=True)

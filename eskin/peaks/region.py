@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from eskin.interval import Verdict
 from eskin.kernels.jit import inlined
 from eskin.kernels.rounding import next_down, next_up
-from eskin.peaks.event import Verdict
 
 if TYPE_CHECKING:
     from eskin.peaks.hysteresis import Pass
@@ -83,7 +83,7 @@ def match(regions: Any, waiting: int, first: int) -> int:
 
 
 @inlined
-def settle(
+def report_closed(
     regions: Any,
     waiting: int,
     oldest: int,

@@ -14,7 +14,7 @@ from eskin.peaks.region import (
     remember,
     report,
     report_certain,
-    settle,
+    report_closed,
 )
 
 if TYPE_CHECKING:
@@ -71,13 +71,17 @@ def search(
             certain, growing, oldest = include(certain, lo, hi), optimistic.first, index - longest
             if completes(certain, hi, prominence):
                 waiting = match(regions, waiting, certain.first)
-                waiting, count = settle(regions, waiting, oldest, index, growing, events, count)
+                waiting, count = report_closed(
+                    regions, waiting, oldest, index, growing, events, count
+                )
                 count = report_certain(certain, index, hi, events, count)
                 certain = begin(index, hi, lo, hi)
             else:
                 certain = follow(certain, index, hi, lo, lo, hi, prominence)
                 first = certain.first
-                waiting, count = settle(regions, waiting, oldest, first, growing, events, count)
+                waiting, count = report_closed(
+                    regions, waiting, oldest, first, growing, events, count
+                )
         elif is_missing(lo, hi):
             waiting, count = report(regions, waiting, waiting, events, count)
             certain = optimistic = nowhere()

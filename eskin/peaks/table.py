@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Final, overload
 
 import numpy as np
 
-from eskin.interval import Interval
+from eskin.interval import Interval, Verdict
 from eskin.interval.markup import html_table
-from eskin.peaks.event import PeakEvent, Verdict
+from eskin.peaks.event import PeakEvent
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

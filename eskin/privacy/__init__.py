@@ -1,4 +1,4 @@
-"""What tells of a person: which channels, sealed under a key for each subject, until erased."""
+"""Biometric data: which channels, and encryption under a key for each subject."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from eskin.privacy.master_key import FileMasterKey, MasterKey
 from eskin.privacy.open_keystore import open_key, open_keystore
 from eskin.privacy.sealed_message import SealedMessage, is_sealed
 from eskin.privacy.subject import Subject, Tombstone
-from eskin.privacy.unreadable import is_impersonal
+from eskin.privacy.unreadable import is_not_biometric
 
 __all__ = [
     "Decryptor",
@@ -21,7 +21,7 @@ __all__ = [
     "Subject",
     "Tombstone",
     "is_biometric",
-    "is_impersonal",
+    "is_not_biometric",
     "is_sealed",
     "open_key",
     "open_keystore",

@@ -1,4 +1,4 @@
-"""Which channels tell of a person."""
+"""Which channels are biometric."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from functools import lru_cache
 from typing import Final
 
 BIOMETRIC: Final = frozenset({"bioelectric"})
-"""Quantities that tell of a person."""
+"""Biometric quantities."""
 MARK: Final = "bio-"
-"""What the id of a taxel begins with that tells of a person, whatever it measures."""
+"""Prefix of the ids of taxels that are biometric whatever they measure."""
 
 
 @lru_cache(4096)
 def is_biometric(channel: str) -> bool:
-    """Whether what a channel measures tells of a person: it is public nowhere, and sealed at rest.
+    """Whether a channel is biometric: never public, and encrypted at rest.
 
     Its name alone says so: it comes with every message, so that no two tiers can disagree.
 

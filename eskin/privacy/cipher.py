@@ -8,11 +8,11 @@ from __future__ import annotations
 import hmac
 import itertools
 import os
-from collections import OrderedDict
 from dataclasses import replace
 from threading import Lock
 from typing import TYPE_CHECKING, Final
 
+from cachetools import LRUCache
 from cryptography.exceptions import InvalidTag
 
 from eskin.errors import BrokenSealError, MessageError, PrivacyError
@@ -39,7 +39,7 @@ class Encryptor:
         self._numbers = itertools.count()
         self._keys = _Keys()
 
-    def veil(
+    def encrypt(
         self, subject: Subject, node: str, message: Block | Peak, plaintext: bytes
     ) -> SealedMessage:
         """Seal a message.
@@ -54,10 +54,10 @@ class Encryptor:
         time = whole_minutes(span(message))
         return self._seal(subject, node, (message.position, message.channel, kind, time), plaintext)
 
-    def veil_unread(
+    def encrypt_unreadable(
         self, subject: Subject, node: str, position: Position | None, plaintext: bytes, *, now: int
     ) -> SealedMessage:
-        """Seal bytes that nobody could read, and that may tell of a person nevertheless.
+        """Encrypt unreadable bytes, which may be biometric.
 
         Args:
             subject: Whose data it may be.
@@ -66,7 +66,7 @@ class Encryptor:
             plaintext: The bytes; of very long ones the beginning is kept.
             now: UTC ns.
         """
-        head = position or Position(0, 0), UNREAD, Kind.VEILED, whole_minutes((now, now))
+        head = position or Position(0, 0), UNREAD, Kind.ENCRYPTED, whole_minutes((now, now))
         return self._seal(subject, node, head, plaintext[:_MOST_LETTER])
 
     def forget(self, pseudonym: str) -> None:
@@ -92,7 +92,7 @@ class Encryptor:
 
 
 class Decryptor:
-    """Reads what was veiled, as long as the subject's key is there.
+    """Reads what was encrypted, as long as the subject's key is there.
 
     Args:
         keystore: Holds the keys; asked for each message, so that what is erased is erased at once.
@@ -102,47 +102,52 @@ class Decryptor:
         self._keystore = keystore
         self._keys = _Keys()
 
-    def unveil(self, node: str, veiled: SealedMessage) -> bytes:
-        """The bytes that were veiled.
+    def decrypt(self, node: str, encrypted: SealedMessage) -> bytes:
+        """The bytes that were encrypted.
 
         Raises:
             NoKeyError: The subject's key is not here.
             PrivacyError: It was changed, or moved to another node, place or subject.
         """
         try:
-            subject = self._keystore.find(veiled.subject)
+            subject = self._keystore.find(encrypted.subject)
         except PrivacyError:
-            self._keys.forget(veiled.subject)
+            self._keys.forget(encrypted.subject)
             raise
-        aead = self._keys.find(subject, veiled.salt)
+        aead = self._keys.find(subject, encrypted.salt)
         try:
-            return aead.decrypt(nonce(veiled.number), veiled.ciphertext, veiled.bound(node))
+            return aead.decrypt(
+                nonce(encrypted.number), encrypted.ciphertext, encrypted.bound(node)
+            )
         except InvalidTag as error:
             raise BrokenSealError(
-                f"what {node} said as {veiled.position} is not what subject {veiled.subject} sealed"
+                f"message {encrypted.position} of {node} does not decrypt with the key of subject "
+                f"{encrypted.subject}"
             ) from error
 
     def forget(self, pseudonym: str) -> None:
         """Drop what was derived from a subject's key."""
         self._keys.forget(pseudonym)
 
-    def read(self, node: str, veiled: SealedMessage) -> tuple[Block | Peak, bytes]:
-        """The block or peak that was veiled, and its bytes.
+    def read(self, node: str, encrypted: SealedMessage) -> tuple[Block | Peak, bytes]:
+        """The block or peak that was encrypted, and its bytes.
 
         Raises:
             PrivacyError: It cannot be read.
         """
-        data = self.unveil(node, veiled)
+        data = self.decrypt(node, encrypted)
         try:
             message = decode_message(data)
         except MessageError as error:
-            raise BrokenSealError(f"what {node} said as {veiled.position} is no message") from error
+            raise BrokenSealError(
+                f"what {node} said as {encrypted.position} is no message"
+            ) from error
         if (
             not isinstance(message, Block | Peak)
-            or message.position != veiled.position
-            or message.channel != veiled.channel
+            or message.position != encrypted.position
+            or message.channel != encrypted.channel
         ):
-            raise BrokenSealError(f"what {node} said as {veiled.position} is not what it claims")
+            raise BrokenSealError(f"what {node} said as {encrypted.position} is not what it claims")
         return message, data
 
 
@@ -150,23 +155,21 @@ class _Keys:
     """Keys derived lately, by subject and salt."""
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[tuple[str, bytes], AESGCM] = OrderedDict()
+        self._cache: LRUCache[tuple[str, bytes], AESGCM] = LRUCache(_KEPT)
         self._lock = Lock()
 
     def find(self, subject: Subject, salt: bytes) -> AESGCM:
         place = subject.pseudonym, salt
         with self._lock:
-            aead = self._kept.get(place)
+            aead = self._cache.get(place)
             if aead is None:
-                aead = self._kept[place] = derive(subject.key, salt, b"eskin veil 1")
-                if len(self._kept) > _KEPT:
-                    self._kept.popitem(last=False)
+                aead = self._cache[place] = derive(subject.key, salt, b"eskin subject 1")
             return aead
 
     def forget(self, pseudonym: str) -> None:
         with self._lock:
-            for place in [known for known in self._kept if known[0] == pseudonym]:
-                del self._kept[place]
+            for place in [known for known in self._cache if known[0] == pseudonym]:
+                del self._cache[place]
 
 
 def span(message: Block | Peak) -> tuple[int, int]:

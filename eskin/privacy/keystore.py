@@ -1,7 +1,7 @@
 """The key store: one small file a subject, each wrapped by the master key.
 
-Whoever writes has the folder's turn, and does it by files that appear whole or not at all, so that
-a command, a gateway and a second gateway, or several clouds, may share the folder: nobody keeps a
+A writer locks the folder and replaces files atomically, so that
+a command, a gateway and a second gateway, or several clouds, may share the folder: none keeps a
 key that another one erases in that moment. A key is asked for with each message, and it and its
 tombstone are looked for on the disk each time: what was destroyed there is used no more, from that
 moment.
@@ -21,7 +21,7 @@ from eskin.privacy.master_key import wrapped_key
 from eskin.privacy.subject import Subject, Tombstone, is_pseudonym
 from eskin.runtime.digest import with_check, without_check
 from eskin.runtime.files.atomic import destroy, make_folder, partials, read_private, write_private
-from eskin.runtime.files.turn import turn
+from eskin.runtime.files.lock import locked_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,10 +51,10 @@ class KeyStore:
         self._master = master
         self._now = now
         self._keys = directory / "subjects"
-        self._graves = directory / "erased"
+        self._tombstones = directory / "erased"
         self._known: dict[str, Subject] = {}
         self._lock = Lock()
-        self._folders = directory, self._keys, self._graves
+        self._folders = directory, self._keys, self._tombstones
         for folder in self._folders:
             make_folder(folder)
         self.finish()
@@ -71,25 +71,25 @@ class KeyStore:
         return KeyStore(self.directory / name, self._master, now=self._now)
 
     def create(self, name: str = "") -> Subject:
-        """Make a subject with a fresh key; without a name it is nobody's yet.
+        """Make a subject with a fresh key; without a name it is unassigned.
 
         Raises:
             PrivacyError: It cannot be written.
         """
         made = Subject.make(name, secret=wrapped_key(self.directory / _SECRET, self._master))
-        with turn(self.directory):
+        with locked_folder(self.directory):
             self._write(made)
         return made
 
     def keep(self, pseudonym: str, key: bytes) -> bool:
-        """Keep a key that somebody else made; gives whether it is new.
+        """Store a key that another site made; gives whether it is new.
 
         Raises:
             NoKeyError: The subject was erased here: what is erased never comes back.
             KeyConflictError: Another key is kept for that subject, which stays.
             PrivacyError: It cannot be written.
         """
-        with turn(self.directory):
+        with locked_folder(self.directory):
             try:
                 kept = self.find(pseudonym).key
             except NoKeyError as error:
@@ -151,7 +151,7 @@ class KeyStore:
         """
         known = self.named(name)  # reads all keys, which takes long in hardware, for what follows
         secret = wrapped_key(self.directory / _SECRET, self._master)
-        with turn(self.directory):
+        with locked_folder(self.directory):
             known = known or self.named(name)
             if known:
                 return known[0]
@@ -166,13 +166,13 @@ class KeyStore:
             NoKeyError: There is no such subject, and never was.
             PrivacyError: The file cannot be destroyed.
         """
-        with turn(self.directory):
+        with locked_folder(self.directory):
             tombstone = self.tombstone(pseudonym)
             if tombstone is None:
                 self.require(pseudonym)
             return self._erase(pseudonym, tombstone)
 
-    def bury(self, pseudonym: str) -> bool:
+    def shred(self, pseudonym: str) -> bool:
         """Erase a subject even where it was never known: its key, if it comes late, is not kept.
 
         Returns:
@@ -181,15 +181,15 @@ class KeyStore:
         Raises:
             PrivacyError: It cannot be written.
         """
-        with turn(self.directory):
+        with locked_folder(self.directory):
             tombstone = self.tombstone(pseudonym)
             self._erase(pseudonym, tombstone)
         return tombstone is None
 
     def confirm(self, tombstone: Tombstone) -> None:
         """Note that the cloud's copy is destroyed, too."""
-        with turn(self.directory):
-            self._bury(Tombstone(tombstone.pseudonym, tombstone.erased, self._now()))
+        with locked_folder(self.directory):
+            self._write_tombstone(Tombstone(tombstone.pseudonym, tombstone.erased, self._now()))
 
     def tombstone(self, pseudonym: str) -> Tombstone | None:
         """What is left of an erased subject.
@@ -197,7 +197,7 @@ class KeyStore:
         Raises:
             PrivacyError: It cannot be read.
         """
-        path = self._graves / pseudonym
+        path = self._tombstones / pseudonym
         if not path.exists():
             return None
         try:
@@ -206,9 +206,9 @@ class KeyStore:
         except (ValueError, TypeError, KeyError) as error:
             raise PrivacyError(f"{path}: is no record of an erasure") from error
 
-    def graves(self) -> list[Tombstone]:
+    def tombstones(self) -> list[Tombstone]:
         """All erased subjects, by pseudonym."""
-        found = [self.tombstone(name) for name in sorted(_names(self._graves))]
+        found = [self.tombstone(name) for name in sorted(_names(self._tombstones))]
         return [tombstone for tombstone in found if tombstone is not None]
 
     def finish(self) -> None:
@@ -218,8 +218,8 @@ class KeyStore:
             PrivacyError: A file cannot be destroyed.
         """
         if self._unfinished():
-            with turn(self.directory):  # what is still there now is nobody's
-                for name in self._undead():
+            with locked_folder(self.directory):  # no writer is left
+                for name in self._half_erased():
                     self._erase(name, self.tombstone(name))
                 self._sweep()
         held = _names(self._keys)
@@ -228,10 +228,10 @@ class KeyStore:
                 del self._known[name]
 
     def _unfinished(self) -> bool:
-        return bool(self._undead()) or any(map(partials, self._folders))
+        return bool(self._half_erased()) or any(map(partials, self._folders))
 
-    def _undead(self) -> set[str]:
-        return _names(self._keys) & _names(self._graves)
+    def _half_erased(self) -> set[str]:
+        return _names(self._keys) & _names(self._tombstones)
 
     def _sweep(self) -> None:
         for folder in self._folders:
@@ -242,16 +242,16 @@ class KeyStore:
         """Erase within a turn: the tombstone first, so that a power cut undoes nothing."""
         if tombstone is None:
             tombstone = Tombstone(pseudonym, self._now())
-            self._bury(tombstone)
+            self._write_tombstone(tombstone)
         with self._lock:
             self._known.pop(pseudonym, None)
             destroy(self._keys / pseudonym)
         self._sweep()  # among them may be a copy of the key
         return tombstone
 
-    def _bury(self, tombstone: Tombstone) -> None:
+    def _write_tombstone(self, tombstone: Tombstone) -> None:
         said = with_check({"erased": tombstone.erased, "confirmed": tombstone.confirmed})
-        write_private(self._graves / tombstone.pseudonym, json.dumps(said).encode())
+        write_private(self._tombstones / tombstone.pseudonym, json.dumps(said).encode())
 
     def _write(self, subject: Subject) -> None:
         wrapped = self._master.wrap(subject.encode(), subject.pseudonym.encode())

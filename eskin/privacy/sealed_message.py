@@ -1,4 +1,4 @@
-"""A veiled message: what a node said of a person, sealed under the subject's key, for good.
+"""A biometric message, encrypted under its subject's key.
 
 In the clear stands what is needed to keep it once, to find it again, and to forget it in time:
 position, channel, kind, pseudonym, and the whole minutes in which it lies.
@@ -26,7 +26,7 @@ MAC_BYTES: Final = 8
 UNREAD: Final = "unread.unread"
 """In place of a channel where a message could not be read."""
 _FIELDS: Final = frozenset(range(1, 12))
-_BEGINNING: Final = bytes([0xA0 | len(_FIELDS), 1, Kind.VEILED])
+_BEGINNING: Final = bytes([0xA0 | len(_FIELDS), 1, Kind.ENCRYPTED])
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,14 +36,14 @@ class SealedMessage:
     Attributes:
         position: Boot and sequence.
         channel: ``{taxel}.{quantity}``.
-        kind: What is inside: a block, a peak, or (``VEILED``) bytes that nobody could read.
+        kind: What is inside: a block, a peak, or (``UNREADABLE``) bytes that are no message.
         subject: Whose: a pseudonym.
-        time: UTC ns, whole minutes that enclose all that is told.
+        time: UTC ns, whole minutes that enclose the message's.
         salt: Drawn at the veiler's start; gives, with the subject's key, the key of this message.
         number: Counts what was sealed under this salt: the nonce.
         ciphertext: Of AES-256-GCM, with its tag.
         mac: 8 bytes of HMAC-SHA-256 over node and plaintext under the subject's key: two sealings
-            of one message share it, so that they are told from two messages under one number.
+            of one message share it, so that they differ from two messages under one number.
     """
 
     position: Position
@@ -67,27 +67,27 @@ class SealedMessage:
 
     def bound(self, node: str) -> bytes:
         """The associated data: all that stands in the clear, and whose node said it."""
-        return cbor2.dumps(["eskin veil 1", node, self._head()])
+        return cbor2.dumps(["eskin subject 1", node, self._head()])
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
-        """Read a veiled message.
+        """Read a encrypted message.
 
         Raises:
             MessageError: It is none.
         """
         fields = load(data)
-        if fields.integer(1, 0, 255) != Kind.VEILED:
-            raise MessageError("field 1 is not that of a veiled message")
+        if fields.integer(1, 0, 255) != Kind.ENCRYPTED:
+            raise MessageError("field 1 is not that of a encrypted message")
         return cls.read(fields)
 
     @classmethod
     def read(cls, fields: Fields) -> Self:
-        """Read a veiled message from its decoded fields."""
+        """Read a encrypted message from its decoded fields."""
         fields.only(_FIELDS)
         kind = fields.integer(5, 0, 255)
-        if kind not in {Kind.BLOCK, Kind.PEAK, Kind.VEILED}:
-            raise MessageError(f"field 5 is {kind}; only blocks and peaks are veiled")
+        if kind not in {Kind.BLOCK, Kind.PEAK, Kind.ENCRYPTED}:
+            raise MessageError(f"field 5 is {kind}; only blocks and peaks are encrypted")
         subject = fields.text(6, 32)
         if not is_pseudonym(subject):
             raise MessageError("field 6 is no pseudonym of 32 hexadecimal digits")
@@ -104,20 +104,20 @@ class SealedMessage:
         )
 
     def _head(self) -> dict[int, object]:
-        head: dict[int, object] = position_fields(Kind.VEILED, self.position)
+        head: dict[int, object] = position_fields(Kind.ENCRYPTED, self.position)
         head |= {4: self.channel, 5: int(self.kind), 6: self.subject, 7: list(self.time)}
         return head | {8: self.salt, 9: self.number, 11: self.mac}
 
 
 def is_sealed(data: bytes) -> bool:
-    """Whether bytes can only be a veiled message; deterministic CBOR begins like this."""
+    """Whether bytes can only be a encrypted message; deterministic CBOR begins like this."""
     return data.startswith(_BEGINNING)
 
 
 def whole_minutes(time: tuple[int, int]) -> tuple[int, int]:
     """The whole minutes that enclose a time; not beyond what 64 bit hold.
 
-    A block's exact moments and a peak's tell of the person; which minute it was, less.
+    Exact moments of blocks and peaks are biometric; the minute is less so.
     """
     lo, hi = time[0] // MINUTE * MINUTE, -(-time[1] // MINUTE) * MINUTE
     return max(lo, -MOST_MOMENT), min(hi, MOST_MOMENT)

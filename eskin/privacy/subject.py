@@ -1,4 +1,4 @@
-"""A subject: a person, or nobody yet, whose data are sealed under one key."""
+"""A subject: one key that encrypts the data of a person, or of no one yet."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Subject:
 
     Attributes:
         pseudonym: HMAC-SHA-256 of salt and name under the site's secret, its first 16 bytes.
-        name: As the site knows the person; empty for nobody, and wherever the name is unknown.
+        name: As the site knows the person; empty for an unassigned key, and where it is unknown.
         salt: Drawn for this subject and destroyed with its key: the same name later gives another
-            pseudonym, which nobody can link to this one, not even with the site's secret.
+            pseudonym, which cannot be linked to this one, not even with the site's secret.
         key: What its data are sealed under.
     """
 
@@ -41,7 +41,7 @@ class Subject:
         """A new subject.
 
         Args:
-            name: Empty for nobody.
+            name: Empty for an unassigned key.
             secret: The site's.
         """
         salt = os.urandom(_SALT_BYTES)

@@ -1,4 +1,4 @@
-"""Messages that could not be used, of which nobody knows whether they tell of a person."""
+"""Classify unreadable messages, which may be biometric."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from eskin.wire.messages.cbor_map import load_any
 from eskin.wire.messages.header import require_channel
 
 
-def is_impersonal(plaintext: bytes) -> bool:
-    """Whether bytes are of no channel, or name one that is not biometric; else they may tell.
+def is_not_biometric(plaintext: bytes) -> bool:
+    """Whether bytes are certainly not biometric: of no channel, or of one that is not.
 
     Args:
-        plaintext: All of what somebody sent, also where it is no message.
+        plaintext: The whole payload, whether or not it is a message.
     """
     try:
         fields = load_any(plaintext, "message")

@@ -1,4 +1,4 @@
-"""So few log lines of one source that no peer fills a disk with them; the rest is counted."""
+"""Limit the log lines of each source, so that no peer fills a disk."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class _Window:
 class LogThrottle:
     """Admits `BURST` lines of each source in `WINDOW_S` seconds. Not thread-safe.
 
-    Beyond 1,000 sources in one window, keys are told apart no more: this bounds the memory.
+    Beyond 1,000 sources in one window, keys are ignored: this bounds the memory.
 
     Args:
         clock: Monotonic seconds.

@@ -78,10 +78,10 @@ class ThrottledHandler(logging.StreamHandler[TextIO]):
 
     def _tell_suppressed(self, *, early: bool = False) -> None:
         for source, count in self._throttle.ended(early=early):
-            told = "log lines suppressed: count=%d statement=%s:%d source=%s"
+            text = "log lines suppressed: count=%d statement=%s:%d source=%s"
             values = count, Path(source.file).name, source.line, source.key or "-"
             super().emit(
-                logging.LogRecord(__name__, logging.WARNING, __file__, 0, told, values, None)
+                logging.LogRecord(__name__, logging.WARNING, __file__, 0, text, values, None)
             )
 
 

@@ -1,4 +1,4 @@
-"""Giving memory back to the system."""
+"""Return freed memory to the system."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def keep_large_apart() -> None:
 
 
 def freeze_gc() -> None:
-    """Take all that is there for what stays; for the end of a start.
+    """Exempt all present objects from garbage collection; call it after startup.
 
     Python looks for garbage in cycles among old objects only once a quarter as many came anew. With
     what the imports brought, hundreds of thousands, that takes minutes, in which it piles up, and
@@ -52,9 +52,9 @@ def freeze_gc() -> None:
 
 
 class HeapTrimmer:
-    """Gives memory back now and then, where much was taken in since the last time.
+    """Trims the heap at most once a minute, after enough bytes came in.
 
-    What came in a rush lies scattered afterwards, and would stay the process's for good.
+    Freed memory of a burst is scattered over the heap and would stay with the process.
 
     Args:
         clock: Monotonic seconds.

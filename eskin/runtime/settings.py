@@ -50,7 +50,7 @@ class RenewalSection(Section):
         default="",
         pattern=r"^(https://[^\s/@]+)?$",
         description="CA service that renews identities, and brings sites' certificates and "
-        "revocation lists; empty: somebody else does",
+        "revocation lists; empty: another process does",
     )
     every_s: float = Field(
         default=1.0, gt=0, le=86_400, description="seconds between two looks at the CA service"

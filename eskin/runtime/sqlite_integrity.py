@@ -1,4 +1,4 @@
-"""Whether a database file is whole: a worn disk may give back something else than was written."""
+"""Detect corruption of a database file."""
 
 from __future__ import annotations
 

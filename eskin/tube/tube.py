@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from eskin.errors import IntervalError, MissingExtraError
 from eskin.interval import Interval, require_plain
+from eskin.interval.frames import column_of
 from eskin.interval.markup import html_table
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pandas as pd
     import xarray as xr
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from eskin.peaks import Peaks
+    from eskin.tube.plot import PeakTable
 
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+_AXIS: Final = "time"
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +100,7 @@ class Tube:
         """How far a sample's true moment may lie from ``moments``, in ns, rounded up."""
         return (self.time[1] - self.time[0] + 1) // 2
 
-    def plot(self, ax: Axes | None = None, *, peaks: Peaks | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None, *, peaks: PeakTable | None = None) -> Axes:
         """Draw the band, what is missing, and peaks, with matplotlib.
 
         Each sample is drawn as wide as its period, and nothing between samples that are missing.
@@ -112,11 +116,12 @@ class Tube:
             MissingExtraError: matplotlib is not installed.
         """
         try:
-            from eskin.tube.picture import draw_tube, new_axes  # noqa: PLC0415 - an extra
+            from eskin.tube.plot import new_axes, plot_samples  # noqa: PLC0415 - an extra
         except ImportError as error:
             raise MissingExtraError("tube.plot", "matplotlib", "eskin[figures]") from error
         axes = new_axes() if ax is None else ax
-        draw_tube(self, axes, peaks)
+        axes.set_xlabel(f"time in s since {moment_text(self.first_moment)}")
+        plot_samples(axes, self.values, self.dt / 1e9, self.unit, peaks)
         return axes
 
     def to_pandas(self) -> pd.DataFrame:
@@ -125,9 +130,13 @@ class Tube:
         Raises:
             MissingExtraError: pandas is not installed.
         """
-        from eskin.tube.frames import to_pandas  # noqa: PLC0415 - a library of few
+        frame = self.values.to_pandas()
+        import pandas as pd  # noqa: PLC0415 - an optional dependency
 
-        return to_pandas(self)
+        moments = self.moments.astype("datetime64[ns]")
+        frame.index = pd.DatetimeIndex(moments, tz="UTC", name=_AXIS)
+        frame.attrs = self._attributes()
+        return frame
 
     @classmethod
     def from_pandas(cls, frame: pd.DataFrame) -> Tube:
@@ -138,9 +147,10 @@ class Tube:
         Raises:
             IntervalError: A column or an attribute is missing, or rows are not equally spaced.
         """
-        from eskin.tube.frames import from_pandas  # noqa: PLC0415 - a library of few
-
-        return from_pandas(frame)
+        index = frame.index
+        if getattr(index, "tz", None) is not None:
+            index = index.tz_convert("UTC").tz_localize(None)
+        return cls._from_samples(Interval.from_pandas(frame), index.to_numpy(), frame.attrs)
 
     def to_xarray(self) -> xr.Dataset:
         """Variables ``lo`` and ``hi`` along ``time``; else as `to_pandas`.
@@ -148,9 +158,9 @@ class Tube:
         Raises:
             MissingExtraError: xarray is not installed.
         """
-        from eskin.tube.frames import to_xarray  # noqa: PLC0415 - a library of few
-
-        return to_xarray(self)
+        data = self.values.to_xarray().rename({"axis_0": _AXIS})
+        data = data.assign_coords({_AXIS: self.moments.astype("datetime64[ns]")})
+        return data.assign_attrs(self._attributes())
 
     @classmethod
     def from_xarray(cls, data: xr.Dataset) -> Tube:
@@ -159,9 +169,44 @@ class Tube:
         Raises:
             IntervalError: A variable or an attribute is missing, or samples are not equally spaced.
         """
-        from eskin.tube.frames import from_xarray  # noqa: PLC0415 - a library of few
+        moments = column_of(data, _AXIS).to_numpy()
+        return cls._from_samples(Interval.from_xarray(data), moments, data.attrs)
 
-        return from_xarray(data)
+    def _attributes(self) -> dict[str, Any]:
+        """What columns do not hold; the moments of part of a table stand in its index."""
+        return {
+            "unit": self.unit,
+            "coverage": self.coverage,
+            "earliest_ns": int(self.time[0]),
+            "latest_ns": int(self.time[1]),
+            "dt_ns": int(self.dt),
+        }
+
+    @classmethod
+    def _from_samples(
+        cls, values: Interval, moments: NDArray[Any], attributes: Mapping[Any, Any]
+    ) -> Tube:
+        try:
+            unit, coverage = attributes["unit"], float(attributes["coverage"])
+            time = int(attributes["earliest_ns"]), int(attributes["latest_ns"])
+            dt = int(attributes["dt_ns"])
+        except KeyError as error:
+            raise IntervalError(
+                f"the attribute {error} is missing; set it in attrs, as to_pandas and to_xarray do"
+            ) from None
+        if moments.dtype.kind != "M":
+            raise IntervalError(f"a tube's samples have times (datetime64), not {moments.dtype}")
+        at = moments.astype("datetime64[ns]").astype(np.int64)
+        if at.size > 1:
+            steps = np.diff(at)
+            dt = int(steps[0])
+            if dt <= 0 or np.any(steps != dt):
+                raise IntervalError(
+                    "samples are not equally spaced; put rows of NaN where some are missing "
+                    "(pandas: asfreq; xarray: resample)"
+                )
+        moved = int(at[0]) - sum(time) // 2 if at.size else 0
+        return cls((time[0] + moved, time[1] + moved), dt, values, unit, coverage)
 
     def _repr_html_(self) -> str:
         step = self.dt / 1e9

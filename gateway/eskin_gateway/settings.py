@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field, field_validator
 
-from eskin.runtime.loopback import is_loopback
+from eskin.runtime.net import is_loopback
 from eskin.runtime.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
 from eskin.wire.topics import HOME_ASSISTANT
 

@@ -218,7 +218,7 @@ static void peaks(void)
     end_detector(&detector);
     *events++ = detector.events;
     for (const event_t *e = detector.event; e < detector.event + detector.events; e++) {
-        const double told[] = {e->possible,  e->first,     e->last,          e->peaks,
+        const double told[] = {e->verdict,   e->first,     e->last,          e->peaks,
                                e->height.lo, e->height.hi, e->prominence.lo, e->prominence.hi};
         memcpy(events, told, sizeof told);
         events += sizeof told / sizeof *told;

@@ -32,8 +32,10 @@ typedef struct {
     span_t span;
 } hysteresis_t;
 
+enum { IMPOSSIBLE, POSSIBLE, CERTAIN };
+
 typedef struct {
-    int possible, first, last, peaks;
+    int verdict, first, last, peaks;
     bounds_t height, prominence;
 } event_t;
 

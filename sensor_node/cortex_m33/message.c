@@ -90,8 +90,8 @@ int write_block(uint8_t *buffer, const head_t *head, const written_t *written, c
 int write_peak(uint8_t *buffer, const head_t *head, const event_t *event)
 {
     uint8_t *out = begin(buffer, PEAK, 11, head);
-    out = number(numbers(out, 6, head->earliest, head->latest), 7, event->possible);
-    out = event->possible ? numbers(out, 8, 0, event->peaks) : numbers(out, 8, 1, 1);
+    out = number(numbers(out, 6, head->earliest, head->latest), 7, event->verdict);
+    out = event->verdict == POSSIBLE ? numbers(out, 8, 0, event->peaks) : numbers(out, 8, 1, 1);
     out = reals(out, 9, event->height.lo, event->height.hi);
     out = reals(out, 10, event->prominence.lo, event->prominence.hi);
     return real(integer(out, 11), head->coverage) - buffer;

@@ -73,10 +73,10 @@ static int take(hysteresis_t *pass, int index, double valley, double crest, doub
     return 0;
 }
 
-static void tell(detector_t *detector, int possible, const span_t *span)
+static void tell(detector_t *detector, int verdict, const span_t *span)
 {
     detector->event[detector->events++] =
-        (event_t){possible, span->first, span->last, span->peaks, {span->floor, span->ceiling},
+        (event_t){verdict, span->first, span->last, span->peaks, {span->floor, span->ceiling},
                   {span->prominence, up(span->ceiling - span->lowest)}};
 }
 
@@ -118,7 +118,7 @@ static void match(detector_t *detector, const span_t *certain)
 static void tell_waiting(detector_t *detector)
 {
     for (int k = 0; k < detector->waiting; k++)
-        tell(detector, 1, detector->undecided + k);
+        tell(detector, POSSIBLE, detector->undecided + k);
     detector->waiting = 0;
 }
 
@@ -135,7 +135,7 @@ static void settle(detector_t *detector)
             return;
         if (!growing->begun || oldest->last >= growing->span.first)
             return;
-        tell(detector, 1, oldest);
+        tell(detector, POSSIBLE, oldest);
         drop(detector, 0);
     }
 }
@@ -173,6 +173,6 @@ void feed(detector_t *detector, const double *lows, const double *highs, int n)
         if (detector->waiting)
             settle(detector);
         if (found)
-            tell(detector, 0, &certain);
+            tell(detector, CERTAIN, &certain);
     }
 }

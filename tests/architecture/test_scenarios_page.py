@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import get_args
 
@@ -14,9 +16,8 @@ from eskin_sensor_node.world.scenario.script import VariationSection
 from eskin_sensor_node.world.scenario.surroundings import AmbientSection, BioelectricSection
 from eskin_sensor_node.world.skin import FaultSection, Shape
 
-from eskin.cli.scenarios import page
-
-PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "scenarios.md"
 MODELS = [
     Script,
     VariationSection,
@@ -39,7 +40,9 @@ def test_every_key_has_its_help_and_stands_on_the_page(model: type[Script]) -> N
 
 
 def test_page_of_scenarios_is_current() -> None:
-    assert PAGE.read_text() == page(), "python -m eskin.cli.scenarios > docs/scenarios.md"
+    command = [sys.executable, "-m", "docs.tools.scenarios"]
+    page = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    assert PAGE.read_text() == page, "python -m docs.tools.scenarios > docs/scenarios.md"
 
 
 def test_example_of_the_page_can_be_played(tmp_path: Path) -> None:

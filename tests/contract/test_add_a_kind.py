@@ -127,7 +127,7 @@ def test_the_example_at_the_end_runs(copy: Path) -> None:
 
 
 def test_settings_page_lists_the_kind(copy: Path) -> None:
-    code = "from eskin.cli.settings import page; assert 'strain_gauge' in page()"
+    code = "from docs.tools.settings import page; assert 'strain_gauge' in page()"
     run([sys.executable, "-c", code], copy)
 
 

@@ -205,7 +205,7 @@ def test_nothing_that_is_left_opens_what_was_sealed_or_names_the_person(house: H
     for store in (keystore, own):
         for data in rows:
             with pytest.raises(NoKeyError, match="destroyed"):
-                Decryptor(store).unveil(NODE, SealedMessage.decode(data))
+                Decryptor(store).decrypt(NODE, SealedMessage.decode(data))
 
 
 def test_erasure_waits_for_the_cloud_and_is_told_again_until_it_confirms(house: House) -> None:
@@ -219,13 +219,13 @@ def test_erasure_waits_for_the_cloud_and_is_told_again_until_it_confirms(house: 
     house.command("erase", "--name", NAME)
     with pytest.raises(CloudError):
         house.subject_sync.sync()
-    (tombstone,) = house.inside.keystore.graves()
+    (tombstone,) = house.inside.keystore.tombstones()
     assert tombstone.confirmed is None
     assert house.subject_sync.pending == 1
     house.reachable = True
     house.subject_sync.sync()
     assert house.subject_sync.pending == 0
-    (tombstone,) = house.inside.keystore.graves()
+    (tombstone,) = house.inside.keystore.tombstones()
     assert tombstone.confirmed is not None
     with pytest.raises(NoKeyError):
         own.find(ada.pseudonym)

@@ -11,6 +11,7 @@ from sqlalchemy import Connection, RowMapping
 from starlette.responses import Response
 
 from eskin.errors import QueryError
+from eskin.interval import Verdict
 from eskin_cloud.api.dependencies import Access, CloudState, Reader
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
@@ -20,7 +21,6 @@ from eskin_cloud.query.comparison import find_comparison_segments
 from eskin_cloud.query.comparison_segments import ComparisonSegment, total_comparison
 from eskin_cloud.query.cursors import write_cursor
 from eskin_cloud.query.neighbourhood import ChannelSource
-from eskin_cloud.query.predicate import Verdict
 from eskin_cloud.schemas.base import PageDocument, Place, page
 from eskin_cloud.schemas.comparison import (
     ComparisonSegmentDocument,

@@ -7,7 +7,7 @@ from pydantic import BaseModel
 from starlette.responses import Response
 
 from eskin.runtime.http_server.problems import ProblemError, documented
-from eskin.runtime.loopback import is_loopback
+from eskin.runtime.net import is_loopback
 from eskin_cloud.api.dependencies import CloudState, address_of
 
 router = APIRouter(tags=["health"])

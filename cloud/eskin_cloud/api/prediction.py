@@ -10,7 +10,7 @@ from sqlalchemy import RowMapping
 from starlette.responses import Response
 
 from eskin.errors import IntervalError, QueryError
-from eskin.interval import Interval
+from eskin.interval import Interval, Verdict
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.api.dependencies import CloudState, Reader
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
@@ -21,7 +21,6 @@ from eskin_cloud.query.cursors import read_numbers
 from eskin_cloud.query.models import MODELS
 from eskin_cloud.query.occupancy import total_occupancy
 from eskin_cloud.query.parse_decimal import enclose_decimal
-from eskin_cloud.query.predicate import Verdict
 from eskin_cloud.query.prediction import Prediction
 from eskin_cloud.query.sample_validity import after
 from eskin_cloud.query.segments import Segment, merge

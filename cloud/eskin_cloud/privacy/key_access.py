@@ -177,7 +177,7 @@ class KeyAccess:
         if self.keystore is None:
             return False
         keystore, decryptor = self._open(site)
-        new = keystore.bury(pseudonym)
+        new = keystore.shred(pseudonym)
         decryptor.forget(pseudonym)
         return new
 

@@ -8,8 +8,9 @@ import numpy as np
 from sqlalchemy import func, select, tuple_
 
 from eskin.errors import QueryError
+from eskin.interval import Verdict
 from eskin_cloud.query.neighbourhood import COLUMNS, as_pieces
-from eskin_cloud.query.predicate import Predicate, Verdict
+from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.sample_validity import after, before
 from eskin_cloud.query.segments import find_segments_of, parted
 from eskin_cloud.rollup.aggregates import concatenated

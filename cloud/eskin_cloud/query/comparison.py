@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from sqlalchemy import select
 
+from eskin.interval import Verdict
 from eskin_cloud.query.comparison_segments import ComparisonSegment, compare, merge
 from eskin_cloud.query.neighbourhood import Neighbourhood
-from eskin_cloud.query.predicate import Verdict
 from eskin_cloud.query.tile_comparison import TileVerdict, classify, read_grid
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import STEP, TOP

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from eskin.interval import Verdict
 from eskin_cloud.query.occupancy import EntryCount
-from eskin_cloud.query.predicate import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

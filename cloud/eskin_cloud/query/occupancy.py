@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Final
 
-from eskin_cloud.query.predicate import Verdict
+from eskin.interval import Verdict
 from eskin_cloud.query.segments import find_segments_of
 from eskin_cloud.store.read.block_index import find_next
 

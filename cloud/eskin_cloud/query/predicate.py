@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from eskin.interval import Verdict
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
-
-
-class Verdict(IntEnum):
-    """The three verdicts."""
-
-    IMPOSSIBLE = 0
-    POSSIBLE = 1
-    CERTAIN = 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from sqlalchemy import case, select, tuple_
 
-from eskin_cloud.query.predicate import Verdict
+from eskin.interval import Verdict
 from eskin_cloud.query.tile_drilldown import TileDrilldown
 from eskin_cloud.rollup.blocks import DECODED, decode
 from eskin_cloud.store.damage import RowHeader, intact_headers

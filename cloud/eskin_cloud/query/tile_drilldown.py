@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
-from eskin_cloud.query.predicate import Verdict
+from eskin.interval import Verdict
 from eskin_cloud.rollup.reading import find_unbuilt, read_tiles
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import CHUNK, STEP, TOP

@@ -7,8 +7,9 @@ from typing import Final, Literal, cast
 import orjson
 from typing_extensions import TypedDict
 
+from eskin.interval import Verdict
 from eskin.privacy import is_biometric
-from eskin.wire.messages import Shedding, Sustained
+from eskin.wire.messages import Shedding
 from eskin.wire.timestamp import SECOND, format_timestamp
 from eskin_cloud.query.clock_check import ClockCheck
 from eskin_cloud.schemas.base import (
@@ -268,6 +269,6 @@ def _energy(row: Row) -> EnergyDocument | None:
     return {
         "stored": {"lo": row["stored_lo"], "hi": row["stored_hi"]},
         "charge": {"lo": row["charge_lo"], "hi": row["charge_hi"]},
-        "self_sustaining": cast("_Verdict", Sustained(row["sustained"]).name.lower()),
+        "self_sustaining": cast("_Verdict", Verdict(row["sustained"]).name.lower()),
         "shedding": cast("_Shedding", Shedding(row["shedding"]).name.lower()),
     }

@@ -6,10 +6,10 @@ from typing import Literal
 from pydantic import BaseModel
 from typing_extensions import TypedDict
 
+from eskin.interval import Verdict
 from eskin.union_bound import union_coverage
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.query.occupancy import Occupancy
-from eskin_cloud.query.predicate import Verdict
 from eskin_cloud.query.segments import Segment
 from eskin_cloud.query.series import Series
 from eskin_cloud.schemas.base import CountDocument, IntervalDocument, Json, Moment, Row, seconds

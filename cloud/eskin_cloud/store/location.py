@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 from sqlalchemy import URL, make_url
 from sqlalchemy.exc import ArgumentError
 
-from eskin.runtime.loopback import is_loopback
+from eskin.runtime.net import is_loopback
 from eskin_cloud.store import postgres, sqlite
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Whether every block that a node made is stored, still under way, or told as lost."""
+"""Whether every block that a node made is stored, still under way, or reported as lost."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Delivery:
         made: Blocks whose truth the emulator keeps.
         stored: Those that the cloud stored.
         waiting: Those that wait in flash or spool.
-        told: Those that a gap tells as lost.
+        lost: Those that a gap reports.
         unborn: Those at the end of a boot that never came to be committed to flash.
         removed: Those that the cloud had, and removed by their age or with their subject.
         missing: All others. Not one may be.
@@ -58,7 +58,7 @@ class Delivery:
     made: int
     stored: int
     waiting: int
-    told: int
+    lost: int
     unborn: int
     removed: int
     missing: tuple[Position, ...]
@@ -154,20 +154,20 @@ def deliveries(seen: UnderWay, connection: Connection) -> list[Delivery]:
 
 def _delivery(node: str, seen: UnderWay, connection: Connection) -> Delivery:
     stored = _stored(node, connection)
-    told, sighted = _told(node, connection), _sighted(node, connection)
+    lost, sighted = _lost(node, connection), _sighted(node, connection)
     waiting = seen.waiting[node]
-    counts = {"stored": 0, "waiting": 0, "told": 0, "unborn": 0}
+    counts = {"stored": 0, "waiting": 0, "lost": 0, "unborn": 0}
     gone = []
     missing = []
-    places = (stored, told, sighted, waiting)
+    places = (stored, lost, sighted, waiting)
     boots = {position.boot for position in seen.made[node]}
     ends = {boot: max(place.last(boot) + 1 for place in places) for boot in boots}
     kept = {boot: max(end, seen.kept(node, boot)) for boot, end in ends.items()}
     for position in seen.made[node]:
         if position in stored:
             counts["stored"] += 1
-        elif position in told:
-            counts["told"] += 1
+        elif position in lost:
+            counts["lost"] += 1
         elif position in waiting:
             counts["waiting"] += 1
         elif position.sequence >= kept[position.boot]:
@@ -203,7 +203,7 @@ def _removed(
         for reason, _, before in records[block.channel]:
             if reason == RemovalReason.ERASURE or block.end - block.dt < before:
                 found[block.channel].add(position)
-    # More than was removed cannot be excused by it, and nobody can say which ones they are.
+    # Removal excuses no more than it removed, and which ones cannot be known.
     return {
         position
         for channel, positions in found.items()
@@ -235,9 +235,9 @@ def _position(body: bytes) -> Position:
     return (SealedMessage.decode(body) if is_sealed(body) else decode_message(body)).position
 
 
-def _told(node: str, connection: Connection) -> Sightings:
+def _lost(node: str, connection: Connection) -> Sightings:
     """What gaps tell as lost."""
-    told = Sightings()
+    lost = Sightings()
     e = events.c
     query = select(e.boot, e.sequence, e.data).where(e.node == node, e.kind == "gap")
     for boot, sequence, data in connection.execute(query).all():
@@ -247,8 +247,8 @@ def _told(node: str, connection: Connection) -> Sightings:
         gap = decode_message(bytes(data))
         if isinstance(gap, Gap):
             for span in gap.lost:
-                told.span(*span)
-    return told
+                lost.span(*span)
+    return lost
 
 
 def _sighted(node: str, connection: Connection) -> Sightings:

@@ -74,8 +74,8 @@ def _open(reader: Decryptor, row: RowMapping) -> tuple[Block, bool] | None:
         return None  # damaged, and collected
     block, _ = opened
     lo, hi = span(block)
-    told = (row["channel"], row["boot"], row["sequence"])
-    same = told == (block.channel, block.position.boot, block.position.sequence)
+    claimed = (row["channel"], row["boot"], row["sequence"])
+    same = claimed == (block.channel, block.position.boot, block.position.sequence)
     if not isinstance(block, Block):
         raise AuditError(f"{row['node']} sealed a peak as a block: {block.position}")
     return block, same and row["t_lo"] <= lo <= hi <= row["t_hi"]

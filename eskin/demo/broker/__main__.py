@@ -33,7 +33,7 @@ async def serve(directory: Path, authority: Path, port: int) -> None:
 
 
 def _in_one_line(record: logging.LogRecord) -> bool:
-    """Amqtt tells of each client that answers too late by a whole traceback."""
+    """Amqtt logs a whole traceback for each client that answers late."""
     if record.name.startswith("amqtt") and record.exc_info:
         record.msg, record.args = f"{record.getMessage()}: {record.exc_info[1]!r}", None
         record.exc_info = None

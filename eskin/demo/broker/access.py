@@ -17,7 +17,7 @@ _TO_NODE: Final = (Stream.ACKS, Stream.COMMANDS)
 
 @dataclass(frozen=True, slots=True)
 class Party:
-    """Whoever is connected, as the verified certificate says.
+    """A connected client, as its verified certificate names it.
 
     Attributes:
         kind: Kind of identity, from the issuing CA.

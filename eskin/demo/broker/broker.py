@@ -4,9 +4,9 @@
 - A session belongs to its certificate: the client id is prefixed with the certificate's name
   (in amqtt, a certificate of n2 with client id n1 took over n1's session).
 - Sessions are clean, so no queue grows for a client that is away.
-- A retained message goes to those who subscribed (amqtt sends every new connection whatever anybody
+- A retained message goes to those who subscribed (amqtt sends every new connection what any client
   else has subscribed to).
-- Whoever was revoked is refused, and an open connection ends within seconds.
+- A revoked client is rejected, and an open connection ends within seconds.
 - Wills obey the access rules, as publishing and reading do (amqtt publishes wills unchecked).
 - A packet that announces more than any legitimate message is refused before its body is read, and a
   certificate has at most 16 connections, which bounds what its unfinished packets hold.

@@ -1,4 +1,4 @@
-"""Who may come in: certificates of our CAs that nobody revoked."""
+"""Client authentication by certificates of our CAs that are not revoked."""
 
 from __future__ import annotations
 

@@ -52,19 +52,19 @@ ConnectPacket.FIXED_HEADER = FixedHeader
 
 
 class Handler(BrokerProtocolHandler):  # type: ignore[misc]  # amqtt ships no types
-    """Drops what nobody has subscribed to where it comes in.
+    """Drops messages without a subscriber on arrival.
 
     A gateway publishes for other clients whether or not there are any, and each message costs amqtt
     two queues and five tasks.
 
     Attributes:
-        is_heard: Whether somebody has subscribed to a topic.
+        is_heard: Whether a client has subscribed to a topic.
     """
 
     is_heard: Callable[[str], bool]
 
     async def handle_publish(self, publish_packet: PublishPacket) -> None:
-        """Take a message in, unless it is of QoS 0, not to be kept, and for nobody."""
+        """Accept a message, unless it is of QoS 0, not retained, and without a subscriber."""
         kept = publish_packet.qos or publish_packet.retain_flag
         if kept or self.is_heard(publish_packet.topic_name):
             await super().handle_publish(publish_packet)

@@ -1,4 +1,4 @@
-"""Files that only grow, line by line: a line counts once its end is written."""
+"""Append-only files of lines; a line counts once its end is written."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _STEP: Final = 65_536
 def append_lines(path: Path, lines: str) -> None:
     """Write lines at the end, durably.
 
-    What a power cut or a full disk left of a line goes first: nobody was promised it, and the next
-    one would become part of it. Nobody else may write meanwhile.
+    A partial line that a power cut or a full disk left is removed first: it was never confirmed,
+    and the next line would become part of it. The caller is the only writer.
 
     Args:
         path: The file, which need not be there yet.

@@ -1,4 +1,4 @@
-"""Small files that only their owner may read: made once, replaced whole, destroyed for good."""
+"""Private files: made once, replaced atomically, overwritten before removal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import PrivacyError
 from eskin.runtime.files import create
-from eskin.runtime.files.turn import turn
+from eskin.runtime.files.lock import locked_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,7 +32,7 @@ def make_folder(path: Path) -> None:
 
 
 def read_private(path: Path) -> bytes:
-    """Read a file that nobody else may read.
+    """Read a file with mode 0600.
 
     Raises:
         PrivacyError: It cannot be read, or others may.
@@ -69,16 +69,16 @@ def make_once(path: Path, make: Callable[[], bytes]) -> bytes:
         PrivacyError: It cannot be read or made.
     """
     if not path.exists():
-        with turn(path.parent):
+        with locked_folder(path.parent):
             if not path.exists():
                 write_private(path, make())
     return read_private(path)
 
 
 def partials(folder: Path) -> list[Path]:
-    """What a power cut left of files that were being written; or what somebody writes just now.
+    """Files that a power cut left unfinished, or that are being written now.
 
-    Whoever has the folder's turn (`eskin.runtime.files.turn`) knows that it is the former.
+    The holder of the folder's lock (`locked_folder`) sees only the former.
     """
     return [path for path in folder.iterdir() if _PARTIAL.fullmatch(path.name)]
 

@@ -1,4 +1,4 @@
-"""What root makes in a folder is that folder's owner's: no command shuts a service out."""
+"""Files that root makes belong to their folder's owner, so that the service can use them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def make_folder(path: Path, *, mode: int = 0o700) -> None:
     except FileExistsError:
         if not path.is_dir():
             raise
-        return  # somebody else was quicker
+        return  # another process was first
     made = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
     try:
         give_to_owner(made, path.parent)

@@ -253,11 +253,11 @@ def _on_disconnect(request: Request, error: Exception) -> Response:
 
 def _on_validation(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - what it is registered for
-    told = "; ".join(_told(fault) for fault in error.errors())
-    return problem(request.scope, 422, told[:_LONGEST_DETAIL])
+    text = "; ".join(_fault_text(fault) for fault in error.errors())
+    return problem(request.scope, 422, text[:_LONGEST_DETAIL])
 
 
-def _told(fault: dict[str, Any]) -> str:
+def _fault_text(fault: dict[str, Any]) -> str:
     name = ".".join(str(part) for part in fault["loc"][1:]) or "request"
     name = name[:_LONGEST_NAME].encode("ascii", "backslashreplace").decode()
     if fault["type"] == "extra_forbidden":

@@ -1,7 +1,7 @@
 """How often one address may do something: in memory, by sliding windows.
 
 Requests a second are counted over ten seconds, as a page asks for much at once; what is refused,
-over a minute. A client that is told to come again is told to wait for as long.
+over a minute. A rejected client gets that time in Retry-After.
 """
 
 from __future__ import annotations
@@ -111,8 +111,8 @@ class LimitsMiddleware:
 
 
 def _flood(scope: Scope, what: str, rate: RateLimit) -> Response:
-    told = f"too many {what} from your address; wait a little"
-    return problem(scope, HTTPStatus.TOO_MANY_REQUESTS, told, headers=rate.pause)
+    detail = f"too many {what} from your address; wait a little"
+    return problem(scope, HTTPStatus.TOO_MANY_REQUESTS, detail, headers=rate.pause)
 
 
 def source_of(address: str) -> str:

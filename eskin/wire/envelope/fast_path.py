@@ -59,12 +59,12 @@ def read_ordinary(envelope: bytes) -> Parts | None:
 
 def _read_header(protected: bytes) -> Header | None:
     """What most headers of a sender have in common is read once."""
-    told = protected.rfind(_HELD) + len(_HELD)
-    boot, place = _count(protected, told)
+    end = protected.rfind(_HELD) + len(_HELD)
+    boot, place = _count(protected, end)
     sequence, place = _count(protected, place)
     if place != len(protected):
         return None
-    common = _read_common(protected[:told])
+    common = _read_common(protected[:end])
     if common is None:
         return None
     return Header(common.salt, common.sender, common.recipient, Position(boot, sequence))

@@ -28,8 +28,8 @@ def agree_key(
     Args:
         private: The own key.
         peer: The other party's certificate.
-        sender: Certificate of whoever seals.
-        recipient: Certificate of whoever opens.
+        sender: The sealer's certificate.
+        recipient: The opener's certificate.
         salt: The sender's.
 
     Returns:

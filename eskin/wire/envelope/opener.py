@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from cachetools import FIFOCache
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
@@ -59,9 +59,8 @@ class Opener:
         self._keys: dict[bytes, Identity] = {}
         self.take(keys)
         self._find = sender
-        self._capacity = capacity
-        self._senders: OrderedDict[tuple[bytes, bytes, bytes], _Sender] = OrderedDict()
-        self._addressed: OrderedDict[bytes, bytes] = OrderedDict()
+        self._senders: FIFOCache[tuple[bytes, bytes, bytes], _Sender] = FIFOCache(capacity)
+        self._addressed: FIFOCache[bytes, bytes] = FIFOCache(capacity)
 
     def take(self, keys: Sequence[Identity]) -> None:
         """Open messages that are sealed to these keys from now on, and to no other."""
@@ -102,18 +101,10 @@ class Opener:
             raise ForgedEnvelopeError(
                 f"authentication failed for sender {sender.name!r} on {topic!r}"
             ) from error
-        # Remembered only now, so that forged salts cannot push genuine senders out.
-        self._remember(key, sender)
-        return Opened(plaintext, sender.name, header.held, header.sender)
-
-    def _remember(self, key: tuple[bytes, bytes, bytes], sender: _Sender) -> None:
+        # Cached only now, so that forged salts cannot evict genuine senders.
         self._senders[key] = sender
-        self._senders.move_to_end(key)
-        self._addressed[key[0]] = key[1]
-        self._addressed.move_to_end(key[0])
-        for kept in (self._senders, self._addressed):
-            if len(kept) > self._capacity:
-                kept.popitem(last=False)
+        self._addressed[header.sender] = header.recipient
+        return Opened(plaintext, sender.name, header.held, header.sender)
 
 
 def _read(envelope: bytes) -> Parts:

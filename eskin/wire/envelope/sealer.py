@@ -75,8 +75,8 @@ class Sealer:
         Args:
             plaintext: The message.
             topic: Where it will be published; it opens under no other.
-            held: The lowest position still held, told under authentication.
-            introduce: Whether to add the certificate chain, so that a stranger can open it.
+            held: The lowest position still held, authenticated.
+            introduce: Whether to add the certificate chain, so that a new recipient can open it.
         """
         header = self._header
         if held is not None:

@@ -30,13 +30,13 @@ class Verifier:
     """Takes messages of one signer only.
 
     Args:
-        trust: Verifies certificate chains.
+        chains: Verifies certificate chains.
         kind: The signer's kind.
         name: Its common name.
     """
 
-    def __init__(self, trust: ChainVerifier, *, kind: IdentityKind, name: str) -> None:
-        self._trust = trust
+    def __init__(self, chains: ChainVerifier, *, kind: IdentityKind, name: str) -> None:
+        self._chains = chains
         self._kind = kind
         self._name = name
 
@@ -50,7 +50,7 @@ class Verifier:
         Raises:
             MalformedEnvelopeError: The bytes are no COSE_Sign1 of ours.
             UntrustedCertificateError: The signer's chain leads elsewhere, is not valid now, or is
-                somebody else's.
+                another party's.
             ForgedEnvelopeError: The signature is wrong.
         """
         protected, plaintext, signature = _read_parts(signed)
@@ -59,7 +59,7 @@ class Verifier:
             raise MalformedEnvelopeError("algorithm is not ES256 (-7)")
         if len(signature) != SIGNATURE_BYTES:
             raise MalformedEnvelopeError(f"signature is not {SIGNATURE_BYTES} bytes")
-        leaf = self._trust.verify(_chain(header), self._kind)
+        leaf = self._chains.verify(_chain(header), self._kind)
         if common_name(leaf) != self._name:
             raise UntrustedCertificateError(
                 f"signed by {common_name(leaf)!r}; only {self._name!r} may command"

@@ -20,12 +20,10 @@ from eskin.wire.messages.result import Outcome, Result
 from eskin.wire.messages.status import (
     ChannelInfo,
     Energy,
-    Fault,
     Place,
     ResetCause,
     Shedding,
     Status,
-    Sustained,
     TaxelFaults,
 )
 
@@ -38,7 +36,6 @@ __all__ = [
     "CommandName",
     "Encoding",
     "Energy",
-    "Fault",
     "Gap",
     "Kind",
     "Message",
@@ -52,7 +49,6 @@ __all__ = [
     "Shedding",
     "Status",
     "Summary",
-    "Sustained",
     "TaxelFaults",
     "decode_message",
     "decode_summary",

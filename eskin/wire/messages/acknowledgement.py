@@ -23,7 +23,7 @@ class Acknowledgement:
     Attributes:
         time: The gateway's clock, UTC ns.
         spans: ``(boot, first, last)`` of the messages.
-        watched: ms for which somebody is expected to look at the node's data; 0: nobody does.
+        watched: ms for which a viewer is expected to look at the node's data; 0: no viewer.
     """
 
     time: int

@@ -1,4 +1,4 @@
-"""All that a block says beside its samples: enough to sort it, and to tell of its hull."""
+"""A block's fields without its samples: its place and its hull."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class BlockSummary(NamedTuple):
 
     @classmethod
     def read(cls, fields: Fields) -> BlockSummary:
-        """Read it from a block's decoded fields; whoever reads the samples checks ``bounds``.
+        """Read it from a block's decoded fields; the reader of the samples checks ``bounds``.
 
         Raises:
             MessageError: They are no block's.

@@ -43,7 +43,7 @@ FORM: Final = 1
 _SCALED: Final = 0xB1
 """A CBOR map of 17 pairs: a block with a scale."""
 _BENT: Final = ("sequence", "cursor", "ticks", "t_lo", "t_hi")
-"""What grows evenly from block to block: told by second differences."""
+"""What grows evenly from block to block: stored as second differences."""
 _PLAIN: Final = ("received", "n", "exponent", "offset", "widening", "order", "order_above", "size")
 _NAMES: Final = (*_BENT, *_PLAIN)
 _BODY: Final = ("n", "order", "order_above", "size", "exponent", "offset")

@@ -50,8 +50,8 @@ def scan_all(messages: Joined) -> list[BlockSummary | None]:
     good = _scan_all(np.frombuffer(messages.data, np.uint8), messages.ends, names, counts, reals)
     found = zip(good.tolist(), names.tolist(), counts.tolist(), reals.tolist(), strict=True)
     return [
-        _summary(messages.data, named, counted, told) if well else None
-        for well, named, counted, told in found
+        _summary(messages.data, named, counted, bounds) if well else None
+        for well, named, counted, bounds in found
     ]
 
 

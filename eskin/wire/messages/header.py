@@ -25,7 +25,7 @@ class Kind(IntEnum):
     GAP = 3
     STATUS = 4
     RESULT = 5
-    VEILED = 6
+    ENCRYPTED = 6
     ACKNOWLEDGEMENT = 16
     COMMAND = 17
 

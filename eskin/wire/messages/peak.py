@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Self
 
-from eskin.peaks import Verdict
+from eskin.interval import Verdict
 from eskin.wire.messages.cbor_map import dump, load
 from eskin.wire.messages.header import Kind, Position, position_fields, read_channel, read_position
 
@@ -68,7 +68,7 @@ class Peak:
             channel=read_channel(fields, 4),
             unit=fields.text(5, 16),
             time=fields.moments(6),
-            verdict=Verdict(fields.integer(7, 0, len(Verdict) - 1)),
+            verdict=Verdict(fields.integer(7, Verdict.POSSIBLE, Verdict.CERTAIN)),
             count=fields.counts(8),
             height=fields.interval(9),
             prominence=fields.interval(10),

@@ -8,6 +8,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import MessageError
+from eskin.interval import Verdict
 from eskin.wire.messages.cbor_map import MOST_COUNT, dump, integer, items, load, pair, real, text
 from eskin.wire.messages.command_schema import TAXEL
 from eskin.wire.messages.header import (
@@ -45,14 +46,6 @@ class ResetCause(IntEnum):
         return "brown-out" if self is ResetCause.BROWN_OUT else self.name.lower().replace("_", " ")
 
 
-class Sustained(IntEnum):
-    """Whether a node sustains itself: its harvest is not below its consumption."""
-
-    CERTAIN = 0
-    POSSIBLE = 1
-    IMPOSSIBLE = 2
-
-
 class Shedding(IntEnum):
     """What a node does to save energy."""
 
@@ -75,20 +68,12 @@ class Energy:
 
     stored: tuple[float, float]
     charge: tuple[float, float]
-    verdict: Sustained
+    verdict: Verdict
     shedding: Shedding
 
     def encode(self) -> list[float | int]:
         """As a status tells it."""
         return [*self.stored, *self.charge, int(self.verdict), int(self.shedding)]
-
-
-class Fault(IntEnum):
-    """Whether a taxel is broken, as far as its node can tell."""
-
-    IMPOSSIBLE = 0
-    POSSIBLE = 1
-    CERTAIN = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +87,8 @@ class TaxelFaults:
     """
 
     taxel: str
-    dead: Fault
-    stuck: Fault
+    dead: Verdict
+    stuck: Verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,9 +237,13 @@ def _energy(fields: Fields) -> Energy:
     return Energy(
         (least, most),
         (low, high),
-        Sustained(integer(found[4], "field 16, verdict", 0, max(Sustained))),
+        _verdict(found[4], "field 16, verdict"),
         Shedding(integer(found[5], "field 16, shedding", 0, max(Shedding))),
     )
+
+
+def _verdict(value: object, what: str) -> Verdict:
+    return Verdict(integer(value, what, 0, max(Verdict)))
 
 
 def _held(fields: Fields) -> Position:
@@ -301,8 +290,8 @@ def _fault(value: object) -> TaxelFaults:
     found = items(value, "field 17", 3)
     if len(found) != 3:
         raise MessageError(f"field 17 holds {len(found)} items a taxel; expected 3")
-    dead, stuck = (Fault(integer(each, "field 17, fault", 0, max(Fault))) for each in found[1:])
-    if dead is stuck is Fault.IMPOSSIBLE:
+    dead, stuck = (_verdict(each, "field 17, fault") for each in found[1:])
+    if dead is stuck is Verdict.IMPOSSIBLE:
         raise MessageError("field 17 names a taxel that cannot be broken")
     return TaxelFaults(text(found[0], "field 17, taxel", 31), dead, stuck)
 

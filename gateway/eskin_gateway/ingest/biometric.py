@@ -5,7 +5,7 @@ from __future__ import annotations
 import hmac
 from typing import TYPE_CHECKING, Final
 
-from eskin.privacy import Encryptor, is_biometric, is_impersonal
+from eskin.privacy import Encryptor, is_biometric, is_not_biometric
 from eskin.privacy.cipher import span
 from eskin.wire.messages import Block, BlockSummary, Peak, decode_message
 
@@ -55,7 +55,7 @@ class BiometricEncryptor:
         if message is None:
             return plaintext
         subject = self._assignments.subject(node, span(message)[0])
-        return self._encryptor.veil(subject, node, message, plaintext).encode()
+        return self._encryptor.encrypt(subject, node, message, plaintext).encode()
 
     def encrypt_dead_letter(self, letter: DeadLetter, position: Position | None) -> DeadLetter:
         """Encrypt body and reason of a dead letter that may be biometric.
@@ -63,11 +63,11 @@ class BiometricEncryptor:
         Raises:
             PrivacyError: The subject has no key.
         """
-        if is_impersonal(letter.body):
+        if is_not_biometric(letter.body):
             return letter
         subject = self._assignments.subject(letter.node, letter.time)
         plaintext = b"%b\n%b" % (letter.reason.encode(), letter.body)
-        sealed = self._encryptor.veil_unread(
+        sealed = self._encryptor.encrypt_unreadable(
             subject, letter.node, position, plaintext, now=letter.time
         )
         fingerprint = hmac.digest(subject.key, letter.body, "sha256")

@@ -19,7 +19,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
-from eskin.runtime.nodelay import send_at_once
+from eskin.runtime.net import set_nodelay
 from eskin.runtime.supervised import Supervised
 from eskin.wire.envelope import MOST_ENVELOPE
 from eskin.wire.topics import Stream, node_topic
@@ -361,7 +361,7 @@ class _PahoClient(paho.Client):
     def __init__(self, *, receive: Callable[[paho.MQTTMessage], None], **options: Any) -> None:
         super().__init__(CallbackAPIVersion.VERSION2, **options)
         self._receive = receive
-        self.on_socket_open = send_at_once
+        self.on_socket_open = set_nodelay
 
     def _handle_on_message(self, message: paho.MQTTMessage) -> None:
         self._receive(message)

@@ -86,7 +86,7 @@ class SubjectSync:
     def pending(self) -> float:
         """Erasures that the cloud has not confirmed; NaN if the key store cannot be read."""
         try:
-            return sum(tombstone.confirmed is None for tombstone in self._keystore.graves())
+            return sum(tombstone.confirmed is None for tombstone in self._keystore.tombstones())
         except (PrivacyError, OSError):
             return math.nan
 
@@ -99,7 +99,7 @@ class SubjectSync:
             SpoolError: The spool cannot be read.
         """
         self._keystore.finish()
-        tombstones = self._keystore.graves()
+        tombstones = self._keystore.tombstones()
         for pseudonym in {tombstone.pseudonym for tombstone in tombstones} - self._forgotten:
             self._encryptor.forget(pseudonym)
             self._forgotten.add(pseudonym)
@@ -118,7 +118,7 @@ class SubjectSync:
             if node not in unknown:
                 self._sent.add((node, subject))
             # A key store from a backup restores the key, but the cloud remembers the erasure.
-            if results.get(subject) == "erased" and self._keystore.bury(subject):
+            if results.get(subject) == "erased" and self._keystore.shred(subject):
                 log.warning("key destroyed again: subject=%s", subject)
             if results.get(subject) == "conflict":
                 log.error("subject's key differs from the cloud's: subject=%s", subject)

@@ -12,8 +12,8 @@ from eskin.privacy import Subject
 from eskin.privacy.subject import KEY_BYTES
 from eskin.runtime.digest import with_check, without_check
 from eskin.runtime.files.atomic import make_folder, make_once, read_private, write_private
+from eskin.runtime.files.lock import locked_folder
 from eskin.runtime.files.stamp import version
-from eskin.runtime.files.turn import turn
 
 if TYPE_CHECKING:
     from eskin.privacy import KeyStore
@@ -53,7 +53,7 @@ class SubjectAssignments:
         """
         IdentityKind.NODE.require_name(node)
         self._history(node)  # creates the file
-        with turn(self._folder):
+        with locked_folder(self._folder):
             history = [entry for entry in self._history(node) if entry[0] < since]
             write_private(self._folder / node, _encode([*history, (since, subject.pseudonym)]))
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
     Energy = tuple[Bounds, Bounds, int, int]
 
-CERTAIN = 0
+IMPOSSIBLE = 0
 POSSIBLE = 1
-IMPOSSIBLE = 2
+CERTAIN = 2
 """Verdicts: whether the node sustains itself."""
 FULL = 0
 ADAPTIVE = 1

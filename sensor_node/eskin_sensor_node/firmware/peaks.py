@@ -14,8 +14,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-CERTAIN = 0
 POSSIBLE = 1
+CERTAIN = 2
 _MOST_REGIONS = 8
 
 

@@ -10,7 +10,7 @@ import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
 from eskin.errors import EnvelopeError, MessageError
-from eskin.runtime.nodelay import send_at_once
+from eskin.runtime.net import set_nodelay
 from eskin.wire.messages import Acknowledgement, Kind, Position
 from eskin.wire.topics import Stream, node_topic
 from eskin_sensor_node.link.uplink import STREAMS, publish_size
@@ -75,7 +75,7 @@ class Connection:
         )
         self._client.tls_set_context(keys.context)
         self._client.max_queued_messages_set(4 * broker.window)
-        self._client.on_socket_open = send_at_once
+        self._client.on_socket_open = set_nodelay
         self._client.on_connect = _on_connect
         self._client.on_message = _on_message
         self._client.connect_async(broker.host, broker.port, keepalive=broker.keepalive_s)

@@ -15,7 +15,7 @@ import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
 from eskin.errors import EnvelopeError, FlashError, MessageError
-from eskin.runtime.nodelay import send_at_once
+from eskin.runtime.net import set_nodelay
 from eskin.wire.envelope import MOST_ENVELOPE
 from eskin.wire.messages import Acknowledgement
 from eskin.wire.sequence_set import SequenceRanges
@@ -130,7 +130,7 @@ class Publisher:
         client.max_queued_messages_set(4 * self._broker.window)
         client.reconnect_delay_set(min_delay=1, max_delay=8)
         client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
-        client.on_socket_open = send_at_once
+        client.on_socket_open = set_nodelay
         client.on_connect_fail, client.on_message = self._on_connect_fail, self._on_message
         return client
 

@@ -117,7 +117,7 @@ def _compare(site: Site, verdict: Verdict) -> None:
     for delivery in found.deliveries:
         verdict.made += delivery.made
         verdict.stored += delivery.stored
-        verdict.told += delivery.told
+        verdict.told += delivery.lost
         verdict.unborn += delivery.unborn
         if delivery.missing:
             verdict.faults.append(

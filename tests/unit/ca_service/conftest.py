@@ -7,5 +7,5 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever asks waits for as long as a slow machine takes for a certificate."""
+    """Clients wait as long as a slow machine takes for a certificate."""
     monkeypatch.setattr("eskin_ca.http_client._TIMEOUT_S", 120.0)

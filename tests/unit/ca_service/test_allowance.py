@@ -1,4 +1,4 @@
-"""Whoever holds a key or a token gets no more certificates by it than a party ever needs."""
+"""Certificates for one key or token are limited in number."""
 
 from __future__ import annotations
 

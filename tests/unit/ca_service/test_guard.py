@@ -81,7 +81,7 @@ def test_revoked_party_is_refused_and_ended_at_the_next_look(
     monkeypatch.setattr(guard_module, "fetch_revocations", fetch)
     monkeypatch.setattr(guard_module, "fetch_revoked", fetch_revoked)
     monkeypatch.setattr(guard_module, "end_connections", end)
-    assert guard_module._LOOK_S <= 0.5, "so whoever is revoked is out in about a second"
+    assert guard_module._LOOK_S <= 0.5, "so that revoked clients are disconnected in about a second"
     guard, broker = (
         MosquittoAgent(["true"], identity=identity, url="https://ca", folder=tmp_path),
         Mock(),

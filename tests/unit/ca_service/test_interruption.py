@@ -1,4 +1,4 @@
-"""Whatever the CA was doing when it was cut off, whoever got a certificate can be revoked."""
+"""After any interruption of the CA, every issued certificate can be revoked."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def test_strange_answer_ends_nothing_and_is_counted_and_said_once(
 def test_service_renews_its_own_certificate_while_it_runs(service: Service) -> None:
     first = service.serial
     service.wait_for(lambda: service.serial != first, "it shows another one")
-    # Whoever asks is still answered, under the same root.
+    # Requests are still answered, under the same root.
     url = f"https://127.0.0.1:{service.port}"
     anchor = service.own.node.directory / "anchor.pem"
     fetch_anchor(url, service.own.node.directory, IdentityKind.NODE, anchor)

@@ -1,4 +1,4 @@
-"""Identities are renewed under way: running parties go on, and nobody else is."""
+"""Identities are renewed while their services run; revoked ones are not."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from eskin.identity import (
     Identity,
     IdentityKind,
     client_context,
+    finish_renewal,
     forget_past,
     install,
     is_due,
     new_key,
     next_key,
     past_identities,
-    settle,
 )
 from eskin.identity.identity import CHAIN_FILE, ROOT_FILE
 from eskin.wire.envelope import sign
@@ -141,7 +141,7 @@ def test_power_cut_between_key_and_chain_leaves_an_identity(rig: Rig, steps: int
     expected = rig.node.certificate if steps == 0 else chain[0]
     assert Identity.load(folder).certificate == expected
     client_context(folder / ROOT_FILE, Identity.load(folder))
-    settle(folder)
+    finish_renewal(folder)
     assert Identity.load(folder).certificate == chain[0]
     assert next_key(folder).public_key() != new.public_key()
 

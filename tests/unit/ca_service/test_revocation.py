@@ -1,4 +1,4 @@
-"""Whoever was revoked gets no certificate any more, whatever he asks for and however often."""
+"""A revoked identity gets no further certificate."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from eskin.identity import (
     ChainVerifier,
     Identity,
     IdentityKind,
-    ca_lock,
     der,
     new_key,
 )
 from eskin.identity.issuance_log import IssuanceLog, Issued, Revocation
 from eskin.runtime.digest import with_check, without_check
+from eskin.runtime.files import lock as file_lock
 from eskin.runtime.files.lock import LockFile
 from eskin.wire.envelope import sign
 from eskin.wire.topics import RENEWAL
@@ -183,7 +183,7 @@ def test_list_that_is_signed_meanwhile_forgets_nobody(tmp_path: Path) -> None:
 def test_whoever_has_the_turn_may_take_it_again_and_nobody_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ca_lock, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(file_lock, "PATIENCE_S", 0.05)
     authority = CertificateAuthority.open(tmp_path / "ca")
     other = CertificateAuthority(tmp_path / "ca")
     with authority.changing():
@@ -209,7 +209,7 @@ def test_whoever_has_the_turn_may_take_it_again_and_nobody_else(
 def test_service_that_cannot_have_the_turn_asks_to_come_again(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ca_lock, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(file_lock, "PATIENCE_S", 0.05)
     key, token = new_key(), rig.token("palm")
     with LockFile(rig.authority.directory / "ledger.jsonl"):
         answer = rig.enrol(token, "palm", key)
@@ -223,7 +223,7 @@ def test_folder_that_cannot_be_written_is_a_clear_error_and_can_be_listed(tmp_pa
     authority.issue(NODE, "palm", new_key().public_key(), site=SITE)
     lock = tmp_path / "ledger.jsonl.lock"
     lock.unlink()
-    lock.mkdir()  # whoever runs as root may write a read-only folder
+    lock.mkdir()  # root may write a read-only folder
     with pytest.raises(IdentityError, match="folder cannot be written, so nothing is changed"):
         CertificateAuthority(tmp_path).revoke("palm")
     assert [entry.revoked for entry in CertificateAuthority(tmp_path).issued()] == [None]

@@ -1,4 +1,4 @@
-"""The CA service enrols who holds a token, once, and nobody else."""
+"""The CA service enrols only holders of a token, and each token once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whoever waits for the turn to change the CA keeps nobody else waiting."""
+"""Requests that wait for the CA's lock do not block other requests."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from eskin_ca.settings import CaSection
 from eskin_ca.tokens import TOKENS_FILE, Tokens
 
 from eskin.errors import LockedError
-from eskin.identity import CertificateAuthority, IdentityKind, ca_lock, client_context, new_key
+from eskin.identity import CertificateAuthority, IdentityKind, client_context, new_key
+from eskin.runtime.files import lock as file_lock
 from eskin.runtime.files.lock import LockFile
 from eskin.runtime.http_server.protocol import HttpLimits
 from tests.support.identities import SITE
@@ -47,7 +48,7 @@ def anyio_backend() -> str:
 
 @pytest.fixture
 def turns(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
-    """Who has asked for the turn; whoever waits for it is patient."""
+    """Paths that were locked; waits are long."""
     asked: list[Path] = []
 
     class Noted(LockFile):
@@ -55,8 +56,8 @@ def turns(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
             asked.append(path)
             super().__init__(path, patience=patience)
 
-    monkeypatch.setattr(ca_lock, "LockFile", Noted)
-    monkeypatch.setattr(ca_lock, "PATIENCE_S", LONG_S)
+    monkeypatch.setattr(file_lock, "LockFile", Noted)
+    monkeypatch.setattr(file_lock, "PATIENCE_S", LONG_S)
     monkeypatch.setattr(change_queue, "PATIENCE_S", LONG_S)
     return asked
 
@@ -140,7 +141,7 @@ async def test_only_so_many_wait(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> N
 
 async def test_nobody_waits_for_ever(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(change_queue, "PATIENCE_S", 0.2)
-    monkeypatch.setattr(ca_lock, "PATIENCE_S", 0.6)
+    monkeypatch.setattr(file_lock, "PATIENCE_S", 0.6)
     tokens = [rig.token(f"skin{k}") for k in range(3)]
     with rig.others_turn():
         told = [rig.enrol(token, f"skin{k}") for k, token in enumerate(tokens)]
@@ -245,7 +246,7 @@ async def test_service_outlives_whatever_fails_while_it_looks(
 
 @pytest.fixture
 def long_handshakes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever is sent away was one too many, and not too slow."""
+    """Rejected requests exceeded the queue, not the time limit."""
     monkeypatch.setattr("eskin_ca.service.HttpLimits", partial(HttpLimits, head_s=600.0))
 
 

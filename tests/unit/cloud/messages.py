@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Final
 import cbor2
 import numpy as np
 
-from eskin.interval import Interval
-from eskin.peaks import Verdict
+from eskin.interval import Interval, Verdict
 from eskin.tube import Tube
 from eskin.wire.messages import Block, ChannelInfo, Encoding, Gap, Peak, Position, Status
 from eskin.wire.messages.cbor_map import dump

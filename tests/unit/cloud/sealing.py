@@ -43,7 +43,7 @@ class Site:
 
     def seal(self, message: Block | Peak, subject: Subject | None = None) -> bytes:
         """A sealed message of the node."""
-        made = self._encryptor.veil(subject or self.ada, NODE, message, message.encode())
+        made = self._encryptor.encrypt(subject or self.ada, NODE, message, message.encode())
         return made.encode()
 
     def batch(self, *messages: Block | Peak | Status, subject: Subject | None = None) -> bytes:

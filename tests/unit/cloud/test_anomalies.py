@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from eskin_cloud.query.anomalies import find_anomalies
 from eskin_cloud.query.models import MODELS
-from eskin_cloud.query.predicate import Predicate, Verdict
+from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.prediction import Prediction
 from eskin_cloud.query.segments import Segment, find_segments_of, merge
 from eskin_cloud.store.read.lookup import find_channel
@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 import eskin
 from eskin.errors import QueryError
-from eskin.interval import Interval
+from eskin.interval import Interval, Verdict
 from tests.unit.cloud.clouds import emptied, problem, put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, block
 from tests.unit.cloud.test_queries import blocks as drawn_blocks

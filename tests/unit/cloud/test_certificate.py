@@ -8,7 +8,7 @@ import pytest
 from eskin_cloud.jobs.certificates import ServerCertificate
 
 from eskin.errors import IdentityError, SettingsError
-from eskin.identity import Identity, IdentityKind, install, next_key, settle
+from eskin.identity import Identity, IdentityKind, finish_renewal, install, next_key
 from eskin.identity import renewal as renewal_module
 from eskin.identity.identity import write_whole
 
@@ -53,7 +53,7 @@ def test_cloud_starts_in_the_middle_of_a_renewal(
 ) -> None:
     cut_off(identities, own, monkeypatch)
     shown = ServerCertificate("gateways.identity", own.directory)
-    settle(own.directory)
+    finish_renewal(own.directory)
     assert shown.refresh()
     assert not shown.refresh()
 

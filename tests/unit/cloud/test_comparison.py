@@ -10,12 +10,12 @@ import numpy as np
 from eskin_cloud.query.comparison import find_comparison_segments
 from eskin_cloud.query.comparison_segments import total_comparison
 from eskin_cloud.query.neighbourhood import ChannelSource
-from eskin_cloud.query.predicate import Verdict
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from eskin.interval import Verdict
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, block
 

@@ -9,11 +9,11 @@ import pytest
 from eskin_cloud.query.comparison import find_comparison_segments
 from eskin_cloud.query.comparison_segments import merge, total_comparison
 from eskin_cloud.query.neighbourhood import ChannelSource, Neighbourhood
-from eskin_cloud.query.predicate import Verdict
 from eskin_cloud.rollup.builder import build
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 
+from eskin.interval import Verdict
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, block
 from tests.unit.cloud.test_comparison import OTHER, ask

@@ -11,7 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from eskin.wire.messages import Encoding, Energy, Fault, Place, Shedding, Sustained, TaxelFaults
+from eskin.interval import Verdict
+from eskin.wire.messages import Encoding, Energy, Place, Shedding, TaxelFaults
 from tests.unit.cloud.clouds import batch, problem, put
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
 from tests.unit.eskin.senml import read_senml
@@ -148,7 +149,7 @@ async def test_nodes_tell_latest_status(stand: Stand) -> None:
 
 
 async def test_nodes_tell_their_energy(stand: Stand) -> None:
-    told = Energy((0.25, float("inf")), (0.5, 1.0), Sustained.POSSIBLE, Shedding.PEAKS)
+    told = Energy((0.25, float("inf")), (0.5, 1.0), Verdict.POSSIBLE, Shedding.PEAKS)
     put(stand.cloud.store, replace(status(7, boot=3), energy=told))
     (node,) = (await stand.get("/api/v1/nodes")).json()["items"]
     assert node["energy"] == {
@@ -161,8 +162,8 @@ async def test_nodes_tell_their_energy(stand: Stand) -> None:
 
 async def test_nodes_tell_which_taxels_may_be_broken(stand: Stand) -> None:
     told = (
-        TaxelFaults("t05", Fault.IMPOSSIBLE, Fault.CERTAIN),
-        TaxelFaults("t06", Fault.POSSIBLE, Fault.POSSIBLE),
+        TaxelFaults("t05", Verdict.IMPOSSIBLE, Verdict.CERTAIN),
+        TaxelFaults("t06", Verdict.POSSIBLE, Verdict.POSSIBLE),
     )
     put(stand.cloud.store, replace(status(7, boot=3), faults=told))
     (node,) = (await stand.get("/api/v1/nodes")).json()["items"]

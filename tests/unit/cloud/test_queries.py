@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_cloud.query.predicate import Predicate, Verdict
+from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import Series, read_series
 from eskin_cloud.store.read.lookup import find_channel
@@ -16,6 +16,7 @@ from eskin_cloud.store.read.window import Window
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from eskin.interval import Verdict
 from eskin.union_bound import union_coverage
 from eskin.wire.messages import Block, Encoding
 from eskin.wire.messages.stored_bounds import read_bounds

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from eskin_cloud.jobs.rollup import build_rollup
 from eskin_cloud.query.occupancy import measure_occupancy, total_occupancy
-from eskin_cloud.query.predicate import Predicate, Verdict
+from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.segments import Segment, find_segments, merge
 from eskin_cloud.rollup.builder import build, write_levels
 from eskin_cloud.store.read.lookup import find_channel
@@ -20,6 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sqlalchemy import select
 
+from eskin.interval import Verdict
 from tests.unit.cloud.brute_force import (
     BOUNDS,
     QUESTIONS,

@@ -17,7 +17,7 @@ from eskin_cloud.store.write.ingest import count_dead_letters
 from pydantic import TypeAdapter
 from sqlalchemy import select
 
-from eskin.peaks import Verdict
+from eskin.interval import Verdict
 from eskin.wire.timestamp import SECOND, format_timestamp
 from tests.unit.cloud.clouds import problem
 from tests.unit.cloud.messages import DT, START, block, peak

@@ -1,4 +1,4 @@
-"""The demo renews its identities while it runs, and nobody that was revoked."""
+"""The demo renews its identities while it runs, except revoked ones."""
 
 from __future__ import annotations
 

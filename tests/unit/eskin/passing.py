@@ -1,4 +1,4 @@
-"""Time that passes when a test says so: nobody waits, and a slow machine is not late."""
+"""A clock that a test advances, so that tests neither wait nor depend on speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who connects and never begins a handshake takes no more room than anybody, and not for long."""
+"""Connections without a handshake are bounded in number and in time."""
 
 from __future__ import annotations
 

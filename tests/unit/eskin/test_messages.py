@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.errors import MessageError
-from eskin.interval import Interval
-from eskin.peaks import Verdict
+from eskin.interval import Interval, Verdict
 from eskin.tube import Tube
 from eskin.wire.messages import (
     Acknowledgement,
@@ -22,7 +21,6 @@ from eskin.wire.messages import (
     BlockSummary,
     ChannelInfo,
     Encoding,
-    Fault,
     Gap,
     Message,
     Peak,
@@ -148,7 +146,7 @@ EXAMPLES: list[Message] = [
     Status(Position(3, 7), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (), ResetCause.WATCHDOG),
     Status(
         Position(3, 8), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (),
-        faults=(TaxelFaults("t01", Fault.CERTAIN, Fault.POSSIBLE),),
+        faults=(TaxelFaults("t01", Verdict.CERTAIN, Verdict.POSSIBLE),),
     ),
     Status(Position(3, 9), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (), faults=()),
     Status(

@@ -203,7 +203,7 @@ def test_missing_library_is_an_error_with_the_remedy(
     library: str, method: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, library, None)
-    monkeypatch.delitem(sys.modules, "eskin.tube.picture", raising=False)
+    monkeypatch.delitem(sys.modules, "eskin.tube.plot", raising=False)
     with pytest.raises(MissingExtraError, match="pip install"):
         getattr(SOME, method)()
 

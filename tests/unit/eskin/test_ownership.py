@@ -1,4 +1,4 @@
-"""What root makes is the folder's owner's, and files are replaced whole by whoever writes."""
+"""Files that root makes belong to the folder's owner, and writers replace files atomically."""
 
 from __future__ import annotations
 

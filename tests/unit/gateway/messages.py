@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from eskin.interval import Interval
-from eskin.peaks import Verdict
+from eskin.interval import Interval, Verdict
 from eskin.tube import Tube
 from eskin.wire.messages import (
     Block,

@@ -74,7 +74,7 @@ def test_biometric_dead_letter_is_encrypted_and_not_logged(
     assert poison not in remains(tmp_path)
     assert str(secret) not in caplog.text
     assert WITHHELD in caplog.text
-    opened = Decryptor(inside.keystore).unveil("fingertip", SealedMessage.decode(letter.body))
+    opened = Decryptor(inside.keystore).decrypt("fingertip", SealedMessage.decode(letter.body))
     assert opened.endswith(b"\n" + poison)
     assert SealedMessage.decode(letter.body).position == Position(1, 1)
 

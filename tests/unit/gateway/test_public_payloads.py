@@ -13,13 +13,12 @@ from eskin_gateway.publish.presence import Presence
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.interval import Interval
+from eskin.interval import Interval, Verdict
 from eskin.tube import Tube
 from eskin.wire.messages import (
     Block,
     BlockSummary,
     Encoding,
-    Fault,
     Position,
     TaxelFaults,
     decode_summary,
@@ -63,7 +62,7 @@ def test_hull_and_times_enclose_the_block(lo: float, width: float, early: int, n
 
 
 def test_status_lists_faulty_taxels() -> None:
-    told = replace(status(1), faults=(TaxelFaults("t05", Fault.IMPOSSIBLE, Fault.CERTAIN),))
+    told = replace(status(1), faults=(TaxelFaults("t05", Verdict.IMPOSSIBLE, Verdict.CERTAIN),))
     said = orjson.loads(public_payloads.status("n", told, online=True)[1])
     assert said["faults"] == [{"taxel": "t05", "dead": "impossible", "stuck": "certain"}]
     assert "faults" not in orjson.loads(public_payloads.status("n", status(1), online=True)[1])

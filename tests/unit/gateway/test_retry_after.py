@@ -152,7 +152,7 @@ def subject_sync(
     url: str, common: dict[str, Any], folder: Path, patience: Backoff
 ) -> Iterator[SubjectSync]:
     keystore = KeyStore(folder / "keys", FileMasterKey(folder / "master.key"))
-    keystore.bury(keystore.create("Ada").pseudonym)
+    keystore.shred(keystore.create("Ada").pseudonym)
     assignments, client = SubjectAssignments(keystore), CloudClient(url, **common)
     yield SubjectSync(
         keystore,

@@ -47,7 +47,7 @@ class Site(SubjectsClient):
         self.told += worn
         self.sizes.append(max(len(worn), len(erased)))
         for pseudonym in erased:
-            self.cloud.bury(pseudonym)
+            self.cloud.shred(pseudonym)
         results = dict.fromkeys(erased, "erased")
         for pseudonym, _, key in worn:
             if self.cloud.tombstone(pseudonym) is not None:
@@ -229,5 +229,5 @@ def test_unreadable_count_of_erasures_is_nan(site: Site, monkeypatch: pytest.Mon
     def unreadable() -> None:
         raise PrivacyError("graves cannot be read")
 
-    monkeypatch.setattr(site.keystore, "graves", unreadable)
+    monkeypatch.setattr(site.keystore, "tombstones", unreadable)
     assert math.isnan(site.start().pending)

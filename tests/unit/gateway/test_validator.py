@@ -51,7 +51,7 @@ def kept(inside: Inside, letter: DeadLetter) -> bytes:
     """Body of a dead letter; a biometric one is encrypted with its reason."""
     if letter.reason != WITHHELD:
         return letter.body
-    opened = Decryptor(inside.keystore).unveil(letter.node, SealedMessage.decode(letter.body))
+    opened = Decryptor(inside.keystore).decrypt(letter.node, SealedMessage.decode(letter.body))
     return opened.partition(b"\n")[2]
 
 

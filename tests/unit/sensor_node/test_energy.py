@@ -10,6 +10,7 @@ from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.tools.budget.run import sent_for
 
+from eskin.interval import Verdict
 from eskin.wire.messages import (
     Block,
     Energy,
@@ -17,7 +18,6 @@ from eskin.wire.messages import (
     ResetCause,
     Shedding,
     Status,
-    Sustained,
     decode_message,
 )
 from eskin.wire.messages.header import Position
@@ -127,7 +127,7 @@ def test_status_encloses_the_true_energy(tmp_path: Path) -> None:
         charge = (supply.voltage**2 - 2.2**2) / (3.8**2 - 2.2**2)
         assert told.charge[0] <= charge <= told.charge[1]
     assert told is not None
-    assert told.verdict is Sustained.IMPOSSIBLE
+    assert told.verdict is Verdict.IMPOSSIBLE
     assert told.shedding is Shedding.NONE
     bench.close()
 
@@ -146,7 +146,7 @@ def test_sole_short_of_energy_sends_peaks_only_and_certainly_sustains_itself(
     manager = renewal_agent_of(bench).manager
     assert ledger.sent > 10_000
     assert manager.stage == Shedding.PEAKS
-    assert manager.verdict == Sustained.CERTAIN
+    assert manager.verdict == Verdict.CERTAIN
     assert supply.energy > begin
     assert manager.stored[0] <= supply.energy <= manager.stored[1]
     bench.close()
@@ -224,8 +224,8 @@ def test_without_a_supply_a_status_has_no_energy(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "energy",
     [
-        Energy((0.0, float("inf")), (0.0, 1.0), Sustained.POSSIBLE, Shedding.NONE),
-        Energy((0.25, 0.5), (0.25, 0.75), Sustained.CERTAIN, Shedding.SLEEP),
+        Energy((0.0, float("inf")), (0.0, 1.0), Verdict.POSSIBLE, Shedding.NONE),
+        Energy((0.25, 0.5), (0.25, 0.75), Verdict.CERTAIN, Shedding.SLEEP),
     ],
 )
 def test_status_with_energy_is_read_as_written(energy: Energy) -> None:

@@ -9,7 +9,7 @@ from eskin_sensor_node.firmware.channel import union_coverage
 from eskin_sensor_node.firmware.gap_reasons import OVERRUN, TEXTS
 from eskin_sensor_node.node.ground_truth import GroundTruth
 
-from eskin.peaks import Verdict
+from eskin.interval import Verdict
 from eskin.wire.messages import Block, Gap, Peak, Status, decode_message
 from tests.unit.sensor_node.designs import SECOND, Bench, table
 

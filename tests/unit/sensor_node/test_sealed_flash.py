@@ -176,7 +176,7 @@ def test_key_is_made_at_the_first_start_and_is_the_node_s_alone(tmp_path: Path) 
     design = designs.settings(tmp_path)
     open_as_set(design).close()
     files = sorted((tmp_path / "keys").iterdir())
-    assert [file.name for file in files] == [".turn.lock", "fingertip.flash", "master.key"]
+    assert [file.name for file in files] == [".writer.lock", "fingertip.flash", "master.key"]
     assert {file.stat().st_mode & 0o777 for file in files} == {0o600}
     held = files[1].read_bytes()
     open_as_set(design).close()

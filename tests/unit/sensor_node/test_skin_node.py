@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from eskin_sensor_node.node.ground_truth import GroundTruth
 
-from eskin.peaks import Verdict
+from eskin.interval import Verdict
 from eskin.wire.messages import Block, Peak, Place, Status, decode_message
 from tests.unit.sensor_node.designs import Bench
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
-from eskin.privacy import SealedMessage, is_biometric, is_impersonal, is_sealed
+from eskin.privacy import SealedMessage, is_biometric, is_not_biometric, is_sealed
 from eskin.runtime.digest import digest
 from eskin.wire.messages import BlockSummary, Peak, Summary, decode_summary
 from eskin.wire.messages.cbor_map import MOST_BYTES
@@ -100,7 +100,7 @@ class ParsedMessage(NamedTuple):
             reason: Why it is rejected.
             instead: The reason for one that may be biometric, where ``reason`` may quote it.
         """
-        if is_impersonal(data):
+        if is_not_biometric(data):
             return cls.rejected(node, data[:MOST_BYTES], reason)
         return cls.rejected(node, b"", (instead or reason) + WITHHELD.format(len(data)))
 
@@ -126,7 +126,7 @@ def _require_node(name: str) -> None:
 
 
 def _require_biometric(message: SealedMessage) -> SealedMessage:
-    if message.kind is Kind.VEILED or not is_biometric(message.channel):
+    if message.kind is Kind.ENCRYPTED or not is_biometric(message.channel):
         raise MessageError(f"channel {message.channel} is not biometric; do not seal it")
     return message
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Self
 
-from eskin.interval import Interval
-from eskin.wire.messages import Mode, Sustained
+from eskin.interval import Interval, Verdict
+from eskin.wire.messages import Mode
 from eskin_sensor_node.firmware.energy import thrice
 from eskin_sensor_node.machine.power.data_sheet import stored_energy
 from eskin_sensor_node.machine.power.harvest import Harvester, Touches, harvest_bounds
@@ -72,10 +72,10 @@ class Budget:
         return self._powers({"filled": each})["filled"]
 
     @property
-    def verdict(self) -> Sustained:
+    def verdict(self) -> Verdict:
         """Whether touches give at least what is spent."""
         net = _sum(self.harvest) - self.consumption
-        return Sustained(thrice(float(net.inf), float(net.sup)))
+        return Verdict(thrice(float(net.inf), float(net.sup)))
 
     def _powers(self, energies: dict[str, Interval]) -> dict[str, Interval]:
         share = Interval(self.design.nodes) / self.seconds

@@ -45,7 +45,7 @@ def read(folder: Path) -> dict[str, Any]:
         "at 1500": lambda: assignments.subject(_NODE, 1500).pseudonym,
         "at 2500": lambda: assignments.subject(_NODE, 2500).pseudonym,
         "wearers": assignments.wearers,
-        "graves": keystore.graves,
+        "tombstones": keystore.tombstones,
         "person": lambda: keystore.person("Ada").pseudonym,
         "next": lambda: len(keystore.person("Di").key),
     }

@@ -12,8 +12,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from eskin.errors import IntervalError
-from eskin.interval import Interval
-from eskin.noise import Detection, detect, error_rates
+from eskin.interval import Interval, Verdict
+from eskin.noise import detect, error_rates
 
 DRAWS = 100_000
 NOISE = np.array([0.0, 0.5, 1.0, 3.0])
@@ -23,11 +23,11 @@ THRESHOLD = np.array([-1.0, 0.0, 2.0, 4.0, 5.0])
 def test_detection_is_certain_possible_or_missed() -> None:
     readings = Interval([1.0, 1.0, 2.0, 0.0, 0.0], [3.0, 2.0, 3.0, 2.0, 1.9])
     assert detect(readings, 2.0).tolist() == [
-        Detection.POSSIBLE,
-        Detection.POSSIBLE,
-        Detection.CERTAIN,
-        Detection.POSSIBLE,
-        Detection.MISSED,
+        Verdict.POSSIBLE,
+        Verdict.POSSIBLE,
+        Verdict.CERTAIN,
+        Verdict.POSSIBLE,
+        Verdict.IMPOSSIBLE,
     ]
 
 
@@ -43,13 +43,13 @@ def test_no_member_contradicts_the_verdict() -> None:
     verdict = detect(readings, 0.1)
     for share in (0.0, 0.3, 1.0):
         reached = inf + share * (readings.sup - inf) >= 0.1
-        assert np.all(reached[verdict == Detection.CERTAIN])
-        assert not np.any(reached[verdict == Detection.MISSED])
+        assert np.all(reached[verdict == Verdict.CERTAIN])
+        assert not np.any(reached[verdict == Verdict.IMPOSSIBLE])
     assert {int(v) for v in np.unique(verdict)} == {0, 1, 2}
 
 
 def test_plain_readings_are_thin() -> None:
-    assert detect([1.0, 2.0], 1.5).tolist() == [Detection.MISSED, Detection.CERTAIN]
+    assert detect([1.0, 2.0], 1.5).tolist() == [Verdict.IMPOSSIBLE, Verdict.CERTAIN]
 
 
 @pytest.mark.parametrize(

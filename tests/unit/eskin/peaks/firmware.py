@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from eskin_sensor_node.firmware import peaks
 
-from eskin.peaks import PeakEvent, Verdict
+from eskin.interval import Verdict
+from eskin.peaks import PeakEvent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

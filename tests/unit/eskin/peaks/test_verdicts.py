@@ -10,7 +10,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.signal import find_peaks as scipy_find_peaks
 
-from eskin.peaks import PeakEvent, PeakStream, Verdict, find_peaks
+from eskin.interval import Verdict
+from eskin.peaks import PeakEvent, PeakStream, find_peaks
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

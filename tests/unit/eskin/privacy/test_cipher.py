@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.errors import MessageError, NoKeyError, PrivacyError
+from eskin.errors import BrokenSealError, MessageError, NoKeyError, PrivacyError
 from eskin.privacy import Decryptor, Encryptor, SealedMessage
 from eskin.privacy.cipher import span
 from eskin.privacy.sealed_message import MINUTE, whole_minutes
@@ -32,7 +32,7 @@ EMPTY = SealedMessage(
 
 
 def veiled(keystore: KeyStore, message: Block | Peak = BLOCK) -> SealedMessage:
-    return Encryptor().veil(keystore.create("Ada"), "hand", message, message.encode())
+    return Encryptor().encrypt(keystore.create("Ada"), "hand", message, message.encode())
 
 
 @pytest.mark.parametrize("message", [BLOCK, PEAK], ids=["block", "peak"])
@@ -78,16 +78,16 @@ def test_veiled_message_is_read_in_its_own_place_alone(
     keystore: KeyStore, change: dict[str, object]
 ) -> None:
     moved = replace(veiled(keystore), **change)  # type: ignore[arg-type]
-    with pytest.raises(PrivacyError, match="is not what subject"):
-        Decryptor(keystore).unveil("hand", moved)
+    with pytest.raises(BrokenSealError):
+        Decryptor(keystore).decrypt("hand", moved)
 
 
 def test_veiled_message_is_of_its_own_node_and_subject_alone(keystore: KeyStore) -> None:
     made = veiled(keystore)
-    with pytest.raises(PrivacyError, match="is not what subject"):
-        Decryptor(keystore).unveil("palm", made)
-    with pytest.raises(PrivacyError, match="is not what subject"):
-        Decryptor(keystore).unveil("hand", replace(made, subject=keystore.create("Bo").pseudonym))
+    with pytest.raises(BrokenSealError):
+        Decryptor(keystore).decrypt("palm", made)
+    with pytest.raises(BrokenSealError):
+        Decryptor(keystore).decrypt("hand", replace(made, subject=keystore.create("Bo").pseudonym))
 
 
 def test_any_flipped_bit_of_the_ciphertext_is_refused(keystore: KeyStore) -> None:
@@ -95,14 +95,14 @@ def test_any_flipped_bit_of_the_ciphertext_is_refused(keystore: KeyStore) -> Non
     for index in range(0, len(made.ciphertext), 7):
         body = bytearray(made.ciphertext)
         body[index] ^= 1 << index % 8
-        with pytest.raises(PrivacyError):
-            Decryptor(keystore).unveil("hand", replace(made, ciphertext=bytes(body)))
+        with pytest.raises(BrokenSealError):
+            Decryptor(keystore).decrypt("hand", replace(made, ciphertext=bytes(body)))
 
 
 def test_what_is_inside_must_be_what_stands_outside(keystore: KeyStore) -> None:
     subject = keystore.create("Ada")
     other = block(9, channel=CHANNEL, unit="V")
-    swapped = Encryptor().veil(subject, "hand", BLOCK, other.encode())
+    swapped = Encryptor().encrypt(subject, "hand", BLOCK, other.encode())
     with pytest.raises(PrivacyError, match="is not what it claims"):
         Decryptor(keystore).read("hand", swapped)
 
@@ -113,17 +113,17 @@ def test_nonces_of_a_key_never_repeat_over_messages_and_starts(keystore: KeyStor
     for _ in range(20):
         encryptor = Encryptor()
         for _ in range(20):
-            made = encryptor.veil(subject, "hand", BLOCK, BLOCK.encode())
+            made = encryptor.encrypt(subject, "hand", BLOCK, BLOCK.encode())
             seen.add((made.salt, made.number))
     assert len(seen) == 400
 
 
 def test_erased_key_reads_nothing_from_that_moment(keystore: KeyStore) -> None:
     made, reader = veiled(keystore), Decryptor(keystore)
-    reader.unveil("hand", made)
+    reader.decrypt("hand", made)
     keystore.erase(made.subject)
     with pytest.raises(NoKeyError, match="its key is destroyed"):
-        reader.unveil("hand", made)
+        reader.decrypt("hand", made)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from eskin.errors import NoKeyError, PrivacyError
 from eskin.privacy import FileMasterKey, KeyStore
 from eskin.runtime.files import atomic as room
 from eskin.runtime.files import lock
-from eskin.runtime.files.turn import turn
+from eskin.runtime.files.lock import locked_folder
 from tests.support.processes import wait_until
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def test_erasure_overwrites_the_key_and_leaves_a_tombstone(
     assert wrapped not in everything(keystore.directory)
     assert keystore.subjects() == []
     keystore.confirm(tombstone)
-    assert [(g.pseudonym, g.confirmed) for g in keystore.graves()] == [(made.pseudonym, 7)]
+    assert [(g.pseudonym, g.confirmed) for g in keystore.tombstones()] == [(made.pseudonym, 7)]
     with pytest.raises(NoKeyError):
         keystore.find(made.pseudonym)
 
@@ -140,8 +140,8 @@ def test_what_is_erased_never_comes_back(keystore: KeyStore) -> None:
     keystore.erase(late)
     with pytest.raises(NoKeyError):
         keystore.keep(late, key)
-    assert keystore.bury("b" * 32)
-    assert not keystore.bury("b" * 32)
+    assert keystore.shred("b" * 32)
+    assert not keystore.shred("b" * 32)
     with pytest.raises(NoKeyError):
         keystore.keep("b" * 32, key)
 
@@ -156,7 +156,7 @@ def test_key_that_comes_while_its_subject_is_erased_is_not_left(
     keystore: KeyStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = KeyStore(keystore.directory, keystore._master)
-    burial = Thread(target=other.bury, args=[LATE])
+    burial = Thread(target=other.shred, args=[LATE])
     write, waits = keystore._write, Event()
 
     def sleep(seconds: float) -> None:
@@ -188,7 +188,7 @@ def test_tombstone_counts_before_a_key_that_lies_beside_it(keystore: KeyStore) -
             reader.find(made.pseudonym)
         assert reader.subjects() == []
     room.write_private(path, wrapped)
-    assert not keystore.bury(made.pseudonym)
+    assert not keystore.shred(made.pseudonym)
     assert not path.exists()
 
 
@@ -196,18 +196,18 @@ def test_processes_take_turns_at_a_key_store(
     keystore: KeyStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program = (
-        "import sys; from pathlib import Path; from eskin.runtime.files.turn import turn\n"
-        "with turn(Path(sys.argv[1])): print('mine', flush=True); sys.stdin.read()"
+        "import sys; from pathlib import Path; from eskin.runtime.files.lock import locked_folder\n"
+        "with locked_folder(Path(sys.argv[1])): print('mine', flush=True); sys.stdin.read()"
     )
     words = [sys.executable, "-c", program, str(keystore.directory)]
-    monkeypatch.setattr("eskin.runtime.files.turn._PATIENCE_S", 0.05)
+    monkeypatch.setattr("eskin.runtime.files.lock.PATIENCE_S", 0.05)
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == b"mine\n"
         with pytest.raises(PrivacyError, match="keeps it locked"):
             keystore.keep(LATE, bytes(32))
         with pytest.raises(PrivacyError, match="keeps it locked"):
-            keystore.bury(LATE)
+            keystore.shred(LATE)
         other.kill()  # however it ends, so does its turn
     assert keystore.keep(LATE, bytes(32))
 
@@ -232,7 +232,7 @@ def test_power_cut_while_a_key_is_kept_leaves_no_copy_behind_an_erasure(
     left = keep_cut_off(keystore, monkeypatch)
     assert keystore._master.unwrap(left.read_bytes(), LATE.encode())
     keystore.keep(LATE, bytes(32))
-    keystore.bury(LATE)
+    keystore.shred(LATE)
     assert list((keystore.directory / "subjects").iterdir()) == []
 
 
@@ -250,8 +250,8 @@ def test_what_a_power_cut_left_is_destroyed_at_the_next_opening(
 def test_file_that_another_one_writes_just_now_is_left_alone(
     keystore: KeyStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eskin.runtime.files.turn._PATIENCE_S", 0.05)
-    with turn(keystore.directory):
+    monkeypatch.setattr("eskin.runtime.files.lock.PATIENCE_S", 0.05)
+    with locked_folder(keystore.directory):
         partial = keystore.directory / "subjects" / f".{LATE}.0123abcd"
         partial.touch(mode=0o600)
         with pytest.raises(PrivacyError, match="keeps it locked"):

@@ -24,8 +24,7 @@ from typer.testing import CliRunner
 from eskin.cli import app
 from eskin.cli.energy import _watts
 from eskin.errors import SettingsError
-from eskin.interval import Interval
-from eskin.wire.messages import Sustained
+from eskin.interval import Interval, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -110,9 +109,9 @@ def test_verdict_is_certain_where_touches_give_more_than_sleep_costs(
     hand: Sequence[Budget],
 ) -> None:
     idle = replace(hand[2], work=WorkCounters(span=SECONDS * 10**9))
-    assert hand[0].verdict is Sustained.IMPOSSIBLE
-    assert replace(idle, touches=Touches(0.0, 1.0)).verdict is Sustained.CERTAIN
-    assert replace(idle, touches=hand[2].touches).verdict is Sustained.POSSIBLE
+    assert hand[0].verdict is Verdict.IMPOSSIBLE
+    assert replace(idle, touches=Touches(0.0, 1.0)).verdict is Verdict.CERTAIN
+    assert replace(idle, touches=hand[2].touches).verdict is Verdict.POSSIBLE
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +136,7 @@ def net_powers(budget: Budget, draws: int) -> list[float]:
     return found
 
 
-SHOES = {"sole": Sustained.POSSIBLE, "sock": Sustained.POSSIBLE}
+SHOES = {"sole": Verdict.POSSIBLE, "sock": Verdict.POSSIBLE}
 
 
 @pytest.mark.parametrize("name", SHOES)
@@ -145,7 +144,7 @@ def test_verdicts_of_packaged_profiles_hold_for_every_true_part(
     shoes: dict[str, Budget], hand: Sequence[Budget], name: str
 ) -> None:
     assert {name: each.verdict for name, each in shoes.items()} == SHOES
-    assert hand[2].verdict is Sustained.IMPOSSIBLE
+    assert hand[2].verdict is Verdict.IMPOSSIBLE
     signs = {power >= 0.0 for power in net_powers(shoes[name], 60)}
     # Few parts would have to be at their best end, all at once, that the sock's harvest suffices.
     assert signs == ({True, False} if name == "sole" else {False})

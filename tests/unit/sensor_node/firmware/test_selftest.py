@@ -20,7 +20,8 @@ from eskin_sensor_node.world.skin import FlatShape
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.wire.messages import Block, Fault, Gap, Status, TaxelFaults, decode_message
+from eskin.interval import Verdict
+from eskin.wire.messages import Block, Gap, Status, TaxelFaults, decode_message
 from tests.unit.sensor_node.designs import SECOND, Bench, table
 
 if TYPE_CHECKING:
@@ -197,7 +198,7 @@ def test_taxel_that_cannot_be_broken_any_more_is_believed_again(tmp_path: Path) 
     assert bench.node._self_test.faults == [("t00", IMPOSSIBLE, POSSIBLE)]
     bench.node.record_status()
     (told,) = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Status)]
-    assert told.faults == (TaxelFaults("t00", Fault.IMPOSSIBLE, Fault.POSSIBLE),)
+    assert told.faults == (TaxelFaults("t00", Verdict.IMPOSSIBLE, Verdict.POSSIBLE),)
     gaps = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Gap)]
     assert {gap.reason for gap in gaps} == {"t00 certainly dead"}
     assert [gap.samples for gap in gaps] == [0, 3 * 25 * 20, 3 * 25 * 20, 3 * 25 * 20]

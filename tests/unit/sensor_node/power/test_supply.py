@@ -198,7 +198,11 @@ def test_full_supercapacitor_leaves_the_harvest_open_above() -> None:
 
 
 def test_verdict_of_three() -> None:
-    assert [thrice(0.0, 1.0), thrice(-1.0, 0.0), thrice(-2.0, -1.0)] == [0, 1, 2]
+    assert [thrice(0.0, 1.0), thrice(-1.0, 0.0), thrice(-2.0, -1.0)] == [
+        CERTAIN,
+        POSSIBLE,
+        IMPOSSIBLE,
+    ]
 
 
 def test_load_is_shed_in_stages_before_brown_out_and_taken_up_with_hysteresis() -> None:

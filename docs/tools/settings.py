@@ -1,4 +1,4 @@
-"""All settings as a page: ``python -m eskin.cli.settings > docs/settings.md``."""
+"""All settings as a page: ``python -m docs.tools.settings > docs/settings.md``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eskin_sensor_node.kinds.settings import TaxelSection
 from eskin_sensor_node.profile import profile_names
 from eskin_sensor_node.settings import NodeSettings
 
-from eskin.cli.keys import keys_table
+from docs.tools.keys_table import keys_table
 from eskin.runtime.settings import table
 
 if TYPE_CHECKING:

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.collections import PolyCollection
 
-from eskin.peaks import Verdict
+from eskin.interval import Verdict
 from eskin.plot_style import COLOURS, axis_formatter
-from eskin.tube.tube import moment_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from eskin.interval import Floats
-    from eskin.peaks import Peaks
-    from eskin.tube import Tube
+    from eskin.interval import Floats, Interval
 
 _MARGIN: Final = 0.08
 """Share of the height above and below; there, sides that are unbounded end."""
@@ -34,20 +31,29 @@ def new_axes() -> Axes:
     return plt.subplots(figsize=(9.0, 3.2), layout="constrained")[1]
 
 
-def draw_tube(tube: Tube, axes: Axes, peaks: Peaks | None) -> None:
-    """Draw it.
+class PeakTable(Protocol):
+    """Peaks in a table, as `eskin.Peaks` has them."""
+
+    table: NDArray[np.void]
+
+
+def plot_samples(
+    axes: Axes, values: Interval, step: float, unit: str, peaks: PeakTable | None
+) -> None:
+    """Draw equally spaced samples.
 
     Args:
-        tube: What to draw.
-        axes: Where.
-        peaks: Found in it.
+        axes: Where to draw.
+        values: The samples, along one axis.
+        step: Sampling period in s.
+        unit: UCUM code.
+        peaks: What was found in them.
     """
-    step = tube.dt / 1e9
-    times: Floats = step * np.arange(len(tube), dtype=np.float64)
-    missing = np.asarray(tube.values.is_entire | tube.values.is_empty)
-    least, greatest = _limits(tube.values.inf[~missing], tube.values.sup[~missing])
-    lo, hi = (np.clip(side, least, greatest) for side in (tube.values.inf, tube.values.sup))
-    edges = np.repeat(times, 2) + np.tile([-0.5 * step, 0.5 * step], len(tube))
+    times: Floats = step * np.arange(len(values), dtype=np.float64)
+    missing = np.asarray(values.is_entire | values.is_empty)
+    least, greatest = _limits(values.inf[~missing], values.sup[~missing])
+    lo, hi = (np.clip(side, least, greatest) for side in (values.inf, values.sup))
+    edges = np.repeat(times, 2) + np.tile([-0.5 * step, 0.5 * step], len(values))
     axes.fill_between(
         edges, np.repeat(lo, 2), np.repeat(hi, 2), where=np.repeat(~missing, 2).tolist(),
         color=COLOURS[0], alpha=0.45, linewidth=0.6, label="enclosure",
@@ -62,8 +68,7 @@ def draw_tube(tube: Tube, axes: Axes, peaks: Peaks | None) -> None:
         _draw_peaks(axes, peaks, times, (least, greatest))
     axes.set_ylim(least, greatest)
     axes.margins(x=0)
-    axes.set_xlabel(f"time in s since {moment_text(tube.first_moment)}")
-    _name_values(axes, tube.unit)
+    _name_values(axes, unit)
     if axes.get_legend_handles_labels()[1] != ["enclosure"]:
         axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
 
@@ -84,7 +89,7 @@ def _runs(where: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(first), int(end) - 1) for first, end in turns.reshape(-1, 2)]
 
 
-def _draw_peaks(axes: Axes, peaks: Peaks, times: Floats, limits: tuple[float, float]) -> None:
+def _draw_peaks(axes: Axes, peaks: PeakTable, times: Floats, limits: tuple[float, float]) -> None:
     """From the sample before each peak to that after it, as high as its height is known."""
     for verdict, (label, style, colour) in _LOOKS.items():
         table = peaks.table[peaks.table["verdict"] == verdict]

@@ -1,4 +1,4 @@
-"""Scenarios as a page: ``python -m eskin.cli.scenarios > docs/scenarios.md``."""
+"""Scenarios as a page: ``python -m docs.tools.scenarios > docs/scenarios.md``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin_sensor_node.world.scenario.script import VariationSection
 from eskin_sensor_node.world.scenario.surroundings import AmbientSection, BioelectricSection
 from eskin_sensor_node.world.skin import FaultSection, Shape
 
-from eskin.cli.keys import keys_table
+from docs.tools.keys_table import keys_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -98,7 +98,7 @@ parts; the same seeds and versions give the same bytes. All taxels of the skin h
 coil where metal comes near; a thermometer, a hygrometer and an electrode are read along by all.
 `[pad]`, `[coil]`, `[thermometer]`, `[hygrometer]` and `[electrode]` change their data sheets and
 take the keys of these kinds in [settings](settings.md). Every code goes through the arithmetic of
-the firmware, so that a dataset tells what nodes would have told. Pressure, contact area and plate
+the firmware, so that a dataset holds what nodes would have sent. Pressure, contact area and plate
 distances are calculated back from the capacitances of all pads together, so that what neighbours
 hand on is taken back.
 
@@ -125,11 +125,11 @@ unbounded side stays unbounded.
 
 A node looks for broken taxels in windows of 20 s: *dead* is certain where no sample of a window was
 bounded, *stuck* where a taxel stayed still while the four nearest of its kind moved by more than
-their uncertainty. It tells of each as a gap event with the reason `t05 certainly stuck`. From then
+their uncertainty. It reports each as a gap event with the reason `t05 certainly stuck`. From then
 on the taxel still tells what its line carries (capacitance, current, frequency, inductance), but no
 cause of it (distances, areas, pressure), and its neighbours do not believe it; a gap a window
 counts the samples that are left out. This ends with a window in which the fault is impossible.
-What is only *possible* is told with the node's status: of each taxel, whether it is certainly,
+What is only *possible* is sent with the node's status: of each taxel, whether it is certainly,
 possibly or impossibly dead, and stuck. After a window without a touch all may be stuck.
 The faults of a scenario (`[[fault]]`) are found at the end of the first whole window in which the
 others move.
@@ -158,7 +158,7 @@ is at an end of the range, the firmware converts the same value again at once, u
 with the gain and the step of the trimmer whose range goes on at that end and reaches farthest.
 Neighbouring ranges overlap by all that their tolerances leave open, so that no value falls between
 them; each sample is calculated back with the range that it was given. So no sample saturates that
-the least gain and the trimmer reach in three steps, and what lies beyond them is told as open,
+the least gain and the trimmer reach in three steps, and what lies beyond them is reported as open,
 until the plates have moved: by a step each frame. Two limits: samples that come too fast (the
 hybrid's burst, every 10 µs) leave no time for it, and the gain alone does not help where the range
 does not begin at 0 and a current falls below it. There a trimmer does. The profile hand leaves it
