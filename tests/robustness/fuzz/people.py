@@ -37,7 +37,7 @@ class People:
     """
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
-        logging.getLogger("cloud").setLevel(logging.CRITICAL)
+        logging.getLogger("eskin_cloud").setLevel(logging.CRITICAL)
         generous = LimitsSection(
             requests_per_s=10**6, failures_per_min=10**6, refusals_per_min=1, body_bytes=65_536
         )

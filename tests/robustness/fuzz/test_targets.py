@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -15,21 +13,8 @@ from tests.robustness.fuzz.run import BrokenError, run
 from tests.robustness.fuzz.session import MOST_GROWTH_MIB
 from tests.robustness.fuzz.target import NAMES, Target, load
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 INPUTS = 50
 """Of each target, its seeds among them."""
-
-
-@pytest.fixture(autouse=True)
-def levels() -> Iterator[None]:
-    """Targets silence what they try; the tests after them listen again."""
-    loggers = [logging.getLogger(name) for name in ("eskin_cloud", "eskin_gateway", "eskin_ca")]
-    before = [logger.level for logger in loggers]
-    yield
-    for logger, level in zip(loggers, before, strict=True):
-        logger.setLevel(level)
 
 
 @pytest.mark.filterwarnings("ignore::cryptography.utils.CryptographyDeprecationWarning")

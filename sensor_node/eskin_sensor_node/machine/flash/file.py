@@ -5,6 +5,7 @@ A node's file holds one member; a fleet's holds one for each node, so that one c
 
 from __future__ import annotations
 
+import logging
 import sqlite3
 import time
 from contextlib import ExitStack, closing, contextmanager
@@ -19,6 +20,8 @@ from eskin_sensor_node.machine.flash.sealing import Sealing, read_row
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
+
+log = logging.getLogger(__name__)
 
 _VERSION: Final = 1
 """Of the format, as ``user_version``."""
@@ -80,6 +83,7 @@ _TRIM: Final = """DELETE FROM ended WHERE ? < (SELECT count(*) FROM ended AS lat
     WHERE later.member = ended.member AND later.boot >= ended.boot)"""
 _RECORDS: Final = """SELECT name, message.boot, sequence, kind, body, earliest, latest, samples,
     stands_for FROM message JOIN member ON id = member"""
+_BY_MEMBER: Final = ("message", "answer", "charge", "unreadable", "ended")
 _KEY_CHECK: Final = "key_check"
 _BUSY_TIMEOUT_MS: Final = 5000
 MOST_ENDED: Final = 8
@@ -137,6 +141,7 @@ class FlashFile:
                 }
                 if not self.members.keys() >= set(names):
                     raise FlashError(f"{path}: flash is damaged: it does not count boots")
+                self._report_orphans({owner} if owner else set(self.members))
                 opened.pop_all()
         except LockedError as error:
             raise FlashError(
@@ -199,6 +204,27 @@ class FlashFile:
             self.db.execute(statement)
         self.db.execute(f"PRAGMA user_version = {_VERSION}")
         self.db.execute("COMMIT")
+
+    def _report_orphans(self, known: set[str]) -> None:
+        """Find rows of no member, and members of no node: a flipped bit in a key hides them.
+
+        Raises:
+            FlashError: A last result is among them; without it a command could be done twice.
+        """
+        if unknown := self.members.keys() - known:
+            raise FlashError(
+                f"{self.path}: flash is damaged: it holds records of {sorted(unknown)}; erase it, "
+                "the cloud names what is lost"
+            )
+        for table in _BY_MEMBER:
+            orphans = f"SELECT count(*) FROM {table} WHERE member NOT IN (SELECT id FROM member)"  # noqa: S608 - our own names
+            if count := self.db.execute(orphans).fetchone()[0]:
+                if table == "answer":
+                    raise FlashError(
+                        f"{self.path}: flash is damaged: the last result has no owner; erase it, "
+                        "the cloud names what is lost"
+                    )
+                log.error("flash is damaged: path=%s table=%s orphans=%d", self.path, table, count)
 
     def _require_key(self, owner: str, names: set[str]) -> None:
         """Check that key and owner are those of the file.
