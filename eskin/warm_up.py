@@ -10,7 +10,6 @@ from eskin import models
 from eskin.interval import Interval
 from eskin.models.icm import IcmParameters
 from eskin.peaks import find_peaks
-from eskin.wire.messages.warm_up import warm_up as warm_up_messages
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -112,6 +111,5 @@ STEPS: Final[dict[str, Callable[[], object]]] = {
     "capacitive models": _capacitive_models,
     "inductive models": _inductive_models,
     "the hybrid sensor (ICM)": _hybrid_sensor,
-    "messages": warm_up_messages,
 }
 """What is compiled, and what uses each of its kernels once."""

@@ -26,10 +26,15 @@ class Part(StrEnum):
     NODE = "node"
 
     @property
-    def room(self) -> str:
+    def package(self) -> str:
         """The package that it needs."""
-        rooms = {Part.NOTEBOOK: "eskin", Part.NODE: "sensor_node"}
-        return rooms.get(self, str(self))
+        packages = {Part.NOTEBOOK: "eskin", Part.NODE: "eskin_sensor_node"}
+        return packages.get(self, f"eskin_{self}")
+
+    @property
+    def is_installed(self) -> bool:
+        """Whether its package is here, and for all but notebooks the extra ``stack``."""
+        return find_spec(self.package) is not None and (self is Part.NOTEBOOK or _has_stack())
 
 
 Parts = Annotated[
@@ -47,15 +52,15 @@ def warm(parts: Parts = None) -> None:
     from eskin.kernels.jit_cache import has_cache
 
     for part in parts or ():
-        if find_spec(part.room) is None:
-            raise SettingsError("eskin warm", f"{part}: the package {part.room} is not installed")
+        if not part.is_installed:
+            raise SettingsError("eskin warm", f"{part}: install eskin[stack] with {part.package}")
     if not has_cache(add):
         raise SettingsError(
             "eskin warm",
             "nothing can be written beside the sources; set NUMBA_CACHE_DIR to a folder that lasts",
         )
     steps: Steps = {}
-    for part in parts or [each for each in Part if find_spec(each.room)]:
+    for part in parts or [each for each in Part if each.is_installed]:
         steps |= _STEPS[part]()
     began = time.monotonic()
     console = Console(stderr=True)
@@ -71,7 +76,11 @@ def warm(parts: Parts = None) -> None:
 def _of_notebook() -> Steps:
     from eskin.warm_up import STEPS
 
-    return STEPS
+    return STEPS | (_of_gateway() if _has_stack() else {})
+
+
+def _has_stack() -> bool:
+    return find_spec("cbor2") is not None
 
 
 def _of_gateway() -> Steps:

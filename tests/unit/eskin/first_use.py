@@ -15,6 +15,7 @@ from numba.core import event
 
 import eskin
 from eskin.interval.interval import _UFUNCS
+from eskin.wire.messages import Block, Encoding, decode_message
 from tests.unit.eskin.models.cases import CASES
 
 HALF = eskin.Interval(0.25, 0.5)
@@ -109,9 +110,9 @@ def _ask_for_the_rest() -> None:
     stream.feed(signal)
     stream.finish()
     tube = eskin.Tube((0, 9), 1000, signal, "F", 1.0)
-    for encoding in eskin.Encoding:
-        packed = eskin.Block.pack(_position(), "t01.capacitance", 0, tube, encoding)
-        eskin.decode_message(packed.encode())
+    for encoding in Encoding:
+        packed = Block.pack(_position(), "t01.capacitance", 0, tube, encoding)
+        decode_message(packed.encode())
     eskin.design.invert(
         eskin.design.Within(eskin.models.rc_frequency, lo=5e4, hi=1e5),
         {"resistance": eskin.Interval(1e3, 2e3), "capacitance": eskin.Interval(1e-9, 2e-9)},

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from eskin.cli.figures import figures
-from eskin.errors import SettingsError
+from eskin.cli import main
 from eskin.figures import write_figures
 from eskin.figures.gallery import FIGURES
 from eskin.figures.paper import STATEMENTS
@@ -155,10 +154,13 @@ def test_command_says_what_is_wrong(tmp_path: Path) -> None:
 
 
 def test_command_without_matplotlib_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delitem(sys.modules, "eskin.figures.plot", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(SettingsError, match="install eskin with its part 'figures'"):
-        figures(tmp_path / "out")
+    monkeypatch.setattr(sys, "argv", ["eskin", "figures", "--out", str(tmp_path / "out")])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    assert stop.value.code == 2
+    assert "eskin[figures]" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
