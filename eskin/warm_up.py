@@ -48,7 +48,7 @@ def _intervals() -> None:
     for two in _OF_TWO:
         two(x, x)
     x.fma(x, x)
-    x.pown(2)
+    x.pown(3)
 
 
 def _peaks() -> None:
