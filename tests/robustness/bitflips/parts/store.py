@@ -45,7 +45,7 @@ from tests.unit.cloud.sealing import Site, sealing
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-log = logging.getLogger("cloud.bitflips")
+log = logging.getLogger("eskin_cloud.bitflips")
 
 _STORE: Final = "store.sqlite"
 _WINDOW: Final = {"start": START - SECOND, "end": START + 3600 * SECOND}
