@@ -247,10 +247,10 @@ def _clock(row: Row, error_s: float) -> ClockDocument | None:
 
 
 def judge_health(judged: NodesSection, silence: float, *, ahead: float = 0.0) -> Health:
-    """The verdict on who has been silent for so many seconds.
+    """Judge a node or gateway by the seconds since its last message.
 
-    Whoever was heard so many seconds ahead was heard before the clock was set back: that says
-    nothing of now.
+    A last message so many seconds ahead of the clock came before the clock was set back. It says
+    nothing about the present.
     """
     if silence >= judged.silence_s or ahead >= judged.silence_s:
         return "offline"

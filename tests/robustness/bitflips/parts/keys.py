@@ -34,7 +34,7 @@ def make(folder: Path) -> None:
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """Ask for all keys, whoever wore the node, and for the erased one."""
+    """Ask for the keys of all wearers of the node, and for the erased one."""
     ada, bo, gone = (folder / "names").read_text().split()
     keystore = KeyStore(folder / "keys", FileMasterKey(folder / _MASTER), now=lambda: 5)
     assignments = SubjectAssignments(keystore)

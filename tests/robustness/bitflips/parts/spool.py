@@ -43,7 +43,7 @@ def _envelope(stream: Stream, message: Any) -> bytes:
 
 
 def make(folder: Path) -> None:
-    """A node says who it is, then blocks, peaks, a gap, and what nobody can read."""
+    """Messages of a node: its certificate, blocks, peaks, a gap, and an unreadable one."""
     inside = Inside(folder, _identities())
     with closing(inside.spool):
         inside.arrive(Stream.STATUS, _envelope(Stream.STATUS, status(0)))
