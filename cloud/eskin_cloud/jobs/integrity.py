@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import StoreError
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.store.integrity import LARGE_TABLES, find_corruption, rebuild_indexes
+from eskin_cloud.store.db_errors import is_corrupt
+from eskin_cloud.store.integrity import (
+    LARGE_TABLES,
+    DamagedTableError,
+    find_corruption,
+    rebuild_indexes,
+)
 from eskin_cloud.store.row_digests import CHECKED_TABLES, find_damaged
 
 if TYPE_CHECKING:
@@ -42,15 +48,22 @@ async def _look(cloud: AppState, stopping: asyncio.Event) -> None:
 
 
 def look_at(store: Store, table: Table) -> None:
-    """Note a table's damaged rows, and mend its indexes.
+    """Report a table's damaged rows, and rebuild its indexes if they are damaged.
+
+    If they cannot be rebuilt, the store is not read any more: an index might hide rows.
 
     Raises:
         StoreError: Its pages are damaged, or the store cannot be read or written.
     """
-    with store.read() as connection:
-        is_whole = find_corruption(connection, table) is None
-    if not is_whole:
-        store.write(partial(rebuild_indexes, table=table)).result()
+    try:
+        with store.read() as connection:
+            is_whole = find_corruption(connection, table) is None
+        if not is_whole:
+            store.write(partial(rebuild_indexes, table=table)).result()
+    except StoreError as error:
+        if isinstance(error, DamagedTableError) or is_corrupt(error):
+            store.damage = f"{error}"
+        raise
     if table in CHECKED_TABLES:
         with store.read() as connection:
             find_damaged(connection, table)

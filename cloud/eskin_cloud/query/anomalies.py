@@ -9,13 +9,13 @@ from sqlalchemy import func, select, tuple_
 
 from eskin.errors import QueryError
 from eskin.interval import Verdict
-from eskin_cloud.query.neighbourhood import COLUMNS, as_pieces
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.sample_validity import after, before
 from eskin_cloud.query.segments import find_segments_of, parted
 from eskin_cloud.rollup.aggregates import concatenated
-from eskin_cloud.rollup.blocks import DECODED, decode
-from eskin_cloud.store.read.block_index import overlaps
+from eskin_cloud.rollup.blocks import DECODED, decode, of_headers
+from eskin_cloud.store.damage import intact_headers
+from eskin_cloud.store.read.block_index import HEADER_COLUMNS, overlaps
 from eskin_cloud.store.schema.tables import blocks
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def _find(
     connection: Connection, channel: RowMapping, window: Window, prediction: Prediction
 ) -> Iterator[Segment]:
     for rows in _batches(connection, channel, window):
-        pieces = as_pieces(rows)
+        pieces = of_headers(rows)
         whole = (pieces.first >= window.start) & (pieces.last < window.end)
         whole[1:] &= pieces.first[1:] > np.maximum.accumulate(pieces.last)[:-1]
         whole[:-1] &= pieces.last[:-1] < pieces.first[1:]
@@ -82,10 +82,12 @@ def _batches(
 ) -> Iterator[Sequence[RowMapping]]:
     """Batches of blocks in order of time; overlapping blocks are in one batch."""
     b = blocks.c
-    query = select(*COLUMNS).where(overlaps(channel, window)).order_by(b.t, b.boot, b.sequence)
+    query = (
+        select(*HEADER_COLUMNS).where(overlaps(channel, window)).order_by(b.t, b.boot, b.sequence)
+    )
     batch: list[RowMapping] = []
     end = 0
-    for row in connection.execute(query).mappings().yield_per(_AT_ONCE):
+    for row in intact_headers(connection.execute(query).mappings().yield_per(_AT_ONCE)):
         if len(batch) >= _AT_ONCE and row["t"] > end:
             yield batch
             batch = []

@@ -10,10 +10,10 @@ from sqlalchemy import select, tuple_
 
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.query.sample_validity import SampleValidity
-from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
-from eskin_cloud.rollup.blocks import DECODED, decode
-from eskin_cloud.store.damage import RowHeader, intact_headers
-from eskin_cloud.store.read.block_index import overlaps
+from eskin_cloud.rollup.aggregates import Aggregates, concatenated
+from eskin_cloud.rollup.blocks import DECODED, decode, of_headers
+from eskin_cloud.store.damage import intact_headers
+from eskin_cloud.store.read.block_index import HEADER_COLUMNS, overlaps
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.tables import blocks
 
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from eskin_cloud.rollup.aggregates import Integers
 
 _ALWAYS: Final = Window(-MOST_MOMENT, MOST_MOMENT)
-COLUMNS: Final = tuple(blocks.c[name] for name in (*RowHeader._fields, "head"))
-"""Columns of a block's bounds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +48,7 @@ class Neighbourhood:
         self._source = source
         self._rows = _read_around(source, window)
         self._looked: dict[int, Aggregates] = {}
-        self._bounds = as_pieces(self._rows)
+        self._bounds = of_headers(self._rows)
         overlapping = np.zeros(len(self._rows), np.bool_)
         if self._rows:
             reached = np.maximum.accumulate(self._bounds.last)
@@ -105,7 +103,9 @@ def _read_around(source: ChannelSource, window: Window) -> Sequence[RowMapping]:
         wide = Window(
             max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT)
         )
-        query = select(*COLUMNS).where(overlaps(channel, wide)).order_by(b.t, b.boot, b.sequence)
+        query = (
+            select(*HEADER_COLUMNS).where(overlaps(channel, wide)).order_by(b.t, b.boot, b.sequence)
+        )
         rows = list(intact_headers(source.connection.execute(query).mappings()))
         if _is_enough(rows, window, wide, channel):
             return rows
@@ -119,18 +119,3 @@ def _is_enough(
     sure = [r["t"] - r["error"] for r in rows if r["t"] + r["error"] <= window.start]
     before = wide.start <= channel["t_first"] or (bool(sure) and rows[0]["t"] <= max(sure))
     return after and before
-
-
-def as_pieces(rows: Sequence[RowMapping]) -> Aggregates:
-    """One entry for each block, by its bounds."""
-    if not rows:
-        return EMPTY
-    t, t_end, n, dt, error = (
-        np.array([row[name] for row in rows], np.int64)
-        for name in ("t", "t_end", "n", "dt", "error")
-    )
-    lo, hi, coverage = (
-        np.array([row[name] for row in rows], np.float64) for name in ("lo", "hi", "coverage")
-    )
-    none = np.zeros(t.size, np.int64)
-    return Aggregates(t, t_end, n, none, dt, t_end - t, error, lo, hi, n * lo, n * hi, coverage)

@@ -11,8 +11,8 @@ from sqlalchemy import case, select, tuple_
 from eskin.interval import Verdict
 from eskin_cloud.query.tile_drilldown import TileDrilldown
 from eskin_cloud.rollup.blocks import DECODED, decode
-from eskin_cloud.store.damage import RowHeader, intact_headers
-from eskin_cloud.store.read.block_index import clip, longest_step, overlaps
+from eskin_cloud.store.damage import intact_headers
+from eskin_cloud.store.read.block_index import HEADER_COLUMNS, clip, longest_step, overlaps
 from eskin_cloud.store.schema.tables import blocks
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from eskin_cloud.store.read.window import Window
 
 _AT_ONCE: Final = 1000
-_COLUMNS: Final = tuple(blocks.c[name] for name in (*RowHeader._fields, "head"))
 
 
 @dataclass(slots=True)
@@ -128,7 +127,7 @@ def _clusters(
     b = blocks.c
     straddled = question.possible(b.lo, b.hi) & ~question.certain(b.lo, b.hi)
     data = case((straddled, b.data), else_=None).label("data")
-    query = select(*_COLUMNS, data)
+    query = select(*HEADER_COLUMNS, data)
     query = query.where(overlaps(channel, window)).order_by(b.t, b.boot, b.sequence)
     cluster: list[RowMapping] = []
     end = 0

@@ -8,14 +8,20 @@ from operator import le
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from sqlalchemy import and_, bindparam, func, not_, select
+from sqlalchemy import and_, bindparam, not_, select
 
 from eskin.wire.messages.compacted_block import Pack, is_pack
 from eskin.wire.messages.stored_bounds import read_bounds
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
-from eskin_cloud.store.damage import RowHeader, is_intact_block
-from eskin_cloud.store.read.block_index import OVERLAPS, clip, overlaps, window_parameters
+from eskin_cloud.store.damage import RowHeader, intact_headers, is_intact_block
+from eskin_cloud.store.read.block_index import (
+    HEADER_COLUMNS,
+    OVERLAPS,
+    clip,
+    overlaps,
+    window_parameters,
+)
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.tables import blocks
 
@@ -174,8 +180,8 @@ def read_buckets(
 ) -> Aggregates:
     """Aggregates of a window's samples, none across a bucket's end.
 
-    If there are many blocks, those within one bucket are aggregated by their bounds: then sums are
-    enclosed by these, and gaps between blocks are not counted.
+    If there are many blocks, those within one bucket are aggregated by their bounds, which then
+    enclose their sums, too.
     """
     if _are_few(connection, channel, window):
         return read_folded(connection, channel, window, buckets)
@@ -185,22 +191,28 @@ def read_buckets(
     alone = and_(within, bucket == (b.t_end - buckets.start) // buckets.width)
     query = _IN_ORDER.where(here, not_(alone))
     parted = fold(connection.execute(query).all(), window, buckets)
-    bounds = select(
-        func.min(b.t), func.max(b.t_end), func.sum(b.n), func.max(b.dt), func.max(b.error),
-        func.min(b.lo), func.max(b.hi), func.min(b.coverage),
-    )  # fmt: skip
-    rows = connection.execute(bounds.where(here, alone).group_by(bucket)).all()
-    return concatenated([_bounded(rows), parted])
+    headers = select(*HEADER_COLUMNS).where(here, alone).order_by(b.t, b.boot, b.sequence)
+    whole = of_headers(list(intact_headers(connection.execute(headers).mappings())))
+    return concatenated([whole.grouped(buckets.of(whole.first)), parted])
 
 
-def _bounded(rows: Sequence[Any]) -> Aggregates:
+def of_headers(rows: Sequence[RowMapping]) -> Aggregates:
+    """One entry for each block, by its bounds.
+
+    Args:
+        rows: Headers of blocks, in order of time.
+    """
     if not rows:
         return EMPTY
-    columns = list(zip(*sorted(rows), strict=True))
-    t, t_end, n, dt, error = (np.array([*map(int, each)], np.int64) for each in columns[:5])
-    lo, hi, coverage = (np.array(each, np.float64) for each in columns[5:])
+    t, t_end, n, dt, error = (
+        np.array([row[name] for row in rows], np.int64)
+        for name in ("t", "t_end", "n", "dt", "error")
+    )
+    lo, hi, coverage = (
+        np.array([row[name] for row in rows], np.float64) for name in ("lo", "hi", "coverage")
+    )
     sum_lo, sum_hi = np.nextafter(n * lo, -np.inf), np.nextafter(n * hi, np.inf)
-    none = np.zeros(n.size, np.int64)
+    none = np.zeros(t.size, np.int64)
     return Aggregates(t, t_end, n, none, dt, t_end - t, error, lo, hi, sum_lo, sum_hi, coverage)
 
 

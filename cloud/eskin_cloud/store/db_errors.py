@@ -56,6 +56,17 @@ def is_store_fault(error: Exception) -> bool:
     )
 
 
+def is_corrupt(error: BaseException) -> bool:
+    """Whether SQLite found damaged pages."""
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, sqlite3.Error):
+        cause = cause.__cause__
+    return cause is not None and _primary_code(cause) in {
+        sqlite3.SQLITE_CORRUPT,
+        sqlite3.SQLITE_NOTADB,
+    }
+
+
 def explain(error: Exception) -> str:
     """Why the store failed, with a remedy, in one line.
 
@@ -77,10 +88,15 @@ def explain(error: Exception) -> str:
 def _remedy(cause: BaseException) -> str | None:
     text = str(cause)
     if not hasattr(cause, "sqlstate"):  # SQLite's errors have codes of their own
-        return _SQLITE_REMEDIES.get(getattr(cause, "sqlite_errorcode", 0) & 0xFF)
+        return _SQLITE_REMEDIES.get(_primary_code(cause))
     state = cause.sqlstate
     if state is None:  # raised by the driver, which passes on the server's text only
         return next(
             (_REMEDIES[code] for words, code in _LOGIN_ERRORS if words in text), _UNREACHABLE
         )
     return _UNREACHABLE if state.startswith(("08", "57P")) else _REMEDIES.get(state)
+
+
+def _primary_code(cause: BaseException) -> int:
+    """SQLite's primary result code."""
+    return getattr(cause, "sqlite_errorcode", 0) & 0xFF

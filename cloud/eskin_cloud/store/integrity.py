@@ -32,6 +32,10 @@ LARGE_TABLES: Final = (blocks, sealed_messages, events, digests, sequences, dead
 """Tables that grow with the nodes' messages."""
 
 
+class DamagedTableError(StoreError):
+    """A table or an index is damaged, and cannot be rebuilt."""
+
+
 def check_small_tables(connection: Connection) -> None:
     """Check the small tables, rebuild damaged indexes, and report damaged rows.
 
@@ -61,7 +65,7 @@ def rebuild_indexes(connection: Connection, table: Table) -> None:
     """Rebuild a table's indexes if they are damaged.
 
     Raises:
-        StoreError: The table's own pages are damaged.
+        DamagedTableError: The table's own pages are damaged.
     """
     fault = find_corruption(connection, table)
     if fault is None:
@@ -70,4 +74,6 @@ def rebuild_indexes(connection: Connection, table: Table) -> None:
     log.error("indexes rebuilt: table=%s reason=%s", table.name, fault)
     fault = find_corruption(connection, table)
     if fault is not None:
-        raise StoreError(f"table {table.name} is damaged: {fault}; restore a backup of the store")
+        raise DamagedTableError(
+            f"table {table.name} is damaged: {fault}; restore a backup of the store"
+        )

@@ -43,6 +43,7 @@ class Store:
         packed: Bytes of blocks that were compacted since the start.
         cache: The writer's cache of stored rows.
         writer: The thread that writes.
+        damage: Why the store is not read any more (`jobs.integrity`); ``None`` if it is intact.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class Store:
         self.readers = readers
         self.packed = 0
         self.cache = WriteCache()
+        self.damage: str | None = None
         self._writing = writing_engine(location)
         self._reading = reading_engine(location, readers=readers)
         try:
@@ -138,8 +140,10 @@ class Store:
         """A read transaction on one state of the store.
 
         Raises:
-            StoreError: The store cannot be read, or has another version.
+            StoreError: The store cannot be read, is damaged, or has another version.
         """
+        if self.damage is not None:
+            raise StoreError(self.damage)
         try:
             with self._reading.begin() as connection:
                 require_version(connection)

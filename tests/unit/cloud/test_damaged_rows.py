@@ -107,6 +107,19 @@ async def test_block_with_a_damaged_column_is_a_gap(stand: Stand, change: str) -
     assert "boot 1 sequence 1" in segments.headers[DAMAGED]
 
 
+@pytest.mark.parametrize("change", ["hi = 1.5", "lo = 2", "t_end = t_end - 1"])
+async def test_hull_of_many_short_blocks_lacks_a_damaged_one(stand: Stand, change: str) -> None:
+    """So many that hulls are read from bounds, not from samples."""
+    count = 700
+    put(stand.cloud.store, *(block(k, [1.0], [2.0 + k], time=(START + k * DT,) * 2)
+                             for k in range(count)))  # fmt: skip
+    damage(path_of(stand), f"UPDATE blocks SET {change} WHERE sequence = {count - 2}")  # noqa: S608 - ours
+    window = {"start": START, "end": START + count * DT}
+    answer = await stand.get(f"/api/v1/series/{NODE}/{CHANNEL}", points=1, **window)
+    assert answer.json()["hi"] == [count + 1.0]
+    assert f"boot 1 sequence {count - 2}" in answer.headers[DAMAGED]
+
+
 @pytest.mark.parametrize("packed", [False, True])
 async def test_export_shows_a_damaged_block_as_unknown(stand: Stand, *, packed: bool) -> None:
     store = stand.cloud.store
@@ -193,16 +206,22 @@ def test_damaged_row_that_is_written_again_stays_damaged(store: Store, place: Pa
         assert len(connection.execute(select(blocks)).all()) == 2
 
 
-def _shift_index(path: Path, name: str) -> None:
-    """Change the node's name in an index's page alone."""
+def _page(path: Path, name: str) -> tuple[int, int]:
+    """Where the first page of a tree begins and ends in the file."""
     with closing(sqlite3.connect(path)) as db:
         db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         size = db.execute("PRAGMA page_size").fetchone()[0]
         query = "SELECT pageno FROM dbstat WHERE name = ? AND ncell > 0"
         (page,) = db.execute(query, (name,)).fetchone()
+    return size * (page - 1), size * page
+
+
+def _shift_index(path: Path, name: str) -> None:
+    """Change the node's name in an index's page alone."""
+    begin, end = _page(path, name)
     data = bytearray(path.read_bytes())
-    at = data.index(NODE.encode(), size * (page - 1))
-    assert at < size * page
+    at = data.index(NODE.encode(), begin)
+    assert at < end
     data[at] ^= 1
     path.write_bytes(data)
 
@@ -226,6 +245,20 @@ def test_damaged_index_is_rebuilt(place: Path, name: str) -> None:
             known = select(sequences.c.last).where(sequences.c.node == NODE)
             assert connection.execute(known).scalar_one() == 1
             assert connection.execute(select(nodes).where(nodes.c.node == NODE)).all()
+
+
+def test_store_whose_index_cannot_be_rebuilt_is_not_read(place: Path) -> None:
+    with Store(place) as store:
+        put(store, block(1))
+    at, _ = _page(place, "blocks_by_time")
+    data = bytearray(place.read_bytes())
+    data[at] = 0xFF  # no kind of page
+    place.write_bytes(data)
+    with Store(place) as store:
+        with pytest.raises(StoreError, match="restore a backup"):
+            look_at(store, blocks)
+        with pytest.raises(StoreError, match="restore a backup"), store.read():
+            pass
 
 
 def test_file_with_a_damaged_schema_is_rejected_with_a_remedy(place: Path) -> None:

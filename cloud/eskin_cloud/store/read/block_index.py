@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import and_, bindparam, func, not_, select
 
+from eskin_cloud.store.damage import RowHeader, intact_headers
 from eskin_cloud.store.schema.tables import blocks
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import numpy as np
     from numpy.typing import NDArray
-    from sqlalchemy import ColumnElement, Connection, RowMapping
+    from sqlalchemy import ColumnElement, Connection, RowMapping, Select
 
     from eskin.interval import Floats
     from eskin_cloud.store.read.window import Window
+
+_FOLLOWING: Final = 8
+"""Blocks after a window that are read, as the first ones may be damaged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +51,12 @@ def before(moment: int, span: int) -> int:
     return max(moment - span, -(2**63))
 
 
+HEADER_COLUMNS: Final = tuple(blocks.c[name] for name in (*RowHeader._fields, "head"))
+"""What `intact_headers` reads of a block.
+
+Values that an answer states are read from rows, which have digests. The index ``blocks_by_time``,
+which has none, only finds and counts them.
+"""
 OVERLAPS: Final = and_(
     blocks.c.node == bindparam("node"),
     blocks.c.channel == bindparam("channel"),
@@ -91,13 +103,18 @@ def find_next(connection: Connection, channel: RowMapping, window: Window) -> in
     is no such sample.
     """
     b, end = blocks.c, window.end
-    here = and_(b.node == channel["node"], b.channel == channel["channel"])
+    here = select(*HEADER_COLUMNS).where(b.node == channel["node"], b.channel == channel["channel"])
     earliest = before(end, channel["longest"])
-    over = select(func.max(b.error)).where(here, b.t >= earliest, b.t < end, b.t_end >= end)
-    reaching: int | None = connection.execute(over).scalar_one()
-    begun = select(b.t, b.error).where(here, b.t >= end).order_by(b.t, b.error.desc()).limit(1)
-    found = [t - error for t, error in connection.execute(begun)]
-    return min(found if reaching is None else [end - reaching, *found], default=None)
+    over = here.where(b.t >= earliest, b.t < end, b.t_end >= end)
+    reaching = [row["error"] for row in _intact(connection, over)]
+    begun = here.where(b.t >= end).order_by(b.t, b.error.desc()).limit(_FOLLOWING)
+    following = next(_intact(connection, begun), None)
+    found = [] if following is None else [following["t"] - following["error"]]
+    return min([end - max(reaching), *found] if reaching else found, default=None)
+
+
+def _intact(connection: Connection, query: Select[Any]) -> Iterator[RowMapping]:
+    return intact_headers(connection.execute(query).mappings())
 
 
 def clip(t: int, dt: int, n: int, window: Window) -> tuple[int, int]:

@@ -184,7 +184,7 @@ blocks = Table(
     Column("packed", Integer),
     Column("head", BigInteger, nullable=False),
     Index("blocks_by_cursor", "cursor"),
-    # A covering index: queries of bounds read no block's bytes.
+    # A covering index: queries that count samples read no rows.
     Index(
         "blocks_by_time",
         "node",
@@ -192,9 +192,6 @@ blocks = Table(
         "t",
         "t_end",
         "n",
-        "lo",
-        "hi",
-        "coverage",
         "error",
         "dt",
     ),
