@@ -11,6 +11,7 @@ import mmap
 import sys
 import time
 from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING, Final
@@ -106,13 +107,14 @@ class Trial:
 
 def _compiled() -> list[str]:
     """Modules that numba compiles: it does not know what instruments them."""
-    root = Path(__file__).parents[3]
     names = []
     for package in _OURS:
-        for path in (root / package).rglob("*.py"):
-            name = ".".join(path.relative_to(root).with_suffix("").parts)
-            if name.startswith(_NUMERIC) or "eskin.kernels" in path.read_text():
-                names.append(name.removesuffix(".__init__"))
+        for place in find_spec(package).submodule_search_locations:  # type: ignore[union-attr]
+            for path in Path(place).rglob("*.py"):
+                within = path.relative_to(place).with_suffix("").parts
+                name = ".".join((package, *within))
+                if name.startswith(_NUMERIC) or "eskin.kernels" in path.read_text():
+                    names.append(name.removesuffix(".__init__"))
     return names
 
 
