@@ -50,7 +50,7 @@ def get_nodes(cloud: CloudState, access: Reader, query: Annotated[ListQuery, Que
         _node(
             cloud,
             row,
-            counts.get(row["node"], 0),
+            counts[row["node"]],
             holes[row["node"]],
             counted=row["node"] not in sealed,
         )
@@ -69,7 +69,7 @@ def get_node(
         row = find_node(connection, node)
         counts, holes = count_channels(connection, [node]), list_missing(connection, [node])
         counted = not access.uncounted(connection, [node])
-    return as_json(_node(cloud, row, counts.get(node, 0), holes[node], counted=counted))
+    return as_json(_node(cloud, row, counts[node], holes[node], counted=counted))
 
 
 @router.get(
@@ -106,7 +106,12 @@ def get_taxels(
 
 
 def _node(
-    cloud: AppState, row: RowMapping, channels: int, holes: Sequence[MissingSpan], *, counted: bool
+    cloud: AppState,
+    row: RowMapping,
+    channels: int | None,
+    holes: Sequence[MissingSpan],
+    *,
+    counted: bool,
 ) -> NodeDocument:
     silence = (cloud.clock() - row["last_seen"]) / SECOND
     health = judge_health(cloud.settings.nodes, silence, ahead=-silence)

@@ -23,6 +23,7 @@ from eskin_cloud.privacy.sealed_rows import open_row
 from eskin_cloud.schemas.access import SubjectDocument
 from eskin_cloud.schemas.base import NoQuery, PageDocument, dump, page
 from eskin_cloud.schemas.events import describe_block, describe_event
+from eskin_cloud.store.damage import are_countable
 from eskin_cloud.store.read.lookup import UnknownChannelError
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages, subject_nodes
@@ -39,14 +40,18 @@ _LINES: Final = "application/x-ndjson"
 def get_subjects(
     cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]
 ) -> Response:
-    """List the subjects, by pseudonym, with their nodes and stored messages."""
+    """List the subjects, by pseudonym, with their nodes and stored messages.
+
+    Where rows of sealed messages are damaged, `messages` is null.
+    """
     del query
     v = sealed_messages.c
     counted = select(v.node, v.subject, func.count()).group_by(v.node, v.subject)
     with cloud.store.read() as connection:
         sites = dict(_sites(connection))
         held: Counter[tuple[str, str]] = Counter()
-        for node, subject, messages in connection.execute(counted):
+        countable = are_countable(sealed_messages.name)
+        for node, subject, messages in connection.execute(counted) if countable else ():
             if node in sites:
                 held[sites[node], subject] += messages
         erased = intact_rows(connection, erased_subjects, _all(connection, erased_subjects))
@@ -61,7 +66,7 @@ def get_subjects(
             "id": place[1],
             "site": place[0],
             "nodes": worn.get(place, []),
-            "messages": held[place],
+            "messages": held[place] if countable else None,
             "erased": None if place not in gone else format_timestamp(gone[place]),
         }
         for place in sorted(held.keys() | gone.keys() | worn.keys(), key=itemgetter(1, 0))

@@ -16,6 +16,7 @@ from eskin.wire.messages import Block
 from eskin_cloud.access import Scope
 from eskin_cloud.privacy.erasures import unapplied_erasures
 from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
+from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.tables import node_sites
 from eskin_cloud.store.write.events import peak_row
 
@@ -192,8 +193,9 @@ class KeyAccess:
         begun = time.monotonic()
         with self._applying:
             if connection.execute(_COUNT).scalar_one() != len(self._sites):
-                rows = connection.execute(select(node_sites.c.node, node_sites.c.site))
-                self._sites = {row.node: row.site for row in rows}
+                rows = connection.execute(select(node_sites)).mappings()
+                intact = intact_rows(connection, node_sites, rows)
+                self._sites = {row["node"]: row["site"] for row in intact}
             for site, subject in unapplied_erasures(connection, self._applied):
                 if self.erase(site, subject):
                     log.info("erasure of another cloud applied: site=%s subject=%s", site, subject)

@@ -8,6 +8,7 @@ from sqlalchemy import func, or_, select
 
 from eskin.privacy.biometric import BIOMETRIC, MARK
 from eskin_cloud.query.cursors import read_texts, write_cursor
+from eskin_cloud.store.damage import are_countable
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import channels, nodes
@@ -42,10 +43,13 @@ def list_channels(
     return _page(connection, channels.c.channel, cursor, channels.c.node == node)
 
 
-def count_channels(connection: Connection, names: Sequence[str]) -> dict[str, int]:
-    """The number of channels of each node."""
+def count_channels(connection: Connection, names: Sequence[str]) -> dict[str, int | None]:
+    """The number of channels of each node; ``None`` if rows of channels are damaged."""
+    if not are_countable(channels.name):
+        return dict.fromkeys(names)
     query = select(channels.c.node, func.count()).where(channels.c.node.in_(names))
-    return {row[0]: row[1] for row in connection.execute(query.group_by(channels.c.node))}
+    counted = connection.execute(query.group_by(channels.c.node))
+    return {**dict.fromkeys(names, 0), **{row[0]: row[1] for row in counted}}
 
 
 def sealed_nodes(connection: Connection, names: Sequence[str] | None = None) -> set[str]:

@@ -70,5 +70,5 @@ class SubjectDocument(BaseModel):
     id: str
     site: str
     nodes: list[str]
-    messages: int
+    messages: int | None
     erased: Moment | None

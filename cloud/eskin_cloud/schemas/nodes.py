@@ -106,7 +106,7 @@ class NodeDocument(TypedDict):
     gaps: int
     energy: EnergyDocument | None
     faults: list[FaultDocument] | None
-    channels: int
+    channels: int | None
     lag: LagDocument | None
     clock: ClockDocument | None
     missing: MissingDocument | None
@@ -148,7 +148,7 @@ class ChannelDocument(TypedDict):
 def describe_node(
     row: Row,
     *,
-    channels: int,
+    channels: int | None,
     health: Health,
     clock_error_s: float,
     holes: Sequence[MissingSpan] = (),

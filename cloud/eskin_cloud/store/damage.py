@@ -101,21 +101,31 @@ class DamagedRowError(StoreError):
 
 
 class _DamagedRows:
-    """The damaged rows that this process has read."""
+    """The damaged rows that this process has read from its store."""
 
     def __init__(self) -> None:
-        self._known: set[object] = set()
+        self._known: dict[tuple[str, object], None] = {}
         self._lock = Lock()
 
     def __len__(self) -> int:
         return len(self._known)
 
+    def clear(self) -> None:
+        """Forget them: another store is opened."""
+        with self._lock:
+            self._known.clear()
+
+    def of(self, table: str) -> list[object]:
+        """The keys of a table's damaged rows, as far as they were read."""
+        with self._lock:
+            return [place for other, place in self._known if other == table]
+
     def note(self, table: str, place: object) -> None:
         """Log a row once."""
         with self._lock:
-            if place in self._known or len(self._known) >= _MOST:
+            if (table, place) in self._known or len(self._known) >= _MOST:
                 return
-            self._known.add(place)
+            self._known[table, place] = None
         log.error("row damaged: table=%s row=%s", table, place)
 
 
@@ -181,6 +191,17 @@ def report_damaged(table: str, place: object) -> None:
     found = _current.get()
     if found is not None and place not in found:
         found.append(place)
+
+
+def are_countable(table: str) -> bool:
+    """Whether no row of a table is known to be damaged; known damaged rows are reported.
+
+    A damaged row may count for another node or subject, so counts by these are unknown.
+    """
+    places = damaged_rows.of(table)
+    for place in places:
+        report_damaged(table, place)
+    return not places
 
 
 def is_intact_tile(data: bytes, digest: bytes, place: tuple[object, ...]) -> bool:

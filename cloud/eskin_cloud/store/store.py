@@ -12,6 +12,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import StoreError
 from eskin.runtime.sqlite_integrity import UNREADABLE
+from eskin_cloud.store.damage import damaged_rows
 from eskin_cloud.store.db_errors import explain
 from eskin_cloud.store.integrity import check_small_tables
 from eskin_cloud.store.location import StoreLocation, describe, reading_engine, writing_engine
@@ -65,6 +66,7 @@ class Store:
         self.packed = 0
         self.cache = WriteCache()
         self.damage: str | None = None
+        damaged_rows.clear()
         self._writing = writing_engine(location)
         self._reading = reading_engine(location, readers=readers)
         try:

@@ -21,7 +21,14 @@ from eskin.kernels.jit import part
 from eskin.models.icm.clock import PI, sample_at
 from eskin.models.icm.curvature import SLACK, log_ratio
 from eskin.models.icm.decay import decay
-from eskin.models.icm.response import ROUNDING, UNDERFLOW, branch, phase_parts, respond
+from eskin.models.icm.response import (
+    ROUNDING,
+    UNDERFLOW,
+    UNDERFLOW_SIZE,
+    branch,
+    phase_parts,
+    respond,
+)
 
 if TYPE_CHECKING:
     from typing import TypeAlias
@@ -62,7 +69,7 @@ def point(
     turn = phase[2] * (c1 + c0 * abs(sine)) + phase[3] * (c0 * abs(cosine) + c1 * abs(sine))
     noise = w * (8.0 * ROUNDING * (size * (1.0 + a) + turn * a) + 4.0 * UNDERFLOW)
     slope = h + d if power == 1 else d
-    return w * h, w * slope, w * by_pitch, w * by_phase, w * size, noise
+    return w * h, w * slope, w * by_pitch, w * by_phase, w * (size + UNDERFLOW_SIZE), noise
 
 
 @part

@@ -25,7 +25,7 @@ from eskin.models.icm.clock import (
     sample_of,
 )
 from eskin.models.icm.curvature import edge_of, test_edge, waning
-from eskin.models.icm.response import branch, phase_parts, respond
+from eskin.models.icm.response import UNDERFLOW_SIZE, branch, phase_parts, respond
 from eskin.models.icm.scaling import error_factor, scale_outward
 
 if TYPE_CHECKING:
@@ -186,7 +186,7 @@ def _all_corners(
         not (sure_2 | _within(h_a, h_c, over_2, least, most)),
         not (sure_3 | _within(h_b, h_d, over_3, least, most)),
     )
-    return least, most, size * growth, flags
+    return least, most, (size + UNDERFLOW_SIZE) * growth, flags
 
 
 @part

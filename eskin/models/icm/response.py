@@ -47,6 +47,8 @@ ROUNDING: Final = 12 * 2.0**-52
 """Bound of the error of ``h``, relative to ``T``, the sum of the sizes of its terms."""
 UNDERFLOW: Final = 128 * 5e-324
 """Bound of the error of ``h`` besides, from gradual underflow."""
+UNDERFLOW_SIZE: Final = UNDERFLOW / ROUNDING
+"""A sum of sizes with that error: a weight on ``h`` weighs the error from underflow, too."""
 _PHASE_ERROR: Final = 2.0**-45  # of the phase: 2**-100 of it, divided by ROUNDING, and more
 
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from types import ModuleType
 
+    from eskin_sensor_node.machine.flash.flash import Partition
     from eskin_sensor_node.node.ground_truth import GroundTruth
     from eskin_sensor_node.settings import BrokerSection, NodeSettings
 
@@ -56,7 +57,7 @@ def chip_key(settings: NodeSettings) -> bytes:
 
 
 def build_outbox(
-    flash: Flash,
+    flash: Partition,
     *,
     capacity: int,
     broker: BrokerSection,

@@ -12,7 +12,10 @@ if TYPE_CHECKING:
 Answer: TypeAlias = "Mapping[str, Any]"
 """What the part's real code reads, by name. What damage hides has no name in it."""
 
-NAMES: Final = ("flash", "spool", "keys", "identity", "authority", "store")
+NAMES: Final = (
+    *("flash", "fleet", "spool", "keys", "identity", "authority", "broker"),
+    *("store", "store_log"),
+)
 """The parts, each a file in ``parts``."""
 
 

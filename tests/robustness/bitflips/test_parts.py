@@ -13,7 +13,17 @@ from tests.robustness.bitflips.verdict import Outcome, attack, judge
 if TYPE_CHECKING:
     from pathlib import Path
 
-FLIPS = {"flash": 80, "spool": 60, "keys": 80, "identity": 80, "authority": 60, "store": 40}
+FLIPS = {
+    "flash": 80,
+    "fleet": 40,
+    "spool": 60,
+    "keys": 80,
+    "identity": 80,
+    "authority": 60,
+    "broker": 60,
+    "store": 40,
+    "store_log": 40,
+}
 
 
 @pytest.mark.timeout(300)

@@ -206,6 +206,32 @@ def test_damaged_row_that_is_written_again_stays_damaged(store: Store, place: Pa
         assert len(connection.execute(select(blocks)).all()) == 2
 
 
+async def test_counts_over_damaged_rows_are_unknown(stand: Stand) -> None:
+    put(stand.cloud.store, block(1))
+    damage(path_of(stand), "UPDATE channels SET node = 'fingertiq'")
+    look_at(stand.cloud.store, channels)
+    answer = await stand.get(f"/api/v1/nodes/{NODE}")
+    assert answer.json()["channels"] is None
+    assert "channels" in answer.headers[DAMAGED]
+    (node,) = (await stand.get("/api/v1/nodes")).json()["items"]
+    assert node["channels"] is None
+
+
+@pytest.mark.parametrize("change", ["last = first - 1", "last = 7", "first = 0"])
+async def test_damaged_range_of_stored_numbers_is_not_used(stand: Stand, change: str) -> None:
+    put(stand.cloud.store, block(1), block(2, time=(START + DT,) * 2))
+    damage(path_of(stand), f"UPDATE sequences SET {change}")  # noqa: S608 - ours
+    stand.cloud.store.cache.clear()
+    result = put(stand.cloud.store, block(7, time=(START + 2 * DT,) * 2))
+    assert [each.result for each in result.results] == ["stored"]
+
+
+async def test_node_of_a_damaged_site_has_no_key(stand: Stand) -> None:
+    put(stand.cloud.store, block(1), peak(2))
+    damage(path_of(stand), "UPDATE node_sites SET site = 'site/main'")
+    assert (await stand.get("/api/v1/events")).status_code == 200
+
+
 def _page(path: Path, name: str) -> tuple[int, int]:
     """Where the first page of a tree begins and ends in the file."""
     with closing(sqlite3.connect(path)) as db:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from eskin_sensor_node.firmware.chip import StoredMessage
     from eskin_sensor_node.kinds.settings import TaxelSection
-    from eskin_sensor_node.machine.flash.flash import Flash
+    from eskin_sensor_node.machine.flash.flash import Partition
 
 START = 1_790_000_000_000_000_000
 SECOND = 1_000_000_000
@@ -87,7 +87,7 @@ def clock_at(
     )
 
 
-def waiting(flash: Flash) -> list[StoredMessage]:
+def waiting(flash: Partition) -> list[StoredMessage]:
     """All that waits on a flash, unread."""
     return flash.after((-1, -1), 1_000_000)
 

@@ -170,7 +170,7 @@ export interface NodeDocument {
   readonly gaps: number;
   readonly energy: EnergyDocument | null;
   readonly faults: readonly FaultDocument[] | null;
-  readonly channels: number;
+  readonly channels: number | null;
   readonly lag: LagDocument | null;
   readonly clock: ClockDocument | null;
   readonly missing: MissingDocument | null;
@@ -286,7 +286,7 @@ export interface SubjectDocument {
   readonly id: string;
   readonly site: string;
   readonly nodes: readonly string[];
-  readonly messages: number;
+  readonly messages: number | null;
   readonly erased: string | null;
 }
 

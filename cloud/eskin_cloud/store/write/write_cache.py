@@ -10,7 +10,7 @@ from sqlalchemy import and_, bindparam, delete, func, insert, select, text, tupl
 from eskin.errors import StoreError
 from eskin_cloud.store.notify import FEED, notify
 from eskin_cloud.store.read.lookup import key_batches
-from eskin_cloud.store.row_digests import without_digest
+from eskin_cloud.store.row_digests import intact_rows, without_digest
 from eskin_cloud.store.sample_grid import CHUNK, level_for
 from eskin_cloud.store.schema.tables import channels, feed, nodes, sequences
 from eskin_cloud.store.schema.tile_tables import stale_chunks
@@ -137,11 +137,10 @@ class WriteCache:
             return
         found: dict[tuple[str, int], list[tuple[int, int]]] = {key: [] for key in unknown}
         s = sequences.c
-        query = select(s.node, s.boot, s.first, s.last)
         for part in key_batches(unknown):
-            here = tuple_(s.node, s.boot).in_(part)
-            for node, boot, first, last in connection.execute(query.where(here)):
-                found[node, boot].append((first, last))
+            query = select(sequences).where(tuple_(s.node, s.boot).in_(part))
+            for row in intact_rows(connection, sequences, connection.execute(query).mappings()):
+                found[row["node"], row["boot"]].append((row["first"], row["last"]))
         for key, written in found.items():
             self._ranges[key] = StoredSequences(sorted(written))
 
@@ -174,9 +173,7 @@ class WriteCache:
         """The stored sequence numbers of a node's boot."""
         key = node, boot
         if key not in self._ranges:
-            where = (sequences.c.node == node) & (sequences.c.boot == boot)
-            found = connection.execute(select(sequences.c.first, sequences.c.last).where(where))
-            self._ranges[key] = StoredSequences(sorted((row.first, row.last) for row in found))
+            self.prepare(connection, boots=[key], places=())
         return self._ranges[key]
 
     def add(

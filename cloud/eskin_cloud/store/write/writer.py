@@ -9,8 +9,6 @@ from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from sqlalchemy.exc import SQLAlchemyError
-
 from eskin.errors import EskinError, StoreError
 from eskin_cloud.store.db_errors import explain, is_store_fault
 
@@ -198,7 +196,7 @@ class Writer:
         return None
 
     def _fail(self, batch: list[_Job], error: Exception) -> None:
-        if not isinstance(error, SQLAlchemyError | StoreError | MemoryError | OSError):
+        if not is_store_fault(error) and not isinstance(error, StoreError):
             log.error("commit failed", exc_info=error)
         self._on_rollback()
         cause = explain(error)

@@ -12,6 +12,7 @@ from contextlib import ExitStack, closing, contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import FlashError, LockedError
+from eskin.runtime.digest import row_checksum
 from eskin.runtime.files.lock import LockFile
 from eskin.runtime.sqlite_integrity import UNREADABLE, require_whole, why
 from eskin_sensor_node.machine.flash.cipher import Cipher
@@ -30,7 +31,8 @@ _SCHEMA: Final = (
         id INTEGER PRIMARY KEY,
         name TEXT NOT NULL UNIQUE,
         boot INTEGER NOT NULL,
-        gaps INTEGER NOT NULL DEFAULT 0
+        gaps INTEGER NOT NULL DEFAULT 0,
+        digest INTEGER NOT NULL      -- of name and gaps
     ) STRICT""",
     """CREATE TABLE IF NOT EXISTS message (
         member INTEGER NOT NULL,
@@ -77,7 +79,7 @@ _SCHEMA: Final = (
         ON CONFLICT (member) DO UPDATE SET records = records + 1;
     END""",
 )
-_COUNT: Final = """INSERT INTO member (name, boot) VALUES (?, ?)
+_COUNT: Final = """INSERT INTO member (name, boot, digest) VALUES (?, ?, ?)
     ON CONFLICT (name) DO UPDATE SET boot = max(boot + 1, excluded.boot)"""
 _TRIM: Final = """DELETE FROM ended WHERE ? < (SELECT count(*) FROM ended AS later
     WHERE later.member = ended.member AND later.boot >= ended.boot)"""
@@ -131,8 +133,10 @@ class FlashFile:
                 require_whole(self.db)
                 self._create_tables()
                 self._require_key(owner, set(names))
+                self._require_members()
                 self.db.execute("BEGIN IMMEDIATE")
-                self.db.executemany(_COUNT, ((name, least) for name in names))
+                added = ((name, least, row_checksum((name, 0))) for name in names)
+                self.db.executemany(_COUNT, added)
                 self.db.execute(_TRIM, (MOST_ENDED,))
                 self.db.execute("COMMIT")
                 rows = self.query("SELECT name, id, boot FROM member")
@@ -225,6 +229,19 @@ class FlashFile:
                         "the cloud names what is lost"
                     )
                 log.error("flash is damaged: path=%s table=%s orphans=%d", self.path, table, count)
+
+    def _require_members(self) -> None:
+        """Verify the members' digests: under a damaged name, all records would be another node's.
+
+        Raises:
+            FlashError: One is damaged.
+        """
+        for name, gaps, digest in self.query("SELECT name, gaps, digest FROM member"):
+            if digest != row_checksum((name, gaps)):
+                raise FlashError(
+                    f"{self.path}: flash is damaged: the node of some records is unknown, perhaps "
+                    f"{name!r}; erase it, the cloud names what is lost"
+                )
 
     def _require_key(self, owner: str, names: set[str]) -> None:
         """Check that key and owner are those of the file.

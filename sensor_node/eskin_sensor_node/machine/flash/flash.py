@@ -46,10 +46,14 @@ class Partition:
         FlashError: By any method: it cannot be read or written.
     """
 
-    __slots__ = ("_member", "_nested", "_sealing", "_uncounted", "_unreadable", "boot", "file")
+    __slots__ = (
+        *("_member", "_name", "_nested", "_sealing", "_uncounted", "_unreadable"),
+        *("boot", "file"),
+    )
 
     def __init__(self, file: FlashFile, name: str) -> None:
         self.file = file
+        self._name = name
         self._member, self.boot = file.members[name]
         self._sealing = file.sealing(name)
         self._unreadable = 0
@@ -144,9 +148,10 @@ class Partition:
 
     def store_counts(self, gaps: int, last: int) -> None:
         """Store that number, and the boot's last; gaps since `gaps` was read are counted here."""
+        counted = gaps - self._unreadable
         self._write(
-            "UPDATE member SET gaps = ?1 WHERE id = ?2 AND gaps <> ?1",
-            *(gaps - self._unreadable, self._member),
+            "UPDATE member SET gaps = ?1, digest = ?3 WHERE id = ?2 AND gaps <> ?1",
+            *(counted, self._member, row_checksum((self._name, counted))),
         )
         numbers = self.boot, last
         self._write(

@@ -174,3 +174,17 @@ def test_rounding_stays_within_half_of_its_bound() -> None:
         error = abs(flint.arb(h[i, 0]) - truth) / flint.arb(size[i, 0])
         worst = max(worst, float(error.mid()))
     assert 0.1 * ROUNDING < worst < 0.6 * ROUNDING
+
+
+@pytest.mark.parametrize("phase", [-5e-324, Interval(-5e-324, -5e-324)])
+@pytest.mark.parametrize("frequency", [0.0, Interval(0.0, 1e-3)])
+def test_underflow_is_weighed_as_the_branch_of_least_resistance(
+    phase: float | Interval, frequency: float | Interval
+) -> None:
+    """Its ``h`` is 1e38 times as much in units of the greatest resistance."""
+    found = magfes_current(
+        2.0, amplitude=5e20, frequency=frequency, phase=phase,
+        coil_resistance=Interval(100.0, 1e40), inductance=Interval(1e-5, 2e-5),
+    )  # fmt: skip
+    steady = flint.arb(5e20) * flint.arb(5e-324) / 100
+    assert float(found.inf) <= float(-steady)
