@@ -217,13 +217,24 @@ async def test_counts_over_damaged_rows_are_unknown(stand: Stand) -> None:
     assert node["channels"] is None
 
 
-@pytest.mark.parametrize("change", ["last = first - 1", "last = 7", "first = 0"])
-async def test_damaged_range_of_stored_numbers_is_not_used(stand: Stand, change: str) -> None:
-    put(stand.cloud.store, block(1), block(2, time=(START + DT,) * 2))
-    damage(path_of(stand), f"UPDATE sequences SET {change}")  # noqa: S608 - ours
-    stand.cloud.store.cache.clear()
-    result = put(stand.cloud.store, block(7, time=(START + 2 * DT,) * 2))
-    assert [each.result for each in result.results] == ["stored"]
+@pytest.mark.parametrize("change", ["last = first - 1", "last = 7", "first = 0", "node = 'x'"])
+async def test_damaged_ranges_are_restored_from_digests(stand: Stand, change: str) -> None:
+    store = stand.cloud.store
+    numbers = [1, 2, 5, 6]
+    put(store, *(block(n, time=(START + n * DT,) * 2) for n in numbers))
+    damage(path_of(stand), f"UPDATE sequences SET {change} WHERE first = 5")  # noqa: S608 - ours
+    look_at(store, sequences)
+    store.cache.clear()
+    for number in (6, 2, 7):
+        result = put(store, block(number, time=(START + number * DT,) * 2))
+        assert [each.result for each in result.results] == (
+            ["duplicate"] if number in numbers else ["stored"]
+        )
+    store.cache.clear()
+    with store.read() as connection:
+        s = sequences.c
+        here = select(s.first, s.last).where(s.node == NODE).order_by(s.first)
+        assert connection.execute(here).all() == [(1, 2), (5, 7)]
 
 
 async def test_node_of_a_damaged_site_has_no_key(stand: Stand) -> None:

@@ -10,7 +10,7 @@ from collections import defaultdict
 from operator import itemgetter
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import and_, or_, select, text
+from sqlalchemy import and_, func, or_, select, text
 
 from eskin.runtime.digest import DIGEST_BYTES
 from eskin_cloud.store.read.lookup import key_batches
@@ -111,6 +111,14 @@ def find_digest(connection: Connection, node: str, boot: int, sequence: int) -> 
     query = select(d.first, d.data).where(d.node == node, d.boot == boot, d.first <= sequence)
     standing = connection.execute(query.order_by(d.first.desc()).limit(1)).first()
     return None if standing is None else _within(standing.first, standing.data, sequence)
+
+
+def stored_spans(connection: Connection, node: str, boot: int) -> Iterator[tuple[int, int]]:
+    """The first and the last stored number of each row of a boot, in order."""
+    d = digests.c
+    query = select(d.first, func.length(d.data)).where(d.node == node, d.boot == boot)
+    for first, size in connection.execute(query.order_by(d.first)):
+        yield first, first + size // DIGEST_BYTES - 1
 
 
 def _consecutive(numbers: Sequence[int]) -> Iterator[Sequence[int]]:

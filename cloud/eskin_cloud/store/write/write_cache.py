@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import secrets
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from sqlalchemy import and_, bindparam, delete, func, insert, select, text, tuple_, update
 
 from eskin.errors import StoreError
+from eskin_cloud.store.damage import damaged_rows
 from eskin_cloud.store.notify import FEED, notify
 from eskin_cloud.store.read.lookup import key_batches
 from eskin_cloud.store.row_digests import intact_rows, without_digest
@@ -15,7 +17,7 @@ from eskin_cloud.store.sample_grid import CHUNK, level_for
 from eskin_cloud.store.schema.tables import channels, feed, nodes, sequences
 from eskin_cloud.store.schema.tile_tables import stale_chunks
 from eskin_cloud.store.write.node_sites import sites_of
-from eskin_cloud.store.write.stored_digests import StoredDigests
+from eskin_cloud.store.write.stored_digests import StoredDigests, stored_spans
 from eskin_cloud.store.write.stored_sequences import StoredSequences
 
 if TYPE_CHECKING:
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, Connection, Table
 
     from eskin_cloud.store.sample_grid import SampleGrid
+
+log = logging.getLogger(__name__)
 
 Row: TypeAlias = dict[str, Any]
 
@@ -143,6 +147,21 @@ class WriteCache:
                 found[row["node"], row["boot"]].append((row["first"], row["last"]))
         for key, written in found.items():
             self._ranges[key] = StoredSequences(sorted(written))
+        if damaged_rows.of(sequences.name):
+            for node, boot in unknown:
+                self._restore_ranges(connection, node, boot)
+
+    def _restore_ranges(self, connection: Connection, node: str, boot: int) -> None:
+        """Read a boot's ranges from its digests, and write them anew if they differ."""
+        restored = StoredSequences()
+        for first, last in stored_spans(connection, node, boot):
+            restored.add(first, last)
+        if list(restored) != list(self._ranges[node, boot]):
+            log.warning("stored ranges restored from digests: node=%s boot=%d", node, boot)
+            s = sequences.c
+            connection.execute(delete(sequences).where(s.node == node, s.boot == boot))
+            self._ranges[node, boot] = restored
+            self.mark_ranges_changed(node, boot)
 
     def _prepare_rows(
         self, connection: Connection, table: Table, keys: Iterable[tuple[str, ...]]

@@ -26,8 +26,6 @@ from eskin_cloud.service import make_cloud
 from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from eskin_cloud.store import Store
 from eskin_cloud.store.integrity import LARGE_TABLES
-from eskin_cloud.store.row_digests import find_damaged
-from eskin_cloud.store.schema.tables import sequences
 
 from eskin.errors import EskinError, StoreError
 from eskin.identity import IdentityKind
@@ -227,11 +225,6 @@ class _Asker:
             except EskinError as error:  # as the node says
                 log.warning("command refused by its node: %s", error)
 
-    def _forgot(self) -> bool:
-        """Whether the store says that its memory of what it has is damaged."""
-        with self._stand.cloud.store.read() as connection:
-            return bool(find_damaged(connection, sequences))
-
     async def _bring(self) -> None:
         old = (peak(1), gap(2), block(3), peak(400), gap(401))
         for said in (*old, block(500), peak(501)):
@@ -242,9 +235,7 @@ class _Asker:
                 continue
             result = answer.json()["items"][0]["result"]
             name = f"brought {said.position}"
-            if result in {"rejected", "unknown_node"} or (
-                result == "stored" and said in old and self._forgot()
-            ):
+            if result in {"rejected", "unknown_node"}:
                 log.error("%s: %s", name, answer.json()["items"][0]["reason"])
                 continue
             self._found[name] = result
