@@ -43,7 +43,7 @@ STEPS: Final = {
         "--seed",
         "{seed}",
     ],
-    "soak": ["make", "soak", "ARGS=--duration 600 --rate 1000"],
+    "soak": ["make", "soak", "ARGS=--duration 3600 --rate 1000"],
     "cortex-m33": [sys.executable, "-m", "tests.robustness.cortex_m33"],
     "test-compose": ["make", "test-compose"],
 }
