@@ -18,7 +18,8 @@ from rich.table import Table
 
 STEPS: Final = {
     "lint": ["make", "lint"],
-    "test": ["make", "test", "ARGS=--hypothesis-profile=hunt"],
+    "test": ["make", "test", "ARGS=--hypothesis-profile=hunt -m 'not compose'"],
+    "planted": [".venv/bin/python", "-m", "tests.robustness.planted"],
     "chaos-sqlite": ["make", "chaos", "ARGS=--duration 300 --seed {seed}"],
     "chaos-postgresql": ["make", "chaos", "ARGS=--duration 300 --seed {seed} --store postgresql"],
     "powercut": ["make", "powercut", "ARGS=--images 500 --seed {seed}"],
