@@ -13,7 +13,7 @@ from eskin.models import icm
 from tests.robustness.boxes.cases import CASES, Case
 from tests.robustness.boxes.verify import Outcome, compare, verify
 
-FEW = 30
+FEW = 8
 
 
 @pytest.mark.parametrize("name", CASES)

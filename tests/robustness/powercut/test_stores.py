@@ -13,7 +13,7 @@ from tests.robustness.powercut.stores import STORES
 if TYPE_CHECKING:
     from pathlib import Path
 
-IMAGES = {"flash": 60, "spool": 60, "store": 24}
+IMAGES = {"flash": 25, "spool": 25, "store": 12}
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ def validate(schema: Any, headers: dict[str, str]) -> int:
         count += 1
 
         @settings(
-            max_examples=40,
+            max_examples=15,
             deadline=None,
             database=None,
             phases=(Phase.explicit, Phase.generate),

@@ -227,5 +227,5 @@ async def test_slow_reader_of_a_long_body_is_served_to_the_end(
                 taken += len(part)
                 if taken >= size:
                     break
-                await asyncio.sleep(0.02)
+                await asyncio.sleep(0.006)  # three seconds in all
     assert taken >= size

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from tests.support.identities import Identities
 
-EXAMPLES: Final = 6
+EXAMPLES: Final = 3
 """Of each operation, for each who asks."""
 VISITORS: Final = {"nobody": (), **{str(scope): (scope,) for scope in Scope}, "all": tuple(Scope)}
 

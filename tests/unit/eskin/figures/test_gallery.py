@@ -12,7 +12,6 @@ import pytest
 from matplotlib.image import imread
 
 from eskin.cli import main
-from eskin.figures import write_figures
 from eskin.figures.gallery import FIGURES
 from eskin.figures.paper import STATEMENTS
 from tests.support.processes import ESKIN
@@ -21,13 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin.figures.figure import Floats
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("figures") / "new"
-    write_figures(made)
-    return made
 
 
 def read(folder: Path, name: str) -> dict[str, Floats]:
@@ -132,6 +124,7 @@ def test_statements_of_the_text_have_a_verdict_that_fits(folder: Path) -> None:
             assert computed == pytest.approx(stated, rel=0.07, abs=0.0)
 
 
+@pytest.mark.nightly
 def test_command_writes_the_same_bytes_and_says_where(folder: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         [ESKIN, "figures", "--out", str(tmp_path / "out")],

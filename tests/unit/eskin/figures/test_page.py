@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from eskin.figures import write_figures
 from eskin.figures.gallery import FIGURES
 
 DOCS = Path(__file__).parents[4] / "docs"
@@ -86,12 +85,11 @@ def test_current_settles_within_a_microsecond() -> None:
     assert np.exp(-1e-6 / (1e-3 / 1e4)) < 1e-4
 
 
-def test_committed_pictures_are_what_the_code_draws(tmp_path: Path) -> None:
-    write_figures(tmp_path)
+def test_committed_pictures_are_what_the_code_draws(folder: Path) -> None:
     committed = {path.name for path in (DOCS / "images" / "figures").iterdir()}
     assert committed == {f"{name}.png" for name in FIGURES} | {"design.png"}
     for name in sorted(committed):
-        old, new = imread(DOCS / "images" / "figures" / name), imread(tmp_path / name)
+        old, new = imread(DOCS / "images" / "figures" / name), imread(folder / name)
         assert old.shape == new.shape, name
         # Another processor may differ in a last digit, and a pixel with it; a label is 1e-4.
         assert np.mean(np.abs(old - new)) < 5e-5, f"{name} is stale; run eskin figures"

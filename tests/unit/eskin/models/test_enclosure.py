@@ -95,9 +95,9 @@ def _terms(box: dict[str, Interval], i: int) -> float:
 def test_width_is_that_of_dense_members(name: str) -> None:
     case = CASES[name]
     generator = np.random.default_rng(22)
-    box = case.boxes(generator, 300)
+    box = case.boxes(generator, 100)
     found = case.evaluate(box)
-    reach = {k: (np.full(300, np.inf), np.full(300, -np.inf)) for k in found}
+    reach = {k: (np.full(100, np.inf), np.full(100, -np.inf)) for k in found}
     for point in _dense(box):
         thin = case.evaluate({k: Interval(v) for k, v in point.items()})
         for k, value in thin.items():
