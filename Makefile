@@ -42,7 +42,7 @@ help: ## List these commands
 demo: $(VENV)/.runtime $(DASHBOARD_BUILT) ## Run the whole stack on this machine and print a login URL
 	@exec $(BIN)/eskin demo $(ARGS)
 
-test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed system ## Run all tests (installs Mosquitto, PostgreSQL, Prometheus, Chromium and SoftHSM on Debian)
+test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed system ## Run the tests, without the nightly ones (installs Mosquitto, PostgreSQL, Prometheus, Chromium and SoftHSM on Debian)
 	$(BIN)/pytest --numprocesses 3 --dist loadscope --no-loadscope-reorder $(ARGS)
 	services/npm.sh $(DASHBOARD) test
 

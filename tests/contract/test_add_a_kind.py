@@ -117,6 +117,7 @@ def test_a_kind_takes_at_most_ten_files() -> None:
     assert 0 < len({change.path for change in changes()}) <= MOST
 
 
+@pytest.mark.nightly
 def test_emulated_node_and_fleet_enclose_the_truth(copy: Path, tmp_path: Path) -> None:
     run([sys.executable, "-c", EMULATE, copy, tmp_path], copy)
 

@@ -101,6 +101,7 @@ def test_copy_is_made_into_a_new_folder_alone(tmp_path: Path) -> None:
         backup([str(tmp_path)], tmp_path)
 
 
+@pytest.mark.nightly
 def test_store_from_yesterday_names_what_it_lacks(tmp_path: Path) -> None:
     path, out = tmp_path / "store.sqlite", tmp_path / "out"
     with Store(path, clock=Clock(START)) as store:
@@ -112,6 +113,7 @@ def test_store_from_yesterday_names_what_it_lacks(tmp_path: Path) -> None:
         assert find_missing_tails(connection, [(NODE, 1, 8)]) == [(NODE, 1, 4, 8)]
 
 
+@pytest.mark.nightly
 def test_store_from_before_a_node_names_all_of_it_though_the_node_says_nothing(
     tmp_path: Path, identities: Identities
 ) -> None:
@@ -178,6 +180,7 @@ def forwarding(spool: Spool, cloud: Service) -> Iterator[Forwarder]:
         client.close()
 
 
+@pytest.mark.nightly
 def test_postgresql_from_yesterday_names_what_it_lacks(tmp_path: Path, cluster: Cluster) -> None:
     place, other = cluster.fresh(), cluster.fresh(empty=True)
     with Store(place, clock=Clock(START)) as store:

@@ -73,6 +73,7 @@ def test_command_expires_while_its_node_is_away(chain: Chain) -> None:
     assert chain.told(number)["state"] == "expired"
 
 
+@pytest.mark.nightly
 def test_restarted_gateway_and_cloud_deliver_what_waits(chain: Chain) -> None:
     with chain.node():
         chain.wait_for_node()

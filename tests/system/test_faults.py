@@ -16,6 +16,8 @@ from eskin_cloud.store.damage import RowHeader
 from tests.support.demos import RunningDemo
 from tests.support.processes import ESKIN, wait_until
 
+pytestmark = pytest.mark.nightly
+
 NODES = ["fingertip", "palm", "forearm"]
 SLOWLY = ("--speed", "0.25")
 """What is lost or not is no question of speed, and beside these demos others run."""

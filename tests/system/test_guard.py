@@ -73,6 +73,7 @@ def test_revoked_node_is_out_and_stays_out(guarded: Guarded) -> None:
         assert other.connected
 
 
+@pytest.mark.nightly
 def test_certificates_of_both_cas_pass_until_the_old_one_is_retired(guarded: Guarded) -> None:
     old = guarded.own.node
     guarded.pki("rotate", "--kind", "node")

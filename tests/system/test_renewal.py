@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
+pytestmark = pytest.mark.nightly
+
 LIFETIME = timedelta(seconds=9)
 NAMES = {
     "fingertip": IdentityKind.NODE,

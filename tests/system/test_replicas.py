@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from tests.support.identities import Identities
     from tests.support.postgresql import Cluster
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.fixture(scope="module")
 def replicas(

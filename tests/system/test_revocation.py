@@ -13,6 +13,8 @@ from tests.support.processes import ESKIN, free_port, wait_until
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("broker", [[], ["--embedded-broker"]], ids=["mosquitto", "embedded"])

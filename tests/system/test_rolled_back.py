@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.fixture
 def stack(tmp_path: Path) -> Iterator[RealStack]:

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
     from cryptography import x509
 
+pytestmark = pytest.mark.nightly
+
 log = logging.getLogger(__name__)
 
 _PAUSE_S = 0.2

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from tests.support.identities import Identities
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.fixture
 def anyio_backend() -> str:

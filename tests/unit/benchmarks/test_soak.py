@@ -12,6 +12,8 @@ import pytest
 from benchmarks.soak import soak
 from tests.support.processes import Running, wait_until
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.mark.timeout(900)
 def test_soak_misses_nothing_and_judges_all(tmp_path: Path) -> None:

@@ -80,6 +80,7 @@ def test_strange_answer_ends_nothing_and_is_counted_and_said_once(
     assert [record.exc_info is not None for record in caplog.records] == [True]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("service", [SHORT_S], indirect=True)
 def test_service_renews_its_own_certificate_while_it_runs(service: Service) -> None:
     first = service.serial

@@ -34,14 +34,23 @@ ALONE: Final = {f"tests.unit.cloud.test_{room}" for room in (
     "withheld",
 )}  # fmt: skip
 """Tests that run on SQLite alone, because they do not depend on the kind of store."""
+BOTH: Final = {f"tests.unit.cloud.test_{room}" for room in (
+    "commands", "compaction", "comparison", "faults", "live", "missing_messages", "occupancy",
+    "pg_copy", "queries", "questions", "retention", "rollup", "rows", "several_clouds",
+    "shared_commits", "store", "store_settings", "stored_sequences", "writer",
+)}  # fmt: skip
+"""Tests of what depends on the kind of store: writer, locks, SQL. Others run on PostgreSQL
+at night."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run tests with a ``place`` on each kind of store."""
     chosen = [mark.args[0] for mark in metafunc.definition.iter_markers("parametrize")]
     if "place" in metafunc.fixturenames and "place" not in chosen:
-        kinds = ["sqlite"] if metafunc.module.__name__ in ALONE else ["sqlite", "postgresql"]
-        metafunc.parametrize("place", kinds, indirect=True)
+        room = metafunc.module.__name__
+        marks = () if room in BOTH else pytest.mark.nightly
+        kinds = ["sqlite", pytest.param("postgresql", marks=marks)]
+        metafunc.parametrize("place", kinds[:1] if room in ALONE else kinds, indirect=True)
 
 
 @pytest.fixture

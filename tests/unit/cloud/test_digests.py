@@ -138,7 +138,9 @@ async def test_damaged_block_is_a_gap_and_the_rest_is_served(
     assert "eskin_cloud_damaged_rows 0.0" not in stand.cloud.metrics.write().decode()
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize(
+    "seed", [*range(10), *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(10, 40))]
+)
 def test_no_flipped_bit_is_ever_served(store: Store, seed: int) -> None:
     """After any bit flip of blocks and tiles, answers enclose the stored values."""
 

@@ -180,6 +180,7 @@ def test_both_axes_are_labelled(visit: Visit, recorded: int) -> None:
     assert visit.page.locator(".chart-unit").inner_text().endswith("J")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [LIVELY])
 def test_pictures_of_a_live_page_leave_its_layout_and_styles_alone(visit: Visit) -> None:
     visit.open("fingertip?live=10s")

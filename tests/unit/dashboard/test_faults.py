@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
+
 from tests.support.processes import wait_until
 from tests.unit.dashboard.browsing import CHART, visiting
 from tests.unit.dashboard.pixels import read_plot
@@ -73,6 +75,7 @@ def test_login_leads_to_the_requested_view(demo: RunningDemo, browser: Browser) 
         assert visit.page.evaluate("location.hash") == "#/palm/t01.area?live=30s"
 
 
+@pytest.mark.nightly
 def test_page_that_comes_back_from_the_login_can_leave_again(
     demo: RunningDemo, browser: Browser, session: Session
 ) -> None:
@@ -110,6 +113,7 @@ def test_health_is_unknown_while_the_cloud_cannot_be_reached(visit: Visit) -> No
     visit.troubles.clear()  # the browser itself complains of each request without a network
 
 
+@pytest.mark.nightly
 def test_answer_that_comes_late_does_not_take_the_place_of_a_newer_one(visit: Visit) -> None:
     held: list[Route] = []
 
@@ -137,6 +141,7 @@ def test_answer_that_comes_late_does_not_take_the_place_of_a_newer_one(visit: Vi
     visit.troubles.clear()  # the browser itself complains of the answer that does not come
 
 
+@pytest.mark.nightly
 def test_chart_without_a_size_is_not_painted_and_comes_back(visit: Visit) -> None:
     visit.open("palm/t01.area?live=10s")
     visit.wait_for_chart(mode="live")
@@ -159,6 +164,7 @@ def test_chart_without_a_size_is_not_painted_and_comes_back(visit: Visit) -> Non
     assert visit.troubles == []
 
 
+@pytest.mark.nightly
 def test_chart_that_knows_no_window_yet_says_nothing(visit: Visit) -> None:
     held: list[Route] = []
 
@@ -177,6 +183,7 @@ def test_chart_that_knows_no_window_yet_says_nothing(visit: Visit) -> None:
     wait_until(lambda: int(visit.chart().get("entries", 0)) > 0, "it is painted")
 
 
+@pytest.mark.nightly
 def test_live_view_resumes_without_a_break_when_the_cloud_restarts(
     demo: RunningDemo, browser: Browser, session: Session
 ) -> None:

@@ -97,6 +97,7 @@ def test_wheel_zooms_about_the_instant_under_the_pointer(visit: Visit, recorded:
     assert visit.wait_for_window(near) == cut(wide, 0, 1)
 
 
+@pytest.mark.nightly
 def test_wheel_sideways_pans(visit: Visit, recorded: int) -> None:
     before = opened(visit, recorded)
     plot = plot_of(visit)
@@ -110,6 +111,7 @@ def test_wheel_sideways_pans(visit: Visit, recorded: int) -> None:
     assert visit.wait_for_window(after) == cut(before, 0, 1)
 
 
+@pytest.mark.nightly
 def test_wheel_over_one_chart_of_many_scrolls_until_it_has_the_focus_or_ctrl(
     visit: Visit, recorded: int
 ) -> None:
@@ -141,6 +143,7 @@ def test_drag_selects_what_to_show(visit: Visit, recorded: int, one: float, othe
     assert visit.page.locator(".selection:visible").count() == 0
 
 
+@pytest.mark.nightly
 def test_shift_and_drag_pans(visit: Visit, recorded: int) -> None:
     before = opened(visit, recorded)
     plot = plot_of(visit)
@@ -151,6 +154,7 @@ def test_shift_and_drag_pans(visit: Visit, recorded: int) -> None:
     assert visit.wait_for_window(before) == moved(before, shift)
 
 
+@pytest.mark.nightly
 def test_pan_button_makes_a_drag_pan_until_it_is_released(visit: Visit, recorded: int) -> None:
     before = opened(visit, recorded)
     plot = plot_of(visit)
@@ -167,6 +171,7 @@ def test_pan_button_makes_a_drag_pan_until_it_is_released(visit: Visit, recorded
     assert visit.wait_for_window(after) == cut(after, plot.share(0.3), plot.share(0.6))
 
 
+@pytest.mark.nightly
 def test_live_chart_stands_still_during_a_drag(replay: Replay, visit: Visit) -> None:
     visit.page.route("**/api/v1/events*", without_events)
     visit.open(f"{CHANNEL}?live=10s")

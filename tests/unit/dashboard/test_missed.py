@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
+
 from eskin.wire.timestamp import parse_timestamp
 from tests.support.processes import wait_until
 from tests.unit.dashboard.browsing import history
@@ -43,6 +45,7 @@ def test_stream_of_another_window_goes_on_after_the_one_before(visit: Visit) -> 
     assert sent[1]
 
 
+@pytest.mark.nightly
 def test_window_that_was_not_over_shows_all_of_it_in_the_end(
     visit: Visit, replay: Replay, recorded: int
 ) -> None:
@@ -82,6 +85,7 @@ def test_events_are_listed_again_where_the_stream_left_some_out(visit: Visit) ->
     wait_until(lambda: bool(visit.evaluate("1") and len(lists) > 1), "they are asked for again")
 
 
+@pytest.mark.nightly
 def test_window_of_the_past_is_asked_for_again_where_the_stream_left_some_out(
     visit: Visit, recorded: int
 ) -> None:

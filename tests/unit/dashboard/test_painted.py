@@ -42,7 +42,11 @@ CERTAIN_LANE, POSSIBLE_LANE = -9, -1
 
 @pytest.mark.parametrize(
     ("options", "channel", "span"),
-    [({}, GENTLE, "10s"), ({}, "palm/t01.energy", "5s"), (FINE, "forearm/t01.distance", "5s")],
+    [
+        ({}, GENTLE, "10s"),
+        pytest.param({}, "palm/t01.energy", "5s", marks=pytest.mark.nightly),
+        pytest.param(FINE, "forearm/t01.distance", "5s", marks=pytest.mark.nightly),
+    ],
 )
 def test_live_pixels_enclose_the_samples(
     demo: RunningDemo, live_visit: Visit, channel: str, span: str

@@ -109,6 +109,7 @@ def test_peak_buttons_follow_their_peaks_on_resize(replay: Replay, visit: Visit)
     assert [one for one in found if one["inside"] != INSIDE[one["verdict"]]] == []
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [{"reduced_motion": "no-preference"}])
 def test_peak_buttons_follow_their_peaks_under_the_pointer(visit: Visit) -> None:
     visit.open("palm/t01.energy?live=10s")
@@ -135,6 +136,7 @@ def test_listed_events_carry_different_symbols(visit: Visit) -> None:
     assert symbols["possible"]["dash"] != "none"
 
 
+@pytest.mark.nightly
 def test_event_that_arrives_during_loading_stays_listed(visit: Visit) -> None:
     asked: list[tuple[Route, APIResponse]] = []
     visit.page.route(
@@ -159,6 +161,7 @@ def test_event_that_arrives_during_loading_stays_listed(visit: Visit) -> None:
     wait_until(lambda: stored | told <= set(visit.evaluate(LISTED)), "the list holds all of them")
 
 
+@pytest.mark.nightly
 def test_page_notes_since_when_peaks_are_marked(visit: Visit) -> None:
     def endless(route: Route) -> None:
         url = urlsplit(route.request.url)

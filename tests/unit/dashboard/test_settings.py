@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+import pytest
+
 from tests.support.processes import wait_until
 from tests.unit.dashboard.spoken import listen, nameless
 
@@ -61,6 +63,7 @@ def test_what_is_desired_and_what_is_reported_stand_side_by_side(visit: Visit) -
     assert "not yet" not in settings.inner_text()
 
 
+@pytest.mark.nightly
 def test_page_of_a_node_of_which_nothing_is_known_shows_no_settings(visit: Visit) -> None:
     empty = WAITING | {"desired": {}, "reported": None, "reported_at": None, "settled": True}
     visit.page.route(

@@ -77,6 +77,7 @@ def test_live_skin_knows_every_taxel_and_leads_to_its_channel(visit: Visit) -> N
     )
 
 
+@pytest.mark.nightly
 def test_skin_that_could_not_be_loaded_is_asked_for_again_wherever_the_window_goes(
     visit: Visit, recorded: int
 ) -> None:

@@ -95,6 +95,7 @@ def test_without_nodes_the_page_says_so_until_one_comes(visit: Visit) -> None:
     assert said.count() == 0
 
 
+@pytest.mark.nightly
 def test_nodes_that_cannot_be_loaded_are_asked_for_again_without_a_word_more(visit: Visit) -> None:
     held: list[Route] = []
 
@@ -122,6 +123,7 @@ def test_nodes_that_cannot_be_loaded_are_asked_for_again_without_a_word_more(vis
     refused(visit)
 
 
+@pytest.mark.nightly
 def test_page_of_a_node_says_when_the_nodes_cannot_be_loaded(visit: Visit) -> None:
     visit.page.route("**/api/v1/nodes", refuse)
     visit.open(f"{CHANNEL}?live=10s")
@@ -171,6 +173,7 @@ def test_history_that_cannot_be_loaded_can_be_asked_for_again(visit: Visit, reco
     refused(visit)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [ROOMY])
 def test_live_channel_that_cannot_be_loaded_says_so_until_it_is_there(visit: Visit) -> None:
     visit.page.route(SERIES, refuse)
@@ -204,6 +207,7 @@ def test_history_that_is_not_there_yet_is_loading(visit: Visit, recorded: int) -
     assert int(visit.wait_for_chart(mode="history")["entries"]) > 0
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [ROOMY])
 def test_live_channel_that_is_not_there_yet_is_loading(visit: Visit) -> None:
     held: list[Route] = []
@@ -220,6 +224,7 @@ def test_live_channel_that_is_not_there_yet_is_loading(visit: Visit) -> None:
     visit.page.locator(mine).wait_for(state="detached")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [ROOMY])
 def test_channel_without_data_says_so_beside_others_that_have_some(visit: Visit) -> None:
     nothing = {"first": None, "last": None, "blocks": 0, "samples": 0, "bytes": 0, "bounds": None}
@@ -239,6 +244,7 @@ def test_channel_without_data_says_so_beside_others_that_have_some(visit: Visit)
     assert "t09.energy" in said.inner_text()
 
 
+@pytest.mark.nightly
 def test_events_that_cannot_be_loaded_are_said_whatever_comes_in(visit: Visit) -> None:
     visit.page.route("**/api/v1/events*", refuse)
     visit.open("palm?live=10s", shows=notice("error", ".side"))
@@ -270,6 +276,7 @@ def test_window_without_samples_leads_to_all_data(
     assert said.count() == 0
 
 
+@pytest.mark.nightly
 def test_no_network_is_said_until_it_is_back(visit: Visit) -> None:
     visit.open(f"{CHANNEL}?live=10s")
     visit.page.get_by_test_id("live-status").get_by_text("Receiving").wait_for()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
+
 from tests.support.processes import wait_until
 from tests.unit.dashboard.browsing import CHART, history
 
@@ -42,6 +44,7 @@ def test_threshold_totals_equal_the_answer_of_the_api(
     assert "above=5e-12" in live_visit.page.evaluate("location.href")
 
 
+@pytest.mark.nightly
 def test_complaint_about_a_level_outlasts_live_answers(visit: Visit) -> None:
     visit.open("palm/t01.energy?live=10s")
     level = visit.page.get_by_test_id("threshold-level")
@@ -62,6 +65,7 @@ def test_complaint_about_a_level_outlasts_live_answers(visit: Visit) -> None:
     wait_until(lambda: visit.asked("/threshold") > before, "it is asked again")
 
 
+@pytest.mark.nightly
 def test_slow_answer_is_awaited_while_the_window_moves(visit: Visit) -> None:
     held: list[Route] = []
 
@@ -79,6 +83,7 @@ def test_slow_answer_is_awaited_while_the_window_moves(visit: Visit) -> None:
     wait_until(lambda: visit.asked("/threshold") > 1, "it is asked again")
 
 
+@pytest.mark.nightly
 def test_complaint_stays_while_the_window_moves_and_goes_with_its_question(
     visit: Visit, recorded: int
 ) -> None:

@@ -72,6 +72,7 @@ def parse_local(text: str) -> int:
     return round(seconds) * SECOND + int(rest.ljust(9, "0"))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("start", "end", "wrong", "said"),
     [
@@ -139,6 +140,7 @@ def test_last_is_meant_of_the_data_and_not_of_our_clock(
     visit.troubles.clear()  # the browser itself complains of the stream that is cut off
 
 
+@pytest.mark.nightly
 def test_last_hour_ends_with_the_newest_data(visit: Visit, recorded: int) -> None:
     visit.open("?live=10s")
     visit.wait_for_chart(mode="live")
@@ -174,6 +176,7 @@ def test_times_are_worked_by_keys(visit: Visit, recorded: int) -> None:
     assert [field.evaluate(name) for field in fields(visit.page)] == ["from", "to"]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [SMALL_PHONE])
 def test_times_fit_on_a_small_phone(visit: Visit) -> None:
     visit.open(f"{CHANNEL}?live=10s")

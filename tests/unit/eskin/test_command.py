@@ -267,6 +267,7 @@ def test_gateway_says_which_port_is_taken(tmp_path: Path, identities: Identities
     )
 
 
+@pytest.mark.nightly
 def test_demo_says_how_to_audit_and_where_the_data_stay(tmp_path: Path) -> None:
     data, port = tmp_path / "data", str(free_port())
     options = ["--data", str(data), "--nodes", "1", "--port", port, "--duration", "0.1"]

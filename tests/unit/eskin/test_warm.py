@@ -26,6 +26,7 @@ def run(folder: Path, *command: str | Path) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
+@pytest.mark.nightly
 @pytest.mark.timeout(600)
 def test_notebook_compiles_nothing_after_it(tmp_path: Path) -> None:
     warmed = run(tmp_path, ESKIN, "warm", "notebook")

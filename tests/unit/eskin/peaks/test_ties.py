@@ -54,7 +54,10 @@ def by_all(lo: Sequence[int], hi: Sequence[int], prominence: int) -> tuple[int, 
     return counted(library)
 
 
-@pytest.mark.parametrize("length", range(8))
+@pytest.mark.parametrize(
+    "length",
+    [*range(6), *(pytest.param(length, marks=pytest.mark.nightly) for length in (6, 7))],
+)
 def test_thin_tube_has_the_peaks_of_its_signal(length: int) -> None:
     for signal in itertools.product(range(4 if length < 7 else 3), repeat=length):
         for prominence in (1, 2, 3):

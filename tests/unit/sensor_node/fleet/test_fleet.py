@@ -99,6 +99,7 @@ def spooled(stack: RealStack) -> int:
         return int(db.execute("SELECT count(*) FROM messages").fetchone()[0])
 
 
+@pytest.mark.nightly
 def test_everything_is_stored_once_and_encloses_the_truth(tmp_path: Path) -> None:
     names = numbered("skin", COUNT)
     stranger, others = names[3], [*names[:3], *names[4:]]

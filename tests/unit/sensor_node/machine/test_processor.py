@@ -98,6 +98,7 @@ def test_load_bounds_a_node_without_viewers(profile: str, tmp_path: Path) -> Non
     bench.close()
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(
     not (shutil.which(COMPILER) and shutil.which(EMULATOR)),
     reason="needs Debian's gcc-arm-none-eabi and qemu-system-arm, which the nightly run installs",
