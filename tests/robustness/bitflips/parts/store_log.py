@@ -1,7 +1,7 @@
 """The write-ahead log of the cloud's store, as a crash leaves it.
 
-SQLite drops a damaged transaction and all after it. The store is then older than what gateways were
-told, and names the messages that it lacks.
+SQLite drops a damaged transaction and all after it. The store is then older than its answers to
+gateways, and names the messages that it lacks.
 """
 
 from __future__ import annotations
