@@ -17,14 +17,12 @@ from eskin.runtime.memory import freeze_gc
 from eskin.runtime.supervised import Backoff
 from eskin.wire.messages.warm_up import warm_up
 from eskin.wire.timestamp import SECOND
-from eskin_gateway.commands.pending import PendingCommands
-from eskin_gateway.commands.poller import CommandPoller
-from eskin_gateway.commands.publisher import CommandPublisher
+from eskin_gateway.commands.poller import CommandPoller, CommandsClient
+from eskin_gateway.commands.publisher import CommandPublisher, PendingCommands
 from eskin_gateway.forward.forwarder import Forwarder
 from eskin_gateway.forward.status_report import StatusReport
 from eskin_gateway.ingest.biometric import BiometricEncryptor
-from eskin_gateway.ingest.commit_loop import CommitLoop
-from eskin_gateway.ingest.post_commit import PostCommit
+from eskin_gateway.ingest.commit_loop import CommitLoop, PostCommit
 from eskin_gateway.ingest.validator import Validator
 from eskin_gateway.metrics import Metrics
 from eskin_gateway.mqtt.mqtt_transport import MqttTransport
@@ -42,7 +40,6 @@ from eskin_gateway.spool.spool import Spool
 from eskin_gateway.spool.subject_assignments import SubjectAssignments
 from eskin_gateway.upstream.certificates_client import CertificatesClient
 from eskin_gateway.upstream.cloud_client import CloudClient
-from eskin_gateway.upstream.commands_client import CommandsClient
 from eskin_gateway.upstream.confirmations_client import ConfirmationsClient
 from eskin_gateway.upstream.ingest_client import IngestClient, Viewers
 from eskin_gateway.upstream.subjects_client import SubjectsClient

@@ -10,6 +10,7 @@ import logging
 import select
 import socket
 import time
+from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
@@ -29,7 +30,6 @@ from eskin_gateway.mqtt.mqtt_packets import (
     write_acknowledgements,
     write_publication,
 )
-from eskin_gateway.mqtt.send_queue import SendQueue
 from eskin_gateway.mqtt.transport import ReceivedMessage
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from eskin_gateway.mqtt.transport import Publication
     from eskin_gateway.settings import BrokerSection
 
+
 log = logging.getLogger(__name__)
 
 _PROTOCOLS: Final = {"3.1.1": MQTTProtocolVersion.MQTTv311, "5": MQTTProtocolVersion.MQTTv5}
@@ -50,6 +51,46 @@ _TICK_S: Final = 0.5
 _READS: Final = 64
 _FULL_TICK_S: Final = 0.005
 _DISCONNECT_S: Final = 1.0
+_MAX_QUEUED: Final = 20_000
+_MAX_QUEUED_BYTES: Final = 33_554_432
+
+
+class SendQueue:
+    """A bounded queue of packets for the broker. One thread puts, one takes.
+
+    PUBACKs are not counted: there are no more than received messages.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[bytes, int | None]] = deque()
+        # Bytes ever put and ever taken. One thread writes each counter.
+        self._put = self._taken = 0
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def put(self, publication: bytes) -> bool:
+        """Add a PUBLISH; return whether there was room."""
+        if len(self._waiting) >= _MAX_QUEUED or self._put - self._taken >= _MAX_QUEUED_BYTES:
+            return False
+        self._put += len(publication)
+        self._waiting.append((publication, None))
+        return True
+
+    def acknowledge(self, acknowledgements: bytes, *, connection: int) -> None:
+        """Add PUBACKs, which are valid on one connection only."""
+        self._waiting.append((acknowledgements, connection))
+
+    def take(self, connection: int) -> bytes | None:
+        """Take the oldest packet that is valid on a connection, if there is one."""
+        while self._waiting:
+            packet, bound_to = self._waiting.popleft()
+            if bound_to is None:
+                self._taken += len(packet)
+            # On another connection, the identifier may name another message.
+            if bound_to in {None, connection}:
+                return packet
+        return None
 
 
 class MqttTransport:

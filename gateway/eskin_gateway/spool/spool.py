@@ -10,9 +10,10 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import os
 import sqlite3
 import time
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from threading import Event, Lock
 from typing import TYPE_CHECKING, Any, Final
@@ -24,15 +25,14 @@ from eskin.runtime.sqlite_integrity import UNREADABLE, require_whole, why
 from eskin.wire.messages import Position
 from eskin.wire.sequence_set import SequenceRanges
 from eskin_gateway.spool.batch import DeadLetter, NodeCertificate, SpoolMessage
-from eskin_gateway.spool.disk_reserve import DiskReserve
 from eskin_gateway.spool.node_state import NodeState
-from eskin_gateway.spool.schema import connect, create_tables
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
     from pathlib import Path
 
     from eskin_gateway.spool.batch import Batch
+
 
 log = logging.getLogger(__name__)
 
@@ -58,6 +58,131 @@ _INSERT_DEAD_LETTER: Final = """INSERT OR IGNORE INTO dead_letters
     (time, node, reason, body, fingerprint) VALUES (?, ?, ?, ?, ?)"""
 _DELETE_DEAD_LETTERS: Final = """DELETE FROM dead_letters WHERE id IN
     (SELECT id FROM dead_letters ORDER BY id LIMIT ?)"""
+_CHECKPOINT_PAGES: Final = 1000
+VERSION: Final = 1
+_TABLES: Final = (
+    # digest: of all columns but the id; no signature covers a decrypted message.
+    # AUTOINCREMENT: ids are never reused, so their order is the order of acceptance.
+    """CREATE TABLE messages (
+        id INTEGER PRIMARY KEY AUTOINCREMENT,
+        node TEXT NOT NULL,
+        received INTEGER NOT NULL,
+        body BLOB NOT NULL,
+        boot INTEGER,
+        sequence INTEGER,
+        digest INTEGER NOT NULL
+    ) STRICT""",
+    """CREATE TABLE nodes (
+        node TEXT PRIMARY KEY,
+        held_boot INTEGER NOT NULL,
+        held_sequence INTEGER NOT NULL,
+        ranges BLOB NOT NULL,
+        status BLOB,
+        thumbprint BLOB,
+        digest INTEGER NOT NULL
+    ) STRICT, WITHOUT ROWID""",
+    # The last sequence of each boot that the cloud has confirmed.
+    """CREATE TABLE confirmed (
+        node TEXT NOT NULL,
+        boot INTEGER NOT NULL,
+        last_sequence INTEGER NOT NULL,
+        PRIMARY KEY (node, boot)
+    ) STRICT, WITHOUT ROWID""",
+    """CREATE TABLE certificates (
+        thumbprint BLOB PRIMARY KEY,
+        expires INTEGER NOT NULL,
+        leaf BLOB NOT NULL,
+        issuer BLOB NOT NULL
+    ) STRICT, WITHOUT ROWID""",
+    """CREATE TABLE dead_letters (
+        id INTEGER PRIMARY KEY AUTOINCREMENT,
+        time INTEGER NOT NULL,
+        node TEXT NOT NULL,
+        reason TEXT NOT NULL,
+        body BLOB NOT NULL,
+        fingerprint BLOB NOT NULL UNIQUE
+    ) STRICT""",
+)
+
+
+class DiskReserve:
+    """A file that only takes space, until the space is needed.
+
+    Deleting rows needs space, too: without a reserve, a spool on a full disk could not delete what
+    the cloud has stored.
+
+    Args:
+        path: The file.
+        size: Bytes to reserve. Half of them are enough.
+    """
+
+    def __init__(self, path: Path, *, size: int) -> None:
+        self._path = path
+        self._size = size
+        self.held = False
+        self.hold()
+
+    def hold(self) -> bool:
+        """Reserve the space if it is not held; return whether it is held now."""
+        for size in (self._size, self._size // 2):
+            self.held = self.held or self._allocate(size)
+        return self.held
+
+    def release(self) -> bool:
+        """Release the space; return whether it was held."""
+        held, self.held = self.held, False
+        self._path.unlink(missing_ok=True)
+        return held
+
+    def _allocate(self, size: int) -> bool:
+        try:
+            descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        except OSError:
+            return False
+        try:
+            os.posix_fallocate(descriptor, 0, size)
+            os.ftruncate(descriptor, size)
+        except OSError:
+            with suppress(OSError):
+                self._path.unlink()
+            return False
+        finally:
+            os.close(descriptor)
+        return True
+
+
+def create_tables(connection: sqlite3.Connection) -> None:
+    """Create the tables of a new file, in one transaction.
+
+    Raises:
+        SpoolError: The file has another version.
+    """
+    version: int = connection.execute("PRAGMA user_version").fetchone()[0]
+    if version not in {0, VERSION}:
+        raise SpoolError(
+            f"spool has version {version}, this gateway knows {VERSION}; "
+            "run the gateway that made it, or choose another spool.path"
+        )
+    if version == 0:
+        connection.execute("BEGIN IMMEDIATE")
+        for statement in _TABLES:
+            connection.execute(statement)
+        connection.execute(f"PRAGMA user_version = {VERSION}")
+        connection.execute("COMMIT")
+
+
+def connect(path: Path, synchronous: str) -> sqlite3.Connection:
+    """Open the file; ``synchronous`` is ``FULL`` for durable commits, else ``NORMAL``."""
+    connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+    # A damaged text is decoded to another text, which the row's digest detects.
+    connection.text_factory = lambda text: text.decode(errors="replace")
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute(f"PRAGMA synchronous = {synchronous}")
+    # Debian's SQLite overwrites deleted rows: twice the writing, for data that the cloud has.
+    connection.execute("PRAGMA secure_delete = OFF")
+    connection.execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")
+    connection.execute("PRAGMA busy_timeout = 5000")
+    return connection
 
 
 @dataclass(frozen=True, slots=True)

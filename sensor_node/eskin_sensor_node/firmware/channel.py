@@ -1,18 +1,20 @@
-"""One quantity of one taxel: samples, baseline, peaks and their messages."""
+"""One quantity of one taxel: samples, baseline, smoothing, peaks and their messages."""
 
 from array import array
 
-from eskin_sensor_node.firmware.baseline import Baseline
 from eskin_sensor_node.firmware.peaks import PeakDetector
-from eskin_sensor_node.firmware.rounding import down, up
-from eskin_sensor_node.firmware.smoothing import Smoothing
+from eskin_sensor_node.firmware.rounding import INFINITY, down, up
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from eskin_sensor_node.firmware.clock import Clock
+    from eskin_sensor_node.firmware.inversion import Buffer
     from eskin_sensor_node.firmware.message_writer import Channel, MessageWriter, Record
     from eskin_sensor_node.firmware.peaks import PeakEvent
     from eskin_sensor_node.firmware.schedule import Frame, Schedule
+
 
 SAMPLES = "samples"
 PEAKS = "peaks"
@@ -20,6 +22,111 @@ ADAPTIVE = "adaptive"
 """Modes: every sample is sent; none, only peaks; or those that may lie away from the rest."""
 HEARTBEAT = 40
 """Frames of which an adaptive channel sends one at least."""
+PACE = 1.0 / 64
+"""Share of the way to a frame's mean that the baseline goes with each frame."""
+
+
+class Smoothing:
+    """Exponential smoothing of a tube: ``y_k = w·y_(k-1) + (1 - w)·x_k``, from the first sample on.
+
+    The bounds enclose the smoothed truth, not the truth: peaks are sought in them, blocks never
+    hold them. A sample with an unbounded side starts it anew.
+
+    Args:
+        weight: Weight w of the past, ``0 <= w < 1``.
+
+    Attributes:
+        lo: Lower bound of the past.
+        hi: Upper bound of the past.
+        fresh: Whether there is no past.
+    """
+
+    __slots__ = ("fresh", "hi", "lo", "weight")
+
+    def __init__(self, weight: float) -> None:
+        self.weight = weight
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self.lo = self.hi = 0.0
+        self.fresh = True
+
+    def smooth(self, lows: "Buffer", highs: "Buffer", n: int) -> None:
+        """Replace n bounds by smoothed ones."""
+        past, present = self.weight, 1.0 - self.weight
+        for k in range(n):
+            lo, hi = lows[k], highs[k]
+            if lo == -INFINITY or hi == INFINITY:
+                self.fresh = True
+                continue
+            if not self.fresh:
+                lo = down(lo * (down(present) if lo >= 0.0 else up(present)))
+                hi = up(hi * (up(present) if hi >= 0.0 else down(present)))
+                lo, hi = down(down(past * self.lo) + lo), up(up(past * self.hi) + hi)
+            self.lo, self.hi, self.fresh = lo, hi, False
+            lows[k], highs[k] = lo, hi
+
+
+class Baseline:
+    """Bounds of a channel's mean while nothing touches: calibrated, then followed as it drifts.
+
+    Drift compensation must not learn a touch that stays (icub-main#55 did). So the baseline follows
+    only frames which *certainly* stay near it: a sustained contact is possibly or certainly away,
+    is never followed, and never fades.
+
+    Attributes:
+        lo: Lower bound, in the channel's unit.
+        hi: Upper bound.
+        known: Whether it was ever calibrated.
+    """
+
+    __slots__ = ("hi", "known", "lo")
+
+    def __init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        """Go back to before the first calibration."""
+        self.lo = self.hi = 0.0
+        self.known = False
+
+    def calibrate(self, lows: "Sequence[float]", highs: "Sequence[float]", n: int) -> bool:
+        """Take n samples as the rest; refused where a side of one is unbounded."""
+        lo, hi = mean_bounds(lows, highs, n)
+        self.known = hi - lo < INFINITY
+        if self.known:
+            self.lo, self.hi = lo, hi
+        return self.known
+
+    def scale(self, ratio: "tuple[float, float]") -> None:
+        """Take what is measured from now on as greater by a positive ratio."""
+        lo, hi = self.lo, self.hi
+        self.lo = down(lo * (ratio[0] if lo >= 0.0 else ratio[1]))
+        self.hi = up(hi * (ratio[1] if hi >= 0.0 else ratio[0]))
+
+    def track(
+        self, lows: "Sequence[float]", highs: "Sequence[float]", n: int, threshold: float
+    ) -> bool:
+        """Whether n samples are certainly nearer to the rest than a threshold; then follow them."""
+        if not self.known:
+            return False
+        least, most = self.hi - threshold, self.lo + threshold
+        for k in range(n):
+            if lows[k] < least or highs[k] > most:
+                return False
+        lo, hi = mean_bounds(lows, highs, n)
+        self.lo += PACE * (lo - self.lo)
+        self.hi += PACE * (hi - self.hi)
+        return True
+
+
+def mean_bounds(lows: "Sequence[float]", highs: "Sequence[float]", n: int) -> "tuple[float, float]":
+    """An enclosure of the mean of n samples."""
+    lo = hi = 0.0
+    for k in range(n):
+        lo, hi = down(lo + lows[k]), up(hi + highs[k])
+    return down(lo / n), up(hi / n)
 
 
 class ChannelUnit:

@@ -3,7 +3,7 @@
 A modem or a secure element verifies the signature before, and hands over what was signed.
 """
 
-from eskin_sensor_node.firmware.reader import read_map
+from eskin_sensor_node.firmware.cbor import read_map
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

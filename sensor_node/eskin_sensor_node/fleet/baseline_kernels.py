@@ -6,8 +6,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any, Final
 
 from eskin.kernels.jit import part
-from eskin_sensor_node.firmware.baseline import PACE
-from eskin_sensor_node.firmware.channel import ADAPTIVE, HEARTBEAT, PEAKS, SAMPLES
+from eskin_sensor_node.firmware.channel import ADAPTIVE, HEARTBEAT, PACE, PEAKS, SAMPLES
 from eskin_sensor_node.machine.compilation import compiled_inversion
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 
 from eskin_sensor_node.firmware.clock import Clock as FirmwareClock
 from eskin_sensor_node.fleet.stacking import stacked
-from eskin_sensor_node.timebase import Crystal
+from eskin_sensor_node.machine.clock import Crystal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from eskin_sensor_node.fleet.cohort import Cohort
-from eskin_sensor_node.machine.events import NEVER
+from eskin_sensor_node.machine.machine import NEVER
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 from eskin_sensor_node.fleet.stacking import stacked
 from eskin_sensor_node.kinds.registry import KINDS
 from eskin_sensor_node.kinds.signals import Signals
-from eskin_sensor_node.node.signal_chain import SignalChain
+from eskin_sensor_node.node.taxel import SignalChain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -18,8 +18,8 @@ from eskin_sensor_node.fleet.regroup import Regroup
 from eskin_sensor_node.fleet.roster import Roster, RosterEntry
 from eskin_sensor_node.fleet.single_node import SingleNode, reason_to_sample_alone
 from eskin_sensor_node.machine.compiled_writer import CompiledWriter
-from eskin_sensor_node.machine.events import NEVER
 from eskin_sensor_node.machine.flash.flash import Partition
+from eskin_sensor_node.machine.machine import NEVER
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.node.factory import build_clock
 from eskin_sensor_node.node.ground_truth import TrueBlock

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.fleet.roster import Roster
     from eskin_sensor_node.fleet.setting import Setting
     from eskin_sensor_node.kinds.converter import Codes
-    from eskin_sensor_node.node.signal_chain import SignalChain
+    from eskin_sensor_node.node.taxel import SignalChain
 
 _PEAK_BYTES: Final = 300
 """More than a peak takes."""

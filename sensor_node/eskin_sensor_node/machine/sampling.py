@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
 from eskin_sensor_node.firmware.autoranging import MOST
-from eskin_sensor_node.machine.events import NEVER
 from eskin_sensor_node.machine.ledger import INTERRUPT_NS, REPEAT_NS, WAKE_NS
+from eskin_sensor_node.machine.machine import NEVER
 from eskin_sensor_node.machine.schedule import build_schedule
 
 if TYPE_CHECKING:

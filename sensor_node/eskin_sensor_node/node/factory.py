@@ -15,12 +15,12 @@ from eskin_sensor_node.firmware.message_writer import MessageWriter
 from eskin_sensor_node.firmware.outbox import Outbox
 from eskin_sensor_node.kinds.neighbours import measured_around
 from eskin_sensor_node.machine.budget import require_flash, require_ram
-from eskin_sensor_node.machine.clock import Clock
+from eskin_sensor_node.machine.clock import Clock, Crystal
 from eskin_sensor_node.machine.flash.flash import Flash
 from eskin_sensor_node.machine.processor import require_speed
 from eskin_sensor_node.machine.sampling import require_depth
 from eskin_sensor_node.node.node import Node
-from eskin_sensor_node.timebase import BILLION, Crystal
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Callable

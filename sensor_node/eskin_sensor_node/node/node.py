@@ -10,38 +10,124 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.errors import FirmwareError
+from eskin.errors import FirmwareError, FlashError
 from eskin.wire.messages import Position
 from eskin_sensor_node.firmware import inversion, states
-from eskin_sensor_node.firmware.attention import Attention
 from eskin_sensor_node.firmware.energy import SLEEP
 from eskin_sensor_node.firmware.gap_reasons import ASLEEP, OVERRUN, RESET, TEXTS
+from eskin_sensor_node.firmware.schedule import Attention
 from eskin_sensor_node.firmware.states import StateMachine
+from eskin_sensor_node.kinds.neighbours import patches
 from eskin_sensor_node.kinds.skin_map import skin_map
+from eskin_sensor_node.machine.data_sheet import taxel_coverages
 from eskin_sensor_node.machine.machine import Machine
 from eskin_sensor_node.machine.prices import message
-from eskin_sensor_node.machine.sampling import Sampling
-from eskin_sensor_node.node.flash_retry import FlashRetry
+from eskin_sensor_node.machine.sampling import Sampling, most_repeats
 from eskin_sensor_node.node.power_manager import PowerManager
-from eskin_sensor_node.node.sampling_group import SamplingGroup, build_taxels
 from eskin_sensor_node.node.self_test import NodeSelfTest
+from eskin_sensor_node.node.taxel import EmulatedTaxel
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
     from types import ModuleType
 
     from eskin_sensor_node.firmware.message_writer import Record
     from eskin_sensor_node.firmware.outbox import Batch, Outbox
+    from eskin_sensor_node.firmware.schedule import Frame
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.machine.clock import Clock
     from eskin_sensor_node.node.ground_truth import GroundTruth, TrueBlock
-    from eskin_sensor_node.node.sampling_group import Taken
     from eskin_sensor_node.settings import NodeSettings
+
 
 log = logging.getLogger(__name__)
 
 _MOST_FRAMES: Final = 64
 """Events of one commit, at most."""
+
+
+class FlashRetry:
+    """Lets a node continue when a commit fails; the next gap reports what was lost.
+
+    It logs the first failure, and the first success after it.
+    """
+
+    def __init__(self) -> None:
+        self._failures = 0
+
+    @contextmanager
+    def commit(self) -> Iterator[None]:
+        """Catch the error of a commit."""
+        try:
+            yield
+        except FlashError as error:
+            if self._failures == 0:
+                log.error("flash commit failed, sampling continues: error=%s", error)  # noqa: TRY400 - one line
+            self._failures += 1
+            return
+        if self._failures:
+            log.warning("flash commit succeeded again: failed_commits=%d", self._failures)
+            self._failures = 0
+
+
+def build_taxels(
+    settings: NodeSettings, *, seed: int, clock: Clock, functions: ModuleType
+) -> list[EmulatedTaxel]:
+    """The taxels of a node, in the order of its settings; arguments as of `node.node`."""
+    coverages = taxel_coverages(settings)
+    return [
+        EmulatedTaxel(
+            taxel,
+            seed=(seed, number),
+            clock=clock,
+            sampling=settings.sampling,
+            functions=functions,
+            companions=settings.companions(taxel, seed),
+            coverage=coverages[number],
+            repeats=most_repeats(settings, taxel),
+        )
+        for number, taxel in enumerate(settings.taxel)
+    ]
+
+
+class SamplingGroup:
+    """Takes the frames of a node; pads whose frames have the same instants are taken together.
+
+    Args:
+        designs: The settings of its taxels.
+        taxels: The same, emulated.
+    """
+
+    def __init__(self, designs: Sequence[TaxelSection], taxels: Sequence[EmulatedTaxel]) -> None:
+        self._taxels = taxels
+        self._patches = patches(designs)
+
+    def boot(self) -> None:
+        """Give each pad its neighbours, after a boot."""
+        units = [taxel.control_unit for taxel in self._taxels]
+        for number, patch in self._patches.items():
+            units[number].surround([units[k] for k in patch.around], patch.neighbours)
+
+    def take(self, number: int) -> list[tuple[int, Frame, list[Record], list[TrueBlock]]]:
+        """Take a taxel's next frame, and with a pad's those of all pads at the same instants.
+
+        Returns:
+            Of each: number, frame, messages, and the truth behind its blocks.
+
+        Raises:
+            FirmwareError: The firmware failed.
+        """
+        if number not in self._patches:
+            frame = self._taxels[number].next
+            return [(number, frame, *self._taxels[number].sample())]
+        frame = self._taxels[number].next
+        together = [k for k in self._patches if self._taxels[k].next.meets(frame)]
+        for k in together:
+            self._taxels[k].measure()
+        for k in together:
+            self._taxels[k].separate()
+        return [(k, self._taxels[k].next, *self._taxels[k].report()) for k in together]
 
 
 class Node:
@@ -272,19 +358,21 @@ class Node:
         machine.kick()
         self.states.take(states.IDLE, ticks)
         for taken in frames:
-            self._finish(taken)
+            self._finish(*taken)
 
-    def _finish(self, taken: Taken) -> None:
+    def _finish(
+        self, number: int, frame: Frame, records: list[Record], truth: list[TrueBlock]
+    ) -> None:
         """Charge, store and schedule after a frame."""
-        taxel = self.taxels[taken.number]
-        ledger, cycles = self.machine.ledger, taxel.cycles(taken.frame.n)
-        ledger.charge_frame(taken.frame, cycles=cycles, inputs=taxel.inputs)
-        for record in taken.records:
+        taxel = self.taxels[number]
+        ledger, cycles = self.machine.ledger, taxel.cycles(frame.n)
+        ledger.charge_frame(frame, cycles=cycles, inputs=taxel.inputs)
+        for record in records:
             ledger.charge_message(taxel.message_cycles(record), len(record.body))
         ledger.charge_repeats(*taxel.reader.repeats)
-        self._batch.take([*taken.records, *self._self_test.watch(taken.number, taken.frame.end)])
-        self._true_blocks += taken.truth
-        self.sampling.arm(taken.number, taxel.next)
+        self._batch.take([*records, *self._self_test.watch(number, frame.end)])
+        self._true_blocks += truth
+        self.sampling.arm(number, taxel.next)
 
     def _resume(self) -> None:
         if self.states.state == states.SHED:

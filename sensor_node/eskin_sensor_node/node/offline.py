@@ -13,14 +13,14 @@ import numpy as np
 
 from eskin.errors import FlashError
 from eskin.privacy.subject import KEY_BYTES
-from eskin_sensor_node.machine.clock import Clock
+from eskin_sensor_node.machine.clock import Clock, Crystal
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.compiled_writer import CompiledWriter
 from eskin_sensor_node.machine.flash.flash import Flash
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.node.node import Node
-from eskin_sensor_node.timebase import BILLION, Crystal
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

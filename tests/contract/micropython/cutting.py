@@ -1,7 +1,6 @@
 """Lets the firmware cut blocks for somebody who looks on; runs under CPython and MicroPython."""
 
-from eskin_sensor_node.firmware.attention import Attention
-from eskin_sensor_node.firmware.schedule import Schedule
+from eskin_sensor_node.firmware.schedule import Attention, Schedule
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

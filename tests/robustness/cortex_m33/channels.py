@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
-from eskin_sensor_node.firmware.baseline import Baseline
+from eskin_sensor_node.firmware.channel import Baseline, Smoothing
 from eskin_sensor_node.firmware.encoding import F32, F64, Q16, write
 from eskin_sensor_node.firmware.message_writer import Channel, MessageWriter
 from eskin_sensor_node.firmware.peaks import PeakDetector
-from eskin_sensor_node.firmware.smoothing import Smoothing
 
 from tests.robustness.cortex_m33.case import Case, reals
 from tests.robustness.cortex_m33.inversions import Count

@@ -29,7 +29,7 @@ _PAGES: Final = 60
 def work(folder: Path, draw: random.Random, marks: Marks) -> None:
     """Take what nodes say and hand it on, with a restart in the middle."""
     numbers = dict.fromkeys(_NODES, 0)
-    with patch("eskin_gateway.spool.schema._CHECKPOINT_PAGES", _PAGES):
+    with patch("eskin_gateway.spool.spool._CHECKPOINT_PAGES", _PAGES):
         for _ in range(2):
             spool = _open(folder)
             for _ in range(_BATCHES):

@@ -6,11 +6,9 @@ from datetime import UTC, datetime
 from random import Random
 from typing import TYPE_CHECKING
 
-from eskin_gateway.commands.pending import PendingCommands
-from eskin_gateway.commands.publisher import CommandPublisher
+from eskin_gateway.commands.publisher import CommandPublisher, PendingCommands
 from eskin_gateway.ingest.biometric import BiometricEncryptor
-from eskin_gateway.ingest.commit_loop import CommitLoop
-from eskin_gateway.ingest.post_commit import PostCommit
+from eskin_gateway.ingest.commit_loop import CommitLoop, PostCommit
 from eskin_gateway.ingest.validator import Validator
 from eskin_gateway.metrics import Metrics
 from eskin_gateway.mqtt.receive_queue import ReceiveQueue

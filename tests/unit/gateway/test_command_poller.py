@@ -8,10 +8,9 @@ import ssl
 import warnings
 from unittest.mock import Mock
 
-from eskin_gateway.commands.pending import PendingCommands
-from eskin_gateway.commands.poller import CommandPoller
+from eskin_gateway.commands.poller import CommandPoller, CommandsClient
+from eskin_gateway.commands.publisher import PendingCommands
 from eskin_gateway.upstream.cloud_client import CloudClient
-from eskin_gateway.upstream.commands_client import CommandsClient
 
 from tests.unit.gateway.in_memory import quick
 

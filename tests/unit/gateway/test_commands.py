@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import cbor2
 import pytest
-from eskin_gateway.commands.pending import PendingCommands
-from eskin_gateway.upstream.commands_client import CommandChanges
+from eskin_gateway.commands.poller import CommandChanges
+from eskin_gateway.commands.publisher import PendingCommands
 
 from eskin.errors import CloudError, ForgedEnvelopeError, UnknownRecipientError
 from eskin.identity import IdentityKind

@@ -6,7 +6,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_gateway.forward.retry_queue import RetryQueue
+from eskin_gateway.forward.forwarder import RetryQueue
 from eskin_gateway.spool.batch import Batch, SpoolMessage
 
 from eskin.errors import CloudError

@@ -7,14 +7,13 @@ from random import SystemRandom
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from eskin_gateway.commands.pending import PendingCommands
-from eskin_gateway.commands.poller import CommandPoller
+from eskin_gateway.commands.poller import CommandPoller, CommandsClient
+from eskin_gateway.commands.publisher import PendingCommands
 from eskin_gateway.ingest.biometric import BiometricEncryptor
 from eskin_gateway.metrics import Metrics
 from eskin_gateway.ops.subject_sync import SubjectSync
 from eskin_gateway.spool.subject_assignments import SubjectAssignments
 from eskin_gateway.upstream.cloud_client import CloudClient
-from eskin_gateway.upstream.commands_client import CommandsClient
 from eskin_gateway.upstream.ingest_client import IngestClient, Viewers
 from eskin_gateway.upstream.subjects_client import SubjectsClient
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from eskin_gateway.forward.retry_queue import RetryQueue
+from eskin_gateway.forward.forwarder import RetryQueue
 from eskin_gateway.spool.batch import SpoolMessage
 
 ONE, TWO = (SpoolMessage("fingertip", 1, b"x", id=number) for number in (1, 2))

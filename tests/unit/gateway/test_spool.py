@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 from eskin_gateway.spool.batch import Batch, DeadLetter, NodeCertificate, SpoolMessage
 from eskin_gateway.spool.node_state import NodeState
-from eskin_gateway.spool.schema import VERSION
-from eskin_gateway.spool.spool import Spool
+from eskin_gateway.spool.spool import VERSION, Spool
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_state_machine_as_test

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_gateway.forward.retry_queue import UnknownNodes
+from eskin_gateway.forward.forwarder import UnknownNodes
 from eskin_gateway.spool.batch import Batch, NodeCertificate, SpoolMessage
 from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.spool import Spool

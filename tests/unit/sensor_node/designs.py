@@ -9,14 +9,13 @@ import numpy as np
 from eskin_sensor_node.firmware import inversion
 from eskin_sensor_node.firmware.message_writer import MessageWriter
 from eskin_sensor_node.kinds.registry import Taxel
-from eskin_sensor_node.machine.clock import Clock
+from eskin_sensor_node.machine.clock import Clock, Crystal
 from eskin_sensor_node.machine.radio import Radio
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.node.node import Node
 from eskin_sensor_node.profile import Profile
 from eskin_sensor_node.settings import NodeSettings
-from eskin_sensor_node.timebase import Crystal
 from pydantic import TypeAdapter
 
 from tests.unit.sensor_node.flashes import open_flash

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from eskin_sensor_node.firmware.baseline import Baseline
-from eskin_sensor_node.firmware.channel import ADAPTIVE, PEAKS
-from eskin_sensor_node.firmware.smoothing import Smoothing
+from eskin_sensor_node.firmware.channel import ADAPTIVE, PEAKS, Baseline, Smoothing
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from hypothesis import given
 from hypothesis import strategies as st

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import closing
 from typing import TYPE_CHECKING
 
-from eskin_sensor_node.firmware.attention import Attention
+from eskin_sensor_node.firmware.schedule import Attention
 from eskin_sensor_node.link.publisher import Publisher
 from eskin_sensor_node.settings import IdentitySection
 

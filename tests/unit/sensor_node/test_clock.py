@@ -1,8 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
-from eskin_sensor_node.machine.clock import Clock
-from eskin_sensor_node.timebase import Crystal
+from eskin_sensor_node.machine.clock import Clock, Crystal
 from hypothesis import given
 from hypothesis import strategies as st
 

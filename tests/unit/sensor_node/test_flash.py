@@ -6,8 +6,8 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
+from eskin_sensor_node.firmware.eviction import MOST_SPANS
 from eskin_sensor_node.firmware.gap_reasons import FAILED, FULL, OVERRUN, TEXTS
-from eskin_sensor_node.firmware.loss_log import MOST_SPANS
 
 from eskin.errors import FlashError
 from eskin.wire.messages import Block, Gap, Peak

@@ -36,7 +36,7 @@ def test_only_what_senses_knows_the_world() -> None:
         for file in (ROOM / "node").glob("*.py")
         if any("eskin_sensor_node.kinds.registry.build_" in name for name in imported_names(file))
     }
-    assert knowing == {"signal_chain.py"}
+    assert knowing == {"taxel.py"}
 
 
 def kinds_named(file: Path) -> set[str]:

@@ -118,7 +118,7 @@ def test_sudden_touch_of_all_saturates_no_sample(design: str, tmp_path: Path) ->
 def test_without_repeats_it_does(
     design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eskin_sensor_node.node.sampling_group.most_repeats", lambda *_: 0)
+    monkeypatch.setattr("eskin_sensor_node.node.node.most_repeats", lambda *_: 0)
     bench = DESIGNS[design](tmp_path, compiled_inversion())
     unbounded, repeated = lived(bench)
     bench.close()
@@ -141,9 +141,7 @@ def test_compiled_firmware_writes_the_same(tmp_path: Path) -> None:
 def test_repeats_are_paid_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     spent = []
     for name, most in (("without", 0), ("with", MOST)):
-        monkeypatch.setattr(
-            "eskin_sensor_node.node.sampling_group.most_repeats", lambda *_, most=most: most
-        )
+        monkeypatch.setattr("eskin_sensor_node.node.node.most_repeats", lambda *_, most=most: most)
         (tmp_path / name).mkdir()
         bench = palm(tmp_path / name, inversion)
         bench.node.machine.ledger.take(bench.ticks)

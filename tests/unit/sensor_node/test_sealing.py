@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from eskin_sensor_node.firmware.chip import StoredMessage
 from eskin_sensor_node.firmware.message_writer import BLOCK
-from eskin_sensor_node.machine.flash.cipher import Cipher
-from eskin_sensor_node.machine.flash.sealing import UNREADABLE, Row, Sealing, lost_record_gap
+from eskin_sensor_node.machine.flash.sealing import (
+    UNREADABLE,
+    Cipher,
+    Row,
+    Sealing,
+    lost_record_gap,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -11,8 +11,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from eskin_sensor_node.firmware.gap_reasons import OVERRUN, TEXTS
-from eskin_sensor_node.machine.flash.cipher import Cipher
-from eskin_sensor_node.machine.flash.sealing import Row, Sealing
+from eskin_sensor_node.machine.flash.sealing import Cipher, Row, Sealing
 from eskin_sensor_node.node.factory import REBOOT
 from eskin_sensor_node.node.ground_truth import GroundTruth
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eskin_sensor_node.link.reconnect_timer import ReconnectTimer
+from eskin_sensor_node.link.publisher import ReconnectTimer
 
 
 def test_silence_counts_from_the_connection_and_from_each_answer() -> None:

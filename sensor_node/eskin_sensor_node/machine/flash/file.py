@@ -15,8 +15,7 @@ from eskin.errors import FlashError, LockedError
 from eskin.runtime.digest import row_checksum
 from eskin.runtime.files.lock import LockFile
 from eskin.runtime.sqlite_integrity import UNREADABLE, require_whole, why
-from eskin_sensor_node.machine.flash.cipher import Cipher
-from eskin_sensor_node.machine.flash.sealing import Sealing, read_row
+from eskin_sensor_node.machine.flash.sealing import Cipher, Sealing, read_row
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

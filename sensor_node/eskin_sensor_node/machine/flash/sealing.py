@@ -1,4 +1,4 @@
-"""A node's records on its chip, each sealed for its own place.
+"""Flash encryption: a node's records on its chip, each sealed for its own place.
 
 In the clear stand position, priority, kind, how many samples and messages a record stands for, its
 size, and the whole minutes that enclose its time. Of these, position and kind are authenticated;
@@ -7,11 +7,17 @@ the others are read only where a record does not open, to report what was lost.
 
 from __future__ import annotations
 
+import itertools
+import os
+from functools import lru_cache, partial
 from struct import Struct
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from cryptography.exceptions import InvalidTag
+
 from eskin.errors import FlashError
-from eskin.privacy.sealed_message import whole_minutes
+from eskin.privacy.derivation import derive, nonce
+from eskin.privacy.sealed_message import SALT_BYTES, whole_minutes
 from eskin.wire.messages import Gap
 from eskin.wire.messages import Position as Place
 from eskin.wire.messages.cbor_map import MOST_COUNT
@@ -23,15 +29,60 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+
     from eskin_sensor_node.firmware.chip import Position
     from eskin_sensor_node.firmware.message_writer import Record
-    from eskin_sensor_node.machine.flash.cipher import Cipher
+
 
 ANSWER: Final = "answer"
 UNREADABLE: Final = "flash record unreadable"
 """The reason in a gap."""
 _EXACT: Final = Struct("<qqqq")
 """Earliest and latest moment, samples, and what it stands for: before the body, sealed."""
+_NONCE_BYTES: Final = 12
+_HEAD: Final = SALT_BYTES + _NONCE_BYTES
+_KEPT: Final = 256
+_PURPOSE: Final = b"eskin flash 1"
+
+
+class Cipher:
+    """Flash encryption, as a microcontroller has it between the firmware and its storage chip.
+
+    AES-256-GCM; one for each opening of a flash, whose nonces it counts.
+
+    Args:
+        key: The chip's own.
+    """
+
+    def __init__(self, key: bytes) -> None:
+        self._salt = os.urandom(SALT_BYTES)
+        self._numbers = itertools.count()
+        self._find = lru_cache(_KEPT)(partial(_derive, key))
+
+    def seal(self, place: bytes, plaintext: bytes) -> bytes:
+        """Salt, nonce, ciphertext and tag; only the same place opens them again."""
+        counted = nonce(next(self._numbers))
+        return self._salt + counted + self._find(self._salt).encrypt(counted, plaintext, place)
+
+    def open(self, place: bytes, sealed: bytes) -> bytes | None:
+        """Read what was sealed.
+
+        Returns:
+            The plaintext; ``None`` if another key sealed it, or for another place, or if it was
+            changed.
+        """
+        if type(sealed) is not bytes:  # a damaged file may give anything
+            return None
+        aead = self._find(sealed[:SALT_BYTES])
+        try:
+            return aead.decrypt(sealed[SALT_BYTES:_HEAD], sealed[_HEAD:], place)
+        except (InvalidTag, ValueError):
+            return None
+
+
+def _derive(key: bytes, salt: bytes) -> AESGCM:
+    return derive(key, salt, _PURPOSE)
 
 
 class Row(NamedTuple):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import cbor2
 from eskin_cloud.commands.command_queue import Holding
 from eskin_cloud.ingest.errors import MalformedBatchError
-from eskin_gateway.upstream.commands_client import CommandChanges
+from eskin_gateway.commands.poller import CommandChanges
 
 from eskin.errors import CloudError
 from tests.robustness.fuzz.mutations.trees import mutate_tree

@@ -6,10 +6,10 @@ from typing import Any, Self
 
 import cbor2
 import pytest
+from eskin_sensor_node.firmware.cbor import read_map
 from eskin_sensor_node.firmware.commander import Commander, Refusal
 from eskin_sensor_node.firmware.gap_reasons import ASLEEP, DEAD, RESET, TEXTS
 from eskin_sensor_node.firmware.message_writer import MessageWriter
-from eskin_sensor_node.firmware.reader import read_map
 from hypothesis import given
 from hypothesis import strategies as st
 

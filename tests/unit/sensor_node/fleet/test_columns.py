@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_sensor_node.firmware.baseline import Baseline
+from eskin_sensor_node.firmware.channel import Baseline, Smoothing
 from eskin_sensor_node.firmware.peaks import PeakDetector
-from eskin_sensor_node.firmware.smoothing import Smoothing
 from eskin_sensor_node.fleet.columns import fresh
 
 from eskin.peaks import Peaks

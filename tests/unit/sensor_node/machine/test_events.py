@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from eskin_sensor_node.machine.events import NEVER, EventQueue
+from eskin_sensor_node.machine.machine import NEVER, EventQueue
 from hypothesis import given
 from hypothesis import strategies as st
 
