@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import struct
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
+
+from eskin_gateway.mqtt.transport import ReceivedMessage
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -23,32 +25,18 @@ _ACKNOWLEDGED: Final = 0x4002
 """Type and remaining length of a PUBACK."""
 
 
-class Publish(NamedTuple):
-    """A PUBLISH. A tuple, because there are many.
-
-    Attributes:
-        end: Offset of the next packet.
-        topic: MQTT topic.
-        payload: Application message.
-        mid: Packet identifier; 0 at QoS 0.
-        qos: 0 or 1.
-        retained: The retain flag.
-    """
-
-    end: int
-    topic: str
-    payload: bytes
-    mid: int
-    qos: int
-    retained: bool
-
-
-def read_publication(data: bytes, at: int, *, v5: bool) -> Publish | None:
+def read_publication(
+    data: bytes, at: int, *, connection: int, v5: bool
+) -> tuple[int, ReceivedMessage] | None:
     """Read a packet if it is complete and an ordinary PUBLISH of QoS 0 or 1.
+
+    Returns:
+        The offset of the next packet, and the message.
 
     Args:
         data: Bytes from the broker.
         at: Offset of the packet.
+        connection: Number of the connection.
         v5: Whether the protocol is version 5.
     """
     if len(data) < at + 5 or data[at] & (0xF0 | _QOS_2) != _PUBLISH:
@@ -70,7 +58,8 @@ def read_publication(data: bytes, at: int, *, v5: bool) -> Publish | None:
     if topic is None:
         return None
     mid = data[topic_end] << 8 | data[topic_end + 1] if qos else 0
-    return Publish(end, topic, data[body:end], mid, qos, bool(data[at] & _RETAIN))
+    retained = bool(data[at] & _RETAIN)
+    return end, ReceivedMessage(topic, data[body:end], mid, qos, retained, connection)
 
 
 @lru_cache(4096)

@@ -287,13 +287,14 @@ class MqttTransport:
         found: list[ReceivedMessage] = []
         most = self._receive_queue.room or len(data)
         while len(found) < most:
-            packet = read_publication(data, at, v5=self._v5)
+            packet = read_publication(data, at, connection=self.connection, v5=self._v5)
             if packet is None:
                 break
-            at, topic, payload, mid, qos, retained = packet
-            # One byte too many is enough to reject it.
-            payload = payload[: MOST_ENVELOPE + 1]
-            found.append(ReceivedMessage(topic, payload, mid, qos, retained, self.connection))
+            at, message = packet
+            if len(message.payload) > MOST_ENVELOPE:
+                # One byte too many is enough to reject it.
+                message = message._replace(payload=message.payload[: MOST_ENVELOPE + 1])
+            found.append(message)
         tls.skip(at)
         self._queue(found)
         return bool(found)
