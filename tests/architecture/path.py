@@ -20,8 +20,8 @@ The rules:
   results there, and refer to data, by themselves or through other such instances. Exceptions do not
   count. A ``TypedDict`` is a plain ``dict`` and is not seen.
 - Background work does not count: `BACKGROUND_THREADS`, and each task that has run a function of
-  `BACKGROUND_FILES`, with what it leaves to other threads. Nor do the files `NOT_COUNTED`. Status
-  messages come less often.
+  `BACKGROUND_FILES`, with what it leaves to other threads. Nor do the files and
+  types in `NOT_COUNTED`. Status messages come less often.
 - A command's answer takes the way of every message, so a command is counted by the files that a
   sample does not pass.
 
@@ -96,14 +96,16 @@ BACKGROUND_THREADS: Final = {
     "command": {"subject_sync", "health_server", "keyring", "control"},
 }
 """By window."""
+JOBS: Final = ("cloud/eskin_cloud/jobs/", "cloud/eskin_cloud/rollup/builder.py")
 BACKGROUND_FILES: Final = {
-    "sample": ("cloud/eskin_cloud/jobs/", "cloud/eskin_cloud/api/deliveries.py"),
-    "command": ("cloud/eskin_cloud/jobs/",),
+    "sample": (*JOBS, "cloud/eskin_cloud/api/deliveries.py"),
+    "command": JOBS,
 }
 """By window."""
 NOT_COUNTED: Final = {
     "eskin/wire/messages/cbor_head.py": "runs once for each length, then its cache answers",
     "eskin/identity/identity.py": "start of a TLS connection",
+    "eskin.runtime.http_server.protocol.GuardedProtocol": "start of a TLS connection",
     "eskin/identity/tls.py": "start of a TLS connection",
     "eskin/runtime/http_server/listener.py": "start of a TLS connection",
     "eskin/runtime/log_throttle.py": "logging",
@@ -207,7 +209,8 @@ class Recorder:
         wrappers = {key: each for key, each in new.items() if refers_to_data(each, new)}
         carriers = {name for name, ids in self._handled.items() if not ids.isdisjoint(wrappers)}
         names = {f"{type(each).__module__}.{type(each).__qualname__}" for each in wrappers.values()}
-        return Trace(dict(self._files), self._carriers | carriers, names)
+        types = names - NOT_COUNTED.keys()
+        return Trace(dict(self._files), self._carriers | carriers, types)
 
     def _profile(self, frame: FrameType, event: str, result: object) -> None:
         if not self._window or event not in {"call", "return"}:
@@ -451,8 +454,8 @@ class Stack:
 
     def trace_sample(self) -> Trace:
         """Trace while the node ``sample`` is read as a series and as a stream."""
-        wait_until(lambda: self._knows("sample/channels"), "the node's channels are stored")
-        wait_until(lambda: self._knows("command"), "the other node has introduced itself")
+        wait_until(self._has_channels, "the node's channels are stored")
+        wait_until(self._knows_state, "the other node has reported its state")
         with self._people.stream("GET", "/live", params={"node": "sample"}) as answer:
             lines = answer.iter_lines()
             self._read_series(_next_blocks(lines, 0, count=6))  # now all is warm
@@ -480,9 +483,13 @@ class Stack:
         for name in names:
             trace.add(self._traced[name].end())
 
-    def _knows(self, path: str) -> bool:
-        answer = self._people.get(f"/nodes/{path}")
-        return answer.is_success and answer.json().get("items") != []
+    def _has_channels(self) -> bool:
+        answer = self._people.get("/nodes/sample/channels")
+        return answer.is_success and answer.json()["items"] != []
+
+    def _knows_state(self) -> bool:
+        answer = self._people.get("/nodes/command/state")
+        return answer.is_success and bool(answer.json()["reported"])
 
     def _command(self, smoothing: float) -> None:
         order = {"name": "set", "arguments": {"smoothing": smoothing}}
