@@ -34,10 +34,10 @@ from eskin_cloud.jobs.erasure import apply_erasures
 from eskin_cloud.jobs.heap_trim import trim_heap
 from eskin_cloud.jobs.integrity import check_integrity
 from eskin_cloud.jobs.missing_messages import find_missing_messages
+from eskin_cloud.jobs.overview_tiles import build_rollup
 from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.jobs.pg_listener import listen
 from eskin_cloud.jobs.retention import apply_retention
-from eskin_cloud.jobs.rollup import build_rollup
 from eskin_cloud.jobs.silence import watch_silence
 from eskin_cloud.jobs.viewers import announce_viewed_nodes
 from eskin_cloud.live import Feed, Viewers
