@@ -136,7 +136,7 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
 
     def _create_ssl_context(self, listener: ListenerConfig) -> ssl.SSLContext:
         del listener
-        return server_context(self._identity, client_certificates=True)
+        return server_context(self._identity.directory, client_certificates=True)
 
     async def stream_connected(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, listener_name: str

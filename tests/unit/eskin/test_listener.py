@@ -10,9 +10,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_cloud.jobs.certificates import ServerCertificate
 
-from eskin.identity import IdentityKind
+from eskin.identity import IdentityKind, server_context
 from eskin.runtime.http_server.connection_limits import MARGIN
 from eskin.runtime.http_server.protocol import HttpLimits
 from tests.support.processes import wait_until
@@ -34,7 +33,7 @@ def anyio_backend() -> str:
 @pytest.fixture
 def context(identities: Identities) -> ssl.SSLContext:
     folder = identities.make(IdentityKind.SERVER, "server.listener").directory
-    return ServerCertificate("people.identity", folder).context
+    return server_context(folder, client_certificates=False)
 
 
 async def silent(port: int, stack: AsyncExitStack) -> asyncio.StreamReader:
