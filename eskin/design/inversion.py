@@ -58,7 +58,7 @@ def invert(
         resolution: Boxes whose every side is this share of the space's side are not divided any
             further; undecided, they are possible.
         most: Most boxes of the answer; beyond it, what is left undecided is possible.
-        progress: Told the share of the volume that is done, from 0 to 1.
+        progress: Called with the share of the volume that is done, from 0 to 1.
 
     Returns:
         Boxes that certainly meet it, possibly, and never.

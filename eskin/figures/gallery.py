@@ -46,7 +46,7 @@ def write_figures(
 
     Args:
         directory: Made where it is missing.
-        progress: Told what comes next, how many are done, and how many there are.
+        progress: Called with what comes next, how many are done, and how many there are.
 
     Returns:
         The files.
