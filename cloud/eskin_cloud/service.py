@@ -91,8 +91,9 @@ def make_cloud(
         IdentityError: The server's identity cannot be read.
         PrivacyError: The key store cannot be used.
     """
-    own = settings.gateways
-    feed, notifier = _make_feed(settings, store), Notifier()
+    own, live = settings.gateways, settings.live
+    feed = Feed(store, recent=live.recent, recent_bytes=live.recent_bytes)
+    notifier = Notifier()
     trust = ChainVerifier.following(own.identity / ROOT_FILE)
     clock_error = round(settings.nodes.clock_error_s * SECOND)
     metrics = Metrics(store, feed, notifier, clock_error=clock_error)
@@ -102,7 +103,7 @@ def make_cloud(
         settings=settings,
         store=store,
         feed=feed,
-        viewers=_make_viewers(settings),
+        viewers=Viewers(most=live.watched_nodes, lasting=live.watched_s),
         notifier=notifier,
         gateway_trust=GatewayTrust(
             trust, gateways=own.revocations, nodes=settings.nodes.revocations
@@ -114,16 +115,6 @@ def make_cloud(
         clock=clock,
         dashboard=dashboard,
     )
-
-
-def _make_feed(settings: CloudSettings, store: Store) -> Feed:
-    live = settings.live
-    return Feed(store, recent=live.recent, recent_bytes=live.recent_bytes)
-
-
-def _make_viewers(settings: CloudSettings) -> Viewers:
-    live = settings.live
-    return Viewers(most=live.watched_nodes, lasting=live.watched_s)
 
 
 def _listeners(cloud: AppState) -> tuple[Listener, Listener]:
