@@ -10,7 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from eskin_cloud.rollup.builder import AT_ONCE, claim, find_unclaimed, rebuild_stale
+from eskin_cloud.rollup.tile_builder import AT_ONCE, claim, find_unclaimed, rebuild_stale
 from eskin_cloud.store.compacted_rows import join_blocks
 from eskin_cloud.store.damage import RowHeader
 from eskin_cloud.store.read.lookup import find_channel
@@ -27,7 +27,7 @@ from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, block
 
 if TYPE_CHECKING:
-    from eskin_cloud.rollup.builder import Key
+    from eskin_cloud.rollup.tile_builder import Key
     from eskin_cloud.store import Store
     from numpy.typing import NDArray
     from rich.progress import Progress

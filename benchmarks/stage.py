@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, Self
 
 import cbor2
 import numpy as np
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store import Store
 
 from benchmarks.pyramid import fill, patterns

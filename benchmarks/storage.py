@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 from typing import Final
 
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import compact_page, find_compactable
 from eskin_cloud.store.disk_usage import measure_disk

@@ -25,11 +25,12 @@ from eskin.identity import ChainVerifier, IdentityKind
 from eskin.identity.identity import ROOT_FILE, write_whole
 from eskin.mosquitto import revoked, versions
 from eskin.mosquitto.configuration import KINDS
+from eskin.runtime.supervised import FaultLog
 from eskin_ca.client import fetch_anchor, fetch_revocations, fetch_revoked
 from eskin_ca.http_client import NotReadyError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
     from types import FrameType
 
@@ -79,7 +80,7 @@ class MosquittoAgent:
         self._folder = folder
         self._trust = ChainVerifier.following(identity / ROOT_FILE)
         self._revoked: set[tuple[str, str]] = set()
-        self._faults: dict[str, str] = {}
+        self.fault_log = FaultLog()
         self._seen: tuple[Version, ...] = ()
         self._stopping = Event()
 
@@ -111,9 +112,9 @@ class MosquittoAgent:
 
     def _look(self, broker: subprocess.Popen[bytes]) -> None:
         """Bring what the CA says now, and end connections that it would not let in any more."""
-        self._attempt("fetching lists", self._fetch)
-        self._attempt("telling the broker", partial(self._tell, broker))
-        self._attempt("ending connections", self._end_revoked)
+        self.fault_log.attempt("fetching lists", self._fetch)
+        self.fault_log.attempt("telling the broker", partial(self._tell, broker))
+        self.fault_log.attempt("ending connections", self._end_revoked)
 
     def _tell(self, broker: subprocess.Popen[bytes]) -> None:
         """Have the broker read its files anew, where one is another one."""
@@ -133,20 +134,6 @@ class MosquittoAgent:
             else:
                 self._revoked = self._listed()
                 return
-
-    def _attempt(self, what: str, do: Callable[[], None]) -> None:
-        """Try what is tried again soon; what fails is said once as long as it stays the same."""
-        before = self._faults.pop(what, None)
-        try:
-            do()
-        except (IdentityError, OSError) as error:
-            if repr(error) != before:
-                log.warning("%s failed, trying again: %s", what, error)
-            self._faults[what] = repr(error)
-        except Exception as error:  # such as an answer that is none: the broker goes on, guarded
-            if repr(error) != before:
-                log.exception("%s failed, trying again", what)
-            self._faults[what] = repr(error)
 
     def _fetch(self) -> None:
         """Fetch what the CA says of each kind; what fails of one hinders no other."""

@@ -9,7 +9,7 @@ from functools import partial
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Final, Self
 
-from eskin.errors import IdentityError, LockedError
+from eskin.errors import LockedError
 from eskin.identity import (
     Identity,
     common_name,
@@ -20,10 +20,11 @@ from eskin.identity import (
     load_certificates,
 )
 from eskin.runtime.files.lock import LockFile
+from eskin.runtime.supervised import FaultLog
 from eskin_ca.client import fetch_revocations, fetch_roots, fetch_site, renew
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from eskin.identity import IdentityKind
@@ -48,7 +49,7 @@ class RenewalAgent:
         lists: Files of revocation lists; ``None`` where a process has none.
 
     Attributes:
-        faults: Number of unexpected errors.
+        fault_log: Logs what fails.
     """
 
     def __init__(
@@ -64,8 +65,7 @@ class RenewalAgent:
         self._identities = identities
         self._site = site
         self._lists = {kind: path for kind, path in (lists or {}).items() if path is not None}
-        self._said: dict[str, str] = {}
-        self.faults = 0
+        self.fault_log = FaultLog()
         self._stopping = Event()
         self._thread = Thread(target=self._run, name="keeper", daemon=True)
 
@@ -81,38 +81,20 @@ class RenewalAgent:
 
     def look(self) -> None:
         """Do what is due, once; what fails is said once, and tried again at the next look."""
-        self._attempt("roots", self._follow_roots)
+        self.fault_log.attempt("roots", self._follow_roots)
         for directory in self._identities:
-            self._attempt(f"renew {directory.name}", partial(self._renew, directory))
+            self.fault_log.attempt(f"renew {directory.name}", partial(self._renew, directory))
         root = self._identities[0]
         if self._site is not None:
-            self._attempt("site", partial(self._follow_site, root, self._site))
+            self.fault_log.attempt("site", partial(self._follow_site, root, self._site))
         for kind, path in self._lists.items():
             fetch = partial(fetch_revocations, self._url, root, kind, path)
-            self._attempt(f"revocations of {kind}s", fetch)
+            self.fault_log.attempt(f"revocations of {kind}s", fetch)
 
     def _run(self) -> None:
         while not self._stopping.is_set():
             self.look()
             self._stopping.wait(self._every)
-
-    def _attempt(self, what: str, do: Callable[[], object]) -> None:
-        try:
-            do()
-        except (IdentityError, OSError) as error:
-            if self._is_new(what, error):
-                log.warning("%s failed, trying again: %s", what, error)
-        except Exception as error:  # unexpected errors must not stop the thread
-            self.faults += 1
-            if self._is_new(what, error):
-                log.exception("%s failed, trying again: faults=%d", what, self.faults)
-        else:
-            self._said.pop(what, None)
-
-    def _is_new(self, what: str, error: Exception) -> bool:
-        """Whether it failed otherwise the last time: it may fail at each look, for days."""
-        before, self._said[what] = self._said.get(what), repr(error)
-        return before != repr(error)
 
     def _renew(self, directory: Path) -> None:
         """Renew what is due; where gateways share a site's folder, one of them does it."""

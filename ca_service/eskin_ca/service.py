@@ -124,7 +124,7 @@ class Server(Listener):
         super().__init__(
             app,
             bound,
-            context=server_context(self._identity, client_certificates=False),
+            context=server_context(self._identity.directory, client_certificates=False),
             bounds=HttpLimits(body_bytes=_MOST_BODY),
             headers=_HEADERS,
         )

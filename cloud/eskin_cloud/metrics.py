@@ -48,44 +48,28 @@ class Metrics:
         self._store = store
         self._sealed = False
         self._look()
-        self.items = Counter(
-            "eskin_cloud_items",
+        self.items = self._counter(
+            "items",
             "Messages that gateways brought, without sealed ones: a peak may be a heartbeat.",
-            ["result"],
-            registry=self._registry,
+            "result",
         )
         self.ingest_seconds = Histogram(
             "eskin_cloud_ingest_seconds",
             "From a batch's last byte to its commit, of batches with more than sealed messages.",
             registry=self._registry,
         )
-        self.conflicts = Counter(
-            "eskin_cloud_conflicts",
-            "Messages that differ from those stored under their boot and sequence.",
-            registry=self._registry,
+        self.conflicts = self._counter(
+            "conflicts", "Messages that differ from those stored under their boot and sequence."
         )
-        self.dead_letters_dropped = Counter(
-            "eskin_cloud_dead_letters_dropped",
-            "Dead letters dropped to make room.",
-            registry=self._registry,
+        self.dead_letters_dropped = self._counter(
+            "dead_letters_dropped", "Dead letters dropped to make room."
         )
-        self.removed = Counter(
-            "eskin_cloud_removed",
-            "Messages removed, by reason: too old, or of an erased subject.",
-            ["reason"],
-            registry=self._registry,
+        self.removed = self._counter(
+            "removed", "Messages removed, by reason: too old, or of an erased subject.", "reason"
         )
-        self.requests = Counter(
-            "eskin_cloud_requests",
-            "Answered requests.",
-            ["method", "status"],
-            registry=self._registry,
-        )
-        self.faults = Counter(
-            "eskin_cloud_faults",
-            "Unexpected errors of background jobs, which were retried.",
-            ["work"],
-            registry=self._registry,
+        self.requests = self._counter("requests", "Answered requests.", "method", "status")
+        self.faults = self._counter(
+            "faults", "Unexpected errors of background jobs, which were retried.", "work"
         )
         self._gauge("subscribers", "Live streams.", lambda: feed.subscribers)
         self._gauge("waiting", "Gateways that wait for commands.", lambda: notifier.waiting)
@@ -143,6 +127,9 @@ class Metrics:
         self._gauge(
             "store_fault", "1 while the store cannot be written.", lambda: bool(store.writer.fault)
         )
+
+    def _counter(self, name: str, text: str, *labels: str) -> Counter:
+        return Counter(f"eskin_cloud_{name}", text, labels, registry=self._registry)
 
     def _gauge(self, name: str, text: str, read: Callable[[], float]) -> None:
         gauge = Gauge(f"eskin_cloud_{name}", text, registry=self._registry)

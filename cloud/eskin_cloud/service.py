@@ -22,22 +22,20 @@ from eskin.runtime.http_server.protocol import LOCALHOST, HttpLimits
 from eskin.runtime.http_server.rate_limit import RateLimit
 from eskin.runtime.memory import freeze_gc
 from eskin.wire.timestamp import SECOND
-from eskin_cloud.allocator import use_one_allocator
 from eskin_cloud.app import gateway_application, people_application
 from eskin_cloud.app_state import AppState
 from eskin_cloud.commands import Notifier
 from eskin_cloud.ingest.gateway_trust import GatewayTrust
 from eskin_cloud.ingest.upload_budget import UploadBudget
-from eskin_cloud.jobs.certificates import ServerCertificate, renew_certificates
 from eskin_cloud.jobs.compaction import compact
 from eskin_cloud.jobs.erasure import apply_erasures
-from eskin_cloud.jobs.heap_trim import trim_heap
+from eskin_cloud.jobs.heap_trim import trim_heap, use_one_allocator
 from eskin_cloud.jobs.integrity import check_integrity
 from eskin_cloud.jobs.missing_messages import find_missing_messages
+from eskin_cloud.jobs.overview_tiles import build_rollup
 from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.jobs.pg_listener import listen
 from eskin_cloud.jobs.retention import apply_retention
-from eskin_cloud.jobs.rollup import build_rollup
 from eskin_cloud.jobs.silence import watch_silence
 from eskin_cloud.jobs.viewers import announce_viewed_nodes
 from eskin_cloud.live import Feed, Viewers
@@ -93,8 +91,9 @@ def make_cloud(
         IdentityError: The server's identity cannot be read.
         PrivacyError: The key store cannot be used.
     """
-    own = settings.gateways
-    feed, notifier = _make_feed(settings, store), Notifier()
+    own, live = settings.gateways, settings.live
+    feed = Feed(store, recent=live.recent, recent_bytes=live.recent_bytes)
+    notifier = Notifier()
     trust = ChainVerifier.following(own.identity / ROOT_FILE)
     clock_error = round(settings.nodes.clock_error_s * SECOND)
     metrics = Metrics(store, feed, notifier, clock_error=clock_error)
@@ -104,7 +103,7 @@ def make_cloud(
         settings=settings,
         store=store,
         feed=feed,
-        viewers=_make_viewers(settings),
+        viewers=Viewers(most=live.watched_nodes, lasting=live.watched_s),
         notifier=notifier,
         gateway_trust=GatewayTrust(
             trust, gateways=own.revocations, nodes=settings.nodes.revocations
@@ -118,32 +117,25 @@ def make_cloud(
     )
 
 
-def _make_feed(settings: CloudSettings, store: Store) -> Feed:
-    live = settings.live
-    return Feed(store, recent=live.recent, recent_bytes=live.recent_bytes)
-
-
-def _make_viewers(settings: CloudSettings) -> Viewers:
-    live = settings.live
-    return Viewers(most=live.watched_nodes, lasting=live.watched_s)
-
-
-def _listeners(cloud: AppState, outer: ServerCertificate | None) -> tuple[Listener, Listener]:
+def _listeners(cloud: AppState) -> tuple[Listener, Listener]:
     """For people and for gateways."""
     people, gateways = cloud.settings.people, cloud.settings.gateways
     limits = cloud.settings.limits
     bounds = HttpLimits(connections=limits.connections, of_one=limits.connections_of_one)
+    context = None
+    if people.identity is not None:
+        context = _server_context("people.identity", people.identity, client_certificates=False)
     # A browser checks the name by TLS. Without it, DNS may lead any page here.
     plain = LOCALHOST | {people.host.lower(), *people.names}
     return (
         Listener(
             people_application(cloud),
             bind("people", people.host, people.port),
-            context=None if outer is None else outer.context,
+            context=context,
             bounds=replace(
                 bounds,
                 body_bytes=limits.body_bytes,
-                hosts=plain if outer is None else None,
+                hosts=plain if context is None else None,
                 proxies=tuple(people.proxies),
                 forwarded=people.forwarded,
             ),
@@ -151,42 +143,41 @@ def _listeners(cloud: AppState, outer: ServerCertificate | None) -> tuple[Listen
         Listener(
             gateway_application(cloud),
             bind("gateways", gateways.host, gateways.port),
-            context=_gateways_context(gateways.identity),
+            context=_server_context(
+                "gateways.identity", gateways.identity, client_certificates=True
+            ),
             bounds=bounds,
         ),
     )
 
 
-def _gateways_context(folder: Path) -> ssl.SSLContext:
-    """For TLS with gateways, which show a certificate; follows renewals of its own, and roots.
+def _server_context(setting: str, folder: Path, *, client_certificates: bool) -> ssl.SSLContext:
+    """For TLS; follows renewals of the certificate, and of the roots.
 
     Raises:
         SettingsError: The identity cannot be used.
     """
     try:
-        return server_context(Identity.load(folder), client_certificates=True)
+        if client_certificates:
+            Identity.load(folder)
+        return server_context(folder, client_certificates=client_certificates)
     except IdentityError as error:
-        raise SettingsError("gateways.identity", str(error)) from error
+        raise SettingsError(setting, str(error)) from error
 
 
 async def _serve(cloud: AppState) -> None:
-    people = cloud.settings.people
-    outer = (
-        None if people.identity is None else ServerCertificate("people.identity", people.identity)
-    )
-    listeners = _listeners(cloud, outer)
+    listeners = _listeners(cloud)
     stopping = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stopping.set)
-    certificates = [] if outer is None else [outer]
     async with asyncio.TaskGroup() as group:
         for listener, name in zip(listeners, ("people", "gateways"), strict=True):
             group.create_task(listener.serve(), name=name)
         listening = None
         if not isinstance(cloud.store.location, Path):
             listening = group.create_task(listen(cloud, cloud.store.location, stopping))
-        for job in _jobs(cloud, certificates, stopping):
+        for job in _jobs(cloud, stopping):
             group.create_task(job)
         for listener in listeners:
             await listener.ready.wait()
@@ -206,16 +197,13 @@ async def _serve(cloud: AppState) -> None:
             listener.should_exit = True
 
 
-def _jobs(
-    cloud: AppState, certificates: list[ServerCertificate], stopping: asyncio.Event
-) -> list[Coroutine[Any, Any, None]]:
+def _jobs(cloud: AppState, stopping: asyncio.Event) -> list[Coroutine[Any, Any, None]]:
     """What runs in the background beside the listeners."""
     end_stuck = partial(asyncio.to_thread, end_stuck_writer, cloud.store)
     return [
         run_periodically("stuck writer", end_stuck, cloud=cloud, stopping=stopping, every_s=1.0),
         watch_silence(cloud, stopping),
         announce_viewed_nodes(cloud, stopping),
-        renew_certificates(cloud, certificates, stopping),
         apply_erasures(cloud, stopping),
         find_missing_messages(cloud, stopping),
         apply_retention(cloud, stopping),

@@ -187,7 +187,7 @@ class NodesSection(Section):
         gt=0,
         le=604_800,
         description="seconds after which messages that are missing between stored ones, and that "
-        "no gap names, are told by an event, a metric and the node",
+        "no gap names, are reported by an event, a metric and the node",
     )
 
 

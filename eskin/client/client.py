@@ -10,11 +10,9 @@ import pyarrow as pa
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from eskin.client.arrow import read_tubes
-from eskin.client.concatenate import joined
 from eskin.client.http import API, HttpClient
-from eskin.client.queries import Queries
-from eskin.client.timestamps import written_moments
+from eskin.client.queries import Queries, written_moments
+from eskin.client.tubes import joined, read_tubes
 from eskin.errors import QueryError
 from eskin.identity import client_context
 from eskin.runtime.net import is_loopback
@@ -24,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from eskin.client.timestamps import Moment
+    from eskin.client.queries import Moment
     from eskin.tube import Tube
 
 _ARROW: Final = "application/vnd.apache.arrow.stream"

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from eskin.design.dual import Dual
-from eskin.design.inversion import invert
+from eskin.design.inversion import invert, progress_bar
 from eskin.design.paving import Paving, Region
 from eskin.design.plot import draw_paving
-from eskin.design.progress import progress_bar
 from eskin.design.requirement import All, Judgement, Narrower, Requirement, Within
 from eskin.design.sensitivity import Sensitivity, sensitivity
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from rich.progress import Progress
 
 from eskin.design.paving import Paving, Region
 from eskin.design.preconditions import require_bounded
@@ -12,12 +14,29 @@ from eskin.errors import DesignError
 from eskin.interval import Interval, require_plain
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from numpy.typing import NDArray
+    from rich.console import Console
 
     from eskin.design.paving import Floats
     from eskin.design.requirement import Requirement
+
+
+@contextmanager
+def progress_bar(
+    title: str = "inverting", *, console: Console | None = None
+) -> Iterator[Callable[[float], None]]:
+    """Show a bar while the block runs; what it gives goes to `invert` as ``progress``.
+
+    Args:
+        title: What stands before the bar.
+        console: Where to show it; the terminal or notebook by default.
+    """
+    with Progress(console=console) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
 
 _AT_ONCE: Final = 16_384
 """Boxes judged together: many enough for vectors, few enough for the cache."""
@@ -39,7 +58,7 @@ def invert(
         resolution: Boxes whose every side is this share of the space's side are not divided any
             further; undecided, they are possible.
         most: Most boxes of the answer; beyond it, what is left undecided is possible.
-        progress: Told the share of the volume that is done, from 0 to 1.
+        progress: Called with the share of the volume that is done, from 0 to 1.
 
     Returns:
         Boxes that certainly meet it, possibly, and never.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from typing import TYPE_CHECKING, Final
 
 from eskin.figures.alternating_source import draw_fig6
@@ -12,15 +13,14 @@ from eskin.figures.magnetic_energy import draw_fig4a
 from eskin.figures.measuring_chain import draw_fig5a, draw_fig5b
 from eskin.figures.paper import write_statements
 from eskin.figures.plate_capacitance import draw_fig4b, draw_fig7a, draw_fig7b
-from eskin.figures.table import write_table
 from eskin.figures.touch import draw_fig8
 from eskin.figures.touch_design import write_design
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
-    from eskin.figures.figure import Figure
+    from eskin.figures.figure import Figure, Floats
 
 FIGURES: Final[dict[str, Callable[[], Figure]]] = {
     "fig4a": draw_fig4a,
@@ -46,7 +46,7 @@ def write_figures(
 
     Args:
         directory: Made where it is missing.
-        progress: Told what comes next, how many are done, and how many there are.
+        progress: Called with what comes next, how many are done, and how many there are.
 
     Returns:
         The files.
@@ -70,3 +70,16 @@ def write_figures(
     written.append(write_statements(directory / "paper.csv"))
     progress("paper", len(FIGURES), len(FIGURES))
     return written
+
+
+def write_table(path: Path, columns: Mapping[str, Floats]) -> None:
+    """Write columns of one length below their headers.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+        writer.writerows([repr(value) for value in row] for row in rows)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from eskin.identity.ca import CertificateAuthority
 from eskin.identity.certificates import common_name, der, issuer_kind, new_key, site_of, thumbprint
 from eskin.identity.chain_verifier import ChainVerifier
-from eskin.identity.fleet_names import is_numbered, numbered
 from eskin.identity.identity import Identity, load_certificates
-from eskin.identity.identity_kind import IdentityKind
+from eskin.identity.identity_kind import IdentityKind, is_numbered, numbered
 from eskin.identity.issuance_log import Issued
 from eskin.identity.renewal import (
     finish_renewal,

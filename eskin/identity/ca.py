@@ -14,10 +14,9 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import AuthorityError, IdentityError
-from eskin.identity.certificates import issuer_kind, leaf_certificate
-from eskin.identity.create_ca import create_ca
+from eskin.identity.certificates import issuer_kind, leaf_certificate, new_key, pem
 from eskin.identity.crl_publisher import RevocationLists
-from eskin.identity.identity import ROOT_FILE, load_certificates
+from eskin.identity.identity import ROOT_FILE, load_certificates, save_key, write_whole
 from eskin.identity.identity_kind import IdentityKind
 from eskin.identity.issuance_register import LEDGER, IssuanceRegister
 from eskin.identity.issuing_ca import (
@@ -27,7 +26,7 @@ from eskin.identity.issuing_ca import (
     load_issuers,
     retire_issuers,
 )
-from eskin.identity.roots import is_replaced, root_key
+from eskin.identity.roots import is_replaced, root_certificate, root_key
 from eskin.runtime.files.lock import ReentrantLock
 
 if TYPE_CHECKING:
@@ -300,3 +299,39 @@ class CertificateAuthority:
             return load_certificates(self.root_file)
         except IdentityError as error:
             raise AuthorityError(str(error)) from error
+
+
+def create_ca(directory: Path) -> bool:
+    """Make a CA where there is none; gives whether there was none. One process at a time does.
+
+    Raises:
+        IdentityError: The folder cannot be written.
+    """
+    if (directory / ROOT_FILE).exists():
+        return False
+    try:
+        with ReentrantLock(directory / LEDGER).take():
+            if (directory / ROOT_FILE).exists():
+                return False
+            _create(directory)
+    except OSError as error:
+        raise IdentityError(
+            f"{directory}: no CA can be made here: {error.strerror}; choose another folder"
+        ) from error
+    return True
+
+
+def _create(directory: Path) -> None:
+    """Make keys and certificates; the root's last, so that its presence means all is there."""
+    if (directory / LEDGER).exists():
+        raise IdentityError(
+            f"{directory}: there is a {LEDGER} but no root.pem; bring it back from a backup, as a "
+            "new CA would disown all that was issued"
+        )
+    key = new_key()
+    for kind in IdentityKind:
+        # What an interrupted attempt left is not kept beside it.
+        (directory / f"{kind}.pem").unlink(missing_ok=True)
+        found_issuer(directory, kind, key)
+    save_key(directory / "root.key", key)
+    write_whole(directory / ROOT_FILE, pem([root_certificate(key)]))

@@ -131,17 +131,16 @@ def client_context(root_file: Path, identity: Identity | None = None) -> ssl.SSL
     return FollowingContext.over(ssl.PROTOCOL_TLS_CLIENT, files, set_up)
 
 
-def server_context(identity: Identity, *, client_certificates: bool) -> ssl.SSLContext:
+def server_context(folder: Path, *, client_certificates: bool) -> ssl.SSLContext:
     """A server's side.
 
     Args:
-        identity: Of kind server, on disk.
+        folder: With ``chain.pem`` and ``key.pem``, and ``root.pem`` for client certificates.
         client_certificates: Whether clients must show one that leads to a root.
 
     Raises:
         IdentityError: A file cannot be read.
     """
-    folder = identity.directory
 
     def set_up(context: ssl.SSLContext) -> None:
         context.minimum_version = ssl.TLSVersion.TLSv1_2
@@ -149,7 +148,7 @@ def server_context(identity: Identity, *, client_certificates: bool) -> ssl.SSLC
         if client_certificates:
             require_client_certificates(context, folder / ROOT_FILE)
 
-    files = [*_files(folder), folder / ROOT_FILE]
+    files = _files(folder) + ([folder / ROOT_FILE] if client_certificates else [])
     return FollowingContext.over(ssl.PROTOCOL_TLS_SERVER, files, set_up)
 
 

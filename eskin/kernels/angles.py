@@ -13,7 +13,7 @@ from eskin.kernels.exponential import power_of_two
 from eskin.kernels.intrinsics import to_bits
 from eskin.kernels.jit import inlined, kernel, part
 from eskin.kernels.logarithm import ONE
-from eskin.kernels.rounding import div_down, div_up, greater, lesser, next_down
+from eskin.kernels.outward_rounding import div_down, div_up, greater, lesser, next_down
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair

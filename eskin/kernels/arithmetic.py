@@ -17,7 +17,7 @@ import numpy as np
 from eskin.kernels.double_double import product_of, sum_of
 from eskin.kernels.intrinsics import fma
 from eskin.kernels.jit import inlined, kernel, part
-from eskin.kernels.rounding import (
+from eskin.kernels.outward_rounding import (
     EXACT_PRODUCT,
     FACTOR,
     add_down,

@@ -1,6 +1,6 @@
 """Codes of 16 bit as differences, their bits side by side: written and read.
 
-A run of codes ``x`` is told by a start ``v``, a slope ``s`` and residuals ``r``, modulo 2^16, so
+A run of codes ``x`` is given by a start ``v``, a slope ``s`` and residuals ``r``, modulo 2^16, so
 that every run comes back exactly; ``x`` before the first is ``v``, ``d`` before the first ``s``:
 
 - order 0: ``x_k = v + r_k``

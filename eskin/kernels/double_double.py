@@ -14,7 +14,7 @@ from typing import Final, TypeAlias
 
 from eskin.kernels.intrinsics import fma
 from eskin.kernels.jit import inlined
-from eskin.kernels.rounding import add_up
+from eskin.kernels.outward_rounding import add_up
 
 Two: TypeAlias = "tuple[float, float]"
 

@@ -24,7 +24,7 @@ from eskin.kernels.exponential import (
 )
 from eskin.kernels.jit import inlined, kernel
 from eskin.kernels.logarithm import log1p_of_two, log2_of, log10_of, log_of_two
-from eskin.kernels.rounding import greater, lesser
+from eskin.kernels.outward_rounding import greater, lesser
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair

@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING, Final
 from eskin.kernels import double_double
 from eskin.kernels.intrinsics import fma, from_bits, to_bits
 from eskin.kernels.jit import inlined
-from eskin.kernels.rounding import greater, lesser
+from eskin.kernels.outward_rounding import greater, lesser
 
 if TYPE_CHECKING:
     from eskin.kernels.double_double import Two

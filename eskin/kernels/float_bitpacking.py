@@ -1,18 +1,18 @@
 """Intervals of binary32 in fewer bits, every bit of which comes back.
 
 A float's code is its place in the order of all floats: its bits as a whole number, those of
-negative ones turned round. Of each 256 intervals there are told
+negative ones turned round. Each 256 intervals are stored as
 
 - the least code of the lower bounds, and how far each is above it;
 - a width ``w``, and how far the code of each upper bound is from that of ``lo + w``, rounded to
-  binary32: more than the least such distance, which is told first.
+  binary32: more than the least such distance, which is stored first.
 
 Where widths differ little, an upper bound so takes few bits also near zero, where floats lie closer
 together than elsewhere. The greatest difference that its bits hold stands for an infinite bound; a
-missing sample has two of them. Four words of 32 bits tell of a group: least code, ``w``, least
+missing sample has two of them. Four words of 32 bits begin a group: least code, ``w``, least
 distance, and how many bits the differences of both kinds take (`eskin.kernels.bitpacking`).
 
-``lo + w`` is the only sum of floats here. It is the same for whoever reads as long as both round to
+``lo + w`` is the only sum of floats here. It is the same for all readers as long as both round to
 nearest, see `eskin.kernels.rounding_mode`.
 """
 

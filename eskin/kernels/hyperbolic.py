@@ -16,7 +16,7 @@ from eskin.kernels.double_double import above, below, signed
 from eskin.kernels.exponential import exp_of_two, expm1_of_two
 from eskin.kernels.jit import inlined, kernel
 from eskin.kernels.logarithm import ONE, TWO, acosh_of, asinh_of, atanh_of
-from eskin.kernels.rounding import greater, lesser
+from eskin.kernels.outward_rounding import greater, lesser
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats

@@ -9,7 +9,7 @@ from eskin.kernels import double_double
 from eskin.kernels.arithmetic import mig_of, unless_empty
 from eskin.kernels.intrinsics import fma, from_bits, to_bits
 from eskin.kernels.jit import kernel, part
-from eskin.kernels.rounding import greater, lesser, mul_down, mul_up
+from eskin.kernels.outward_rounding import greater, lesser, mul_down, mul_up
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats

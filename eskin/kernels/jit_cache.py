@@ -7,15 +7,17 @@ import functools
 import hashlib
 import logging
 import os
-from contextlib import contextmanager
+import pickle
+import tempfile
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
+import numba
+from numba.core import serialize
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
-
-from eskin.kernels.jit_cache_file import KernelFile
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -89,7 +91,7 @@ class _Stamps:
 
 
 def _where_possible(save: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
-    """Let no full disk keep anybody from what is compiled already."""
+    """A full disk must not stop a process from using what it compiled."""
 
     def save_overload(signature: Any, made: Any) -> None:
         try:
@@ -120,7 +122,7 @@ def _one_at_a_time(find: Callable[[Any], Any], lock: Path) -> Callable[[Any], An
 def _held(lock: Path) -> Iterator[None]:
     try:
         descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-    except OSError:  # a full disk: everybody compiles for himself
+    except OSError:  # a full disk: each process compiles for itself
         yield
         return
     try:
@@ -130,3 +132,66 @@ def _held(lock: Path) -> Iterator[None]:
         # By name: a process that was forked meanwhile holds the same descriptor.
         fcntl.flock(descriptor, fcntl.LOCK_UN)
         os.close(descriptor)
+
+
+_DIGEST: Final = hashlib.sha256().digest_size
+_dumps: Final[Callable[[object], bytes]] = serialize.dumps
+"""pickle's, for functions and types of numba's, too."""
+
+
+class KernelFile:
+    """A kernel's code for each signature that it was compiled for; numba's cache asks and fills it.
+
+    Its SHA-256 comes first: what a power cut, a full disk or a bad one leaves of a file is never
+    run, and the kernel is compiled anew.
+
+    Args:
+        path: The file.
+        stamps: Of the sources; code of others is stale.
+    """
+
+    def __init__(self, path: Path, stamps: object) -> None:
+        self._path = path
+        self._stamps = stamps
+
+    def load(self, key: object) -> Any:
+        """The code for a signature; ``None`` if there is none."""
+        code = self._read().get(key)
+        return None if code is None else pickle.loads(code)  # noqa: S301 - it is code itself
+
+    def save(self, key: object, code: object) -> None:
+        """Keep the code for a signature.
+
+        Raises:
+            OSError: It cannot be written; what was there stays.
+        """
+        self._write({**self._read(), key: _dumps(code)})
+
+    def flush(self) -> None:
+        """Forget all code."""
+        self._write({})
+
+    def _read(self) -> dict[object, bytes]:
+        try:
+            whole = self._path.read_bytes()
+        except OSError:
+            return {}
+        digest, rest = whole[:_DIGEST], whole[_DIGEST:]
+        if hashlib.sha256(rest).digest() != digest:
+            return {}
+        made, codes = pickle.loads(rest)  # noqa: S301 - see above
+        # What another numba wrote need not be readable.
+        fresh = made == (numba.__version__, self._stamps)
+        return pickle.loads(codes) if fresh else {}  # noqa: S301 - see above
+
+    def _write(self, codes: dict[object, bytes]) -> None:
+        rest = _dumps(((numba.__version__, self._stamps), _dumps(codes)))
+        with tempfile.NamedTemporaryFile(dir=self._path.parent, delete=False) as partial:
+            try:
+                partial.write(hashlib.sha256(rest).digest() + rest)
+                partial.flush()
+                Path(partial.name).replace(self._path)
+            except BaseException:
+                with suppress(OSError):
+                    Path(partial.name).unlink()
+                raise

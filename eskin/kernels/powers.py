@@ -14,7 +14,7 @@ from eskin.kernels.exponential import exp_of_two
 from eskin.kernels.intrinsics import fma
 from eskin.kernels.jit import kernel, part
 from eskin.kernels.logarithm import log_of_two
-from eskin.kernels.rounding import EXACT_PRODUCT, lesser
+from eskin.kernels.outward_rounding import EXACT_PRODUCT, lesser
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair

@@ -1,8 +1,8 @@
 """The processor's rounding mode: every proof here stands on rounding to nearest.
 
 Some libraries leave the processor rounding upward once they are imported (codac does, by way of
-gaol). Error-free transformations and proven polynomials are worth nothing then. So whoever runs
-kernels does it `rounding_to_nearest`, which costs next to nothing where the mode is right already.
+gaol). Error-free transformations and proven polynomials are worth nothing then. So callers run
+kernels within `rounding_to_nearest`, which costs next to nothing where the mode is right already.
 """
 
 from __future__ import annotations

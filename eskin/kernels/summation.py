@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from eskin.kernels.jit import kernel, part
-from eskin.kernels.rounding import add_up, next_up
+from eskin.kernels.outward_rounding import add_up, next_up
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats

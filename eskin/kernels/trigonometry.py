@@ -18,7 +18,7 @@ from eskin.kernels import double_double
 from eskin.kernels.arithmetic import unless_empty
 from eskin.kernels.jit import inlined, kernel, part
 from eskin.kernels.large_angles import reduced_of_any
-from eskin.kernels.rounding import greater, lesser
+from eskin.kernels.outward_rounding import greater, lesser
 from eskin.kernels.trig_double_double import (
     LARGEST,
     floor_of_quarters,

@@ -35,13 +35,13 @@ def write_varints(numbers: NDArray[np.int64], out: NDArray[np.uint8]) -> int:
 
 @kernel
 def read_differences(data: bytes, place: int, table: NDArray[np.int64], twice: int) -> int:
-    """Read rows of numbers that are told by their differences; gives where they end.
+    """Read rows of numbers that are stored as differences; gives where they end.
 
     Args:
         data: What `write_varints` wrote; nothing is checked.
         place: Where they begin.
         table: For the result.
-        twice: How many of the first rows are told by differences of differences.
+        twice: How many of the first rows are stored as differences of differences.
     """
     for row in range(table.shape[0]):
         place = read_varints(data, place, table[row])

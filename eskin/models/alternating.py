@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.kernels.jit import inlined, kernel
-from eskin.kernels.rounding import add_down, add_up, mul_down, mul_up, sub_down, sub_up
+from eskin.kernels.outward_rounding import add_down, add_up, mul_down, mul_up, sub_down, sub_up
 from eskin.kernels.sine import sincospi_of_product
 from eskin.models.bounds import TWO_PI, U
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load

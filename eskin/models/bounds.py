@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Final
 
 from eskin.kernels.jit import part
-from eskin.kernels.rounding import mul_down
+from eskin.kernels.outward_rounding import mul_down
 
 U: Final = 2.0**-53
 """Greatest relative error of one rounding."""

@@ -10,7 +10,7 @@ from eskin.errors import IntervalError
 from eskin.interval import Interval
 from eskin.interval.conversion import as_compiled
 from eskin.kernels.jit import kernel
-from eskin.kernels.rounding import add_down, add_up, mul_down, mul_up, sub_down, sub_up
+from eskin.kernels.outward_rounding import add_down, add_up, mul_down, mul_up, sub_down, sub_up
 from eskin.kernels.rounding_mode import rounding_to_nearest
 from eskin.models.bounds import product_down, product_up
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load

@@ -10,7 +10,7 @@ import numpy as np
 
 from eskin.kernels.exponential import exp_down, exp_up
 from eskin.kernels.jit import kernel, part
-from eskin.kernels.rounding import add_down, add_up, mul_down, mul_up, sub_down, sub_up
+from eskin.kernels.outward_rounding import add_down, add_up, mul_down, mul_up, sub_down, sub_up
 from eskin.models.bounds import TINY, TWO_PI, above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
 from eskin.models.parameters import FINITE, not_negative, parameter, positive, require_order

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.kernels.jit import kernel, part
-from eskin.kernels.rounding import sub_down, sub_up
+from eskin.kernels.outward_rounding import sub_down, sub_up
 from eskin.models.bounds import TWO_PI, above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
 from eskin.models.coil import angle_up

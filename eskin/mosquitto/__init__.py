@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from eskin.mosquitto.configuration import BrokerPorts, configuration
-from eskin.mosquitto.files import revoked, versions
+from eskin.mosquitto.configuration import BrokerPorts, configuration, revoked, versions
 from eskin.mosquitto.program import find_mosquitto
 
 __all__ = ["BrokerPorts", "configuration", "find_mosquitto", "revoked", "versions"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from eskin.interval import Verdict
 from eskin.kernels.jit import inlined
-from eskin.kernels.rounding import next_down, next_up
+from eskin.kernels.outward_rounding import next_down, next_up
 
 if TYPE_CHECKING:
     from eskin.peaks.hysteresis import Pass

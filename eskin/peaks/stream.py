@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from math import inf, nan
-from typing import TYPE_CHECKING, Final, overload
+from typing import TYPE_CHECKING, Final, TypeGuard, overload
 
 import numpy as np
 
+from eskin.errors import IntervalError
+from eskin.interval import Interval
+from eskin.interval.conversion import as_compiled, enclose
 from eskin.kernels.rounding_mode import rounding_to_nearest
+from eskin.peaks.certain_possible_peaks import MOST_AT_ONCE, PROGRESS, search
 from eskin.peaks.event import no_interval, require_prominence
 from eskin.peaks.hysteresis import NONE, PASS
 from eskin.peaks.region import MOST_REGIONS, REGION
-from eskin.peaks.samples import samples_of
-from eskin.peaks.search import MOST_AT_ONCE, PROGRESS, search
 from eskin.peaks.table import EVENT, Peaks
+from eskin.tube import Tube
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from eskin.interval import Floats, Interval
-    from eskin.tube import Tube
+    from eskin.interval import Floats
 
 _FOREVER: Final = 2**62
 _MOST_ROOM: Final = 2**20
@@ -75,7 +77,7 @@ class PeakStream:
             IntervalError: Bounds are no interval, or differ in number. The search stands before
                 them, and what this call found is lost.
         """
-        return self._search(*samples_of(samples, highs))
+        return self._search(*_samples_of(samples, highs))
 
     def gap(self, samples: int = 0) -> Peaks:
         """Say that ``samples`` samples are missing here; nothing is joined across."""
@@ -133,6 +135,48 @@ def find_peaks(
         IntervalError: Bounds are no interval, or differ in number, or a value carries a unit.
     """
     stream = PeakStream(prominence)
-    found = stream.feed(*samples_of(samples, highs))
+    found = stream.feed(*_samples_of(samples, highs))
     undecided = stream.finish()
     return Peaks(np.concatenate([found.table, undecided.table])) if undecided else found
+
+
+def _samples_of(
+    samples: Tube | Interval | ArrayLike, highs: ArrayLike | None
+) -> tuple[Floats, Floats]:
+    """Lower and upper bounds, contiguous, of one axis.
+
+    Raises:
+        IntervalError: They are none, or differ in number.
+    """
+    if _is_plain(samples) and _is_plain(highs) and samples.shape == highs.shape:
+        return samples, highs
+    if isinstance(samples, Tube):
+        samples = samples.values
+    if isinstance(samples, Interval):
+        if highs is not None:
+            raise IntervalError(
+                "a tube or an interval has its upper bounds already; leave highs out"
+            )
+        lo, hi = samples.inf, samples.sup
+    elif highs is None:
+        raise IntervalError(
+            "lower bounds need upper bounds; where a signal is exact, give it for both"
+        )
+    else:
+        lo, hi = enclose(samples, "lows")[0], enclose(highs, "highs")[1]
+    if lo.ndim != 1 or lo.shape != hi.shape:
+        raise IntervalError(
+            f"lows and highs need one axis and the same length, not {lo.shape} and {hi.shape}"
+        )
+    return as_compiled(lo), as_compiled(hi)
+
+
+def _is_plain(bounds: object) -> TypeGuard[Floats]:
+    """Whether these are bounds as they should be: short blocks cannot wait for all other checks."""
+    return (
+        type(bounds) is np.ndarray
+        and bounds.dtype == np.float64
+        and bounds.ndim == 1
+        and bounds.flags.c_contiguous
+        and bounds.flags.carray
+    )

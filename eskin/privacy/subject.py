@@ -73,18 +73,3 @@ def is_pseudonym(text: object) -> bool:
         and len(text) == 2 * _PSEUDONYM_BYTES
         and set(text) <= set("0123456789abcdef")
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Tombstone:
-    """What is left of a subject whose key is destroyed.
-
-    Attributes:
-        pseudonym: The subject's.
-        erased: When its key was destroyed here, UTC ns.
-        confirmed: When the cloud said that its copy is destroyed; ``None`` while it has not.
-    """
-
-    pseudonym: str
-    erased: int
-    confirmed: int | None = None

@@ -1,4 +1,4 @@
-"""A thread that repeats one step, and retries it after failures until it is stopped."""
+"""Work that is retried after failures: a thread that repeats one step, and its log."""
 
 from __future__ import annotations
 
@@ -51,11 +51,47 @@ class Backoff:
         self._failures = 0
 
 
+class FaultLog:
+    """Logs a failure when it begins or changes, not at each retry.
+
+    A failure that is neither an `EskinError` nor an `OSError` is unexpected, and logged with its
+    traceback.
+
+    Attributes:
+        faults: What fails now, by the name of the work.
+    """
+
+    def __init__(self) -> None:
+        self.faults: dict[str, str] = {}
+
+    def failed(self, work: str, error: Exception) -> bool:
+        """Log a failure, if it is new; returns whether it was expected."""
+        expected = isinstance(error, EskinError | OSError)
+        fault = str(error) if expected else f"unexpected error: {type(error).__name__}"
+        if fault != self.faults.get(work):
+            level, trace = (logging.WARNING, None) if expected else (logging.ERROR, error)
+            log.log(level, "retrying: work=%s error=%s", work, fault, exc_info=trace)
+        self.faults[work] = fault
+        return expected
+
+    def succeeded(self, work: str) -> None:
+        """Forget a failure that is over."""
+        self.faults.pop(work, None)
+
+    def attempt(self, work: str, do: Callable[[], object]) -> None:
+        """Do work that the caller retries later, whatever error it raises."""
+        try:
+            do()
+        except Exception as error:  # noqa: BLE001 - the caller goes on after any error
+            self.failed(work, error)
+        else:
+            self.succeeded(work)
+
+
 class Supervised:
     """Runs a step in a thread until `stop`; no error ends the thread.
 
-    A failure is logged when it begins or changes: with its traceback if it is unexpected, that is
-    neither an `EskinError` nor an `OSError`. The step calls `succeeded` when its work is done.
+    Failures are logged as `FaultLog` does. The step calls `succeeded` when its work is done.
 
     Args:
         name: Name of the thread and in the log.
@@ -67,7 +103,6 @@ class Supervised:
 
     Attributes:
         stopping: Set by `stop`. A step that waits should wait for it.
-        fault: The last failure, or ``None`` after a success.
     """
 
     def __init__(
@@ -87,8 +122,13 @@ class Supervised:
         self._drain_s = drain_s
         self._on_failure = on_failure
         self.stopping = Event()
-        self.fault: str | None = None
+        self._log = FaultLog()
         self._thread = Thread(target=self._run, name=name, daemon=True)
+
+    @property
+    def fault(self) -> str | None:
+        """The last failure, or ``None`` after a success."""
+        return self._log.faults.get(self._name)
 
     def start(self) -> None:
         """Start the thread."""
@@ -103,7 +143,7 @@ class Supervised:
     def succeeded(self) -> None:
         """Clear the fault and reset the backoff."""
         self._backoff.succeeded()
-        self.fault = None
+        self._log.succeeded(self._name)
 
     def _run(self) -> None:
         deadline = float("inf")
@@ -124,12 +164,7 @@ class Supervised:
                 self.stopping.wait(delay)
 
     def _failed(self, error: Exception) -> float:
-        expected = isinstance(error, EskinError | OSError)
-        fault = str(error) if expected else f"unexpected error: {type(error).__name__}"
-        if fault != self.fault:
-            level, trace = (logging.WARNING, None) if expected else (logging.ERROR, error)
-            log.log(level, "retrying: thread=%s error=%s", self._name, fault, exc_info=trace)
-        self.fault = fault
+        self._log.failed(self._name, error)
         self._on_failure(error)
         return self._backoff.failed(
             at_least=error.retry_after if isinstance(error, CloudError) else None

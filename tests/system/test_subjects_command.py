@@ -132,7 +132,7 @@ def answering(own: Identity | None = None) -> Iterator[tuple[str, list[tuple[str
 
     with HTTPServer(("127.0.0.1", 0), Answers) as server:
         if own is not None:
-            context = server_context(own, client_certificates=False)
+            context = server_context(own.directory, client_certificates=False)
             server.socket = context.wrap_socket(server.socket, server_side=True)
         thread = threading.Thread(target=server.serve_forever)
         thread.start()

@@ -27,7 +27,7 @@ router = APIRouter(tags=["nodes"])
 class SpoolDocument(BaseModel):
     """What waited in a gateway's spool at its last report, and for how long (``oldest_ns``)."""
 
-    told: Moment
+    reported: Moment
     messages: int
     bytes: int
     capacity_bytes: int
@@ -80,7 +80,7 @@ def _spool(row: Row) -> SpoolDocument | None:
     if row["reported"] is None:
         return None
     return SpoolDocument(
-        told=row["reported"],
+        reported=row["reported"],
         messages=row["messages"],
         bytes=row["used"],
         capacity_bytes=row["capacity"],

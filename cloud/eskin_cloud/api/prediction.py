@@ -148,7 +148,7 @@ def get_anomalies(
         with opened(cloud, access, connection, row, window) as (source, known):
             prediction = _prediction(query, known, origin)
             runs = merge(find_anomalies(source, known, window, prediction))
-            found, following = paged(_told(runs), window, query.limit, prediction.origin)
+            found, following = paged(_not_impossible(runs), window, query.limit, prediction.origin)
     return as_json(page([describe_segment(run, known) for run in found], following))
 
 
@@ -174,7 +174,7 @@ def get_anomalies_time(
     return describe_occupancy(found, window, known)
 
 
-def _told(runs: Iterator[Segment]) -> Iterator[Segment]:
+def _not_impossible(runs: Iterator[Segment]) -> Iterator[Segment]:
     return (run for run in runs if run.answer is not Verdict.IMPOSSIBLE)
 
 

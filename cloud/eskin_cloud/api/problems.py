@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from eskin.errors import CommandError, QueryError, StoreError
 from eskin.runtime.http_server.problems import Problems, Refusal, documented
-from eskin_cloud.commands.errors import BacklogError
+from eskin_cloud.commands.issue import BacklogError
 from eskin_cloud.ingest.errors import (
     BatchTooLargeError,
     BatchTypeError,

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import func, insert, select
 
-from eskin.errors import CommandError
+from eskin.errors import CommandError, EskinError
 from eskin.wire.messages import Command, CommandName
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.commands.desired_state import merge_desired_state
-from eskin_cloud.commands.errors import BacklogError
 from eskin_cloud.store.notify import COMMANDS, notify
 from eskin_cloud.store.read.lookup import find_node
 from eskin_cloud.store.schema.tables import channels, commands
@@ -24,6 +23,11 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
 
     from eskin.wire.messages.command_schema import Arguments
+
+
+class BacklogError(EskinError):
+    """Too many commands wait for a node's answer already."""
+
 
 MOST_WAITING: Final = 100
 

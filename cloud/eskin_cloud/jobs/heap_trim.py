@@ -7,8 +7,10 @@ import logging
 import time
 from typing import TYPE_CHECKING, Final
 
+import pyarrow as pa
+
 from eskin.errors import StoreError
-from eskin.runtime.memory import MUCH, HeapTrimmer, give_back
+from eskin.runtime.memory import MUCH, HeapTrimmer, give_back, keep_large_apart
 from eskin_cloud.jobs.periodic import run_periodically
 
 if TYPE_CHECKING:
@@ -21,6 +23,16 @@ log = logging.getLogger(__name__)
 _INTERVAL: Final = 5.0
 _LITTLE: Final = 1_048_576
 """Bytes in an interval that are no load."""
+
+
+def use_one_allocator() -> None:
+    """Allocate by the C library alone, large pieces apart.
+
+    Arrow would use mimalloc, which keeps pages for each thread that ever used it; nothing that is
+    given back now and then comes from there (`eskin.runtime.memory.give_back`).
+    """
+    keep_large_apart()
+    pa.set_memory_pool(pa.system_memory_pool())
 
 
 async def trim_heap(

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from typing import TYPE_CHECKING
 
-from eskin.errors import EskinError
+from eskin.runtime.supervised import FaultLog
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
 
     from eskin_cloud.app_state import AppState
-
-log = logging.getLogger(__name__)
 
 
 async def run_periodically(
@@ -35,20 +32,14 @@ async def run_periodically(
         stopping: Ends the job.
         every_s: Pause between two runs.
     """
-    logged: type[Exception] | None = None
+    faults = FaultLog()
     while not stopping.is_set():
         try:
             await work()
-            logged = None
-        except (EskinError, OSError) as error:
-            if logged is not type(error):
-                log.warning("job failed, retrying: job=%s reason=%s", name, error)
-            logged = type(error)
-        except Exception as error:  # unexpected errors must not stop the job
-            if logged is not type(error):
-                log.exception("job failed unexpectedly, retrying: job=%s", name)
-            logged = type(error)
-            cloud.metrics.faults.labels(name).inc()
+            faults.succeeded(name)
+        except Exception as error:  # noqa: BLE001 - no error must stop the job
+            if not faults.failed(name, error):
+                cloud.metrics.faults.labels(name).inc()
         try:
             await asyncio.wait_for(stopping.wait(), every_s)
         except TimeoutError:

@@ -8,14 +8,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 PATIENCE_S: Final = 0.2
-"""Whoever takes longer to make room for more is slow."""
+"""A reader that takes longer to make room for more is slow."""
 PROMPT_S: Final = 0.02
-"""Whoever is slow stays so until there is room at once."""
+"""A slow reader stays slow until there is room at once."""
 PAUSE_S: Final = 0.25
 """A slow reader is sent events this seldom, and half as often after each overflow."""
 LONGEST_PAUSE_S: Final = 2.0
 REST_S: Final = 1.0
-"""Whoever is slow stays so for as long at least."""
+"""A slow reader stays slow for so long at least."""
 LONGEST_REST_S: Final = 60.0
 
 
@@ -23,14 +23,14 @@ class Backpressure:
     """One reader's.
 
     Between us and a slow reader are buffers of others, and what fills them grows old in them. So it
-    is told less than it could take. Their room lets it look fast for a moment: after a try that
+    is sent less than it could take. Their room lets it look fast for a moment: after a try that
     does not hold, the next one comes after twice the time.
 
     Args:
         clock: Monotonic seconds.
 
     Attributes:
-        pause: Seconds from one telling to the next.
+        pause: Seconds between two sends.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:

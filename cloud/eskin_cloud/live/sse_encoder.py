@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from cachetools import FIFOCache
 
 from eskin.union_bound import union_coverage
 from eskin.wire.messages import Block, BlockSummary, decode_summary
@@ -40,7 +41,7 @@ class SseEncoder:
     def __init__(self, ids: OpaqueIds) -> None:
         self.ids = ids
         self._kept = lru_cache(_KEPT)(self._of_block)
-        self._pages: dict[tuple[int, int, Subscription], bytes] = {}
+        self._pages: FIFOCache[tuple[int, int, Subscription], bytes] = FIFOCache(_PAGES)
 
     def page(self, found: Sequence[FeedEntry], selection: Subscription) -> bytes:
         """What is asked for of neighbours in the feed, of which nothing is sealed.
@@ -54,8 +55,6 @@ class SseEncoder:
         if page is None:
             said = [(entry, True) for entry in found if selection.takes(entry)]
             page = self._pages[key] = self.print(said, selection)
-            while len(self._pages) > _PAGES:
-                del self._pages[next(iter(self._pages))]
         return page
 
     def print(self, said: Sequence[tuple[FeedEntry, bool]], selection: Subscription) -> bytes:

@@ -46,7 +46,7 @@ async def stream(
         heartbeat: Seconds between signs of life.
         reveal: What an entry looks like to the one who asked; ``None`` if it is not shown.
         sealed: Whether the one who asked may know when something sealed comes; else nothing that is
-            told, ids too, depends on it.
+            sent, ids included, depends on it.
     """
     present, pace = feed.last, Backpressure(time.monotonic)
     try:

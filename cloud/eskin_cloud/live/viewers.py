@@ -1,4 +1,4 @@
-"""Which nodes somebody looks at: what they say next is worth short blocks."""
+"""Which nodes are viewed: these should send short blocks."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Viewers:
         self._elsewhere |= dict.fromkeys(nodes, self._clock() + self.lasting)
 
     def watched(self, nodes: Iterable[str]) -> list[str]:
-        """Those of some nodes at which somebody looks."""
+        """The viewed ones of some nodes."""
         now = self._clock()
         self._elsewhere = {node: until for node, until in self._elsewhere.items() if until > now}
         return [node for node in nodes if self._is_watched(node, now)]

@@ -176,12 +176,12 @@ class OccupancyBounds:
         if run.answer is not self._answer:
             self.part()
             self._answer, self._current = run.answer, -run.error
-        told = run.end + max(0, min(end - run.end, run.dt))
+        known_until = run.end + max(0, min(end - run.end, run.dt))
         earliest = run.end + run.dt - run.error
         earliest = earliest if following is None else min(earliest, following)
-        self._lost = max(0, told - earliest)
-        self._current += run.held + told - run.end
-        self.known += run.held + told - run.end
+        self._lost = max(0, known_until - earliest)
+        self._current += run.held + known_until - run.end
+        self.known += run.held + known_until - run.end
 
     def part(self) -> None:
         """Close a range at a gap."""

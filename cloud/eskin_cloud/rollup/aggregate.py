@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from eskin.kernels.jit import kernel, part
-from eskin.kernels.rounding import greater, lesser
+from eskin.kernels.outward_rounding import greater, lesser
 from eskin.kernels.summation import sum_up
 
 if TYPE_CHECKING:

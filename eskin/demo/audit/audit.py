@@ -69,7 +69,7 @@ def audit(
     Args:
         layout: The demo's data folder.
         store: Where the cloud's store is; ``None``: in that folder.
-        progress: Told blocks done and blocks in all.
+        progress: Called with blocks done and blocks in all.
 
     Raises:
         AuditError: There is no store, no block, or a block that no node's emulator knows.

@@ -12,7 +12,7 @@ from eskin_cloud.store.damage import DamagedRow, RowHeader, is_intact_block, rep
 from eskin_cloud.store.removal import RemovalReason
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import blocks, events, sequences
-from eskin_cloud.store.write.stored_digests import find_digest
+from eskin_cloud.store.write.duplicates import find_digest
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from sqlalchemy import select
 

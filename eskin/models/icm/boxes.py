@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.kernels.jit import kernel, part
-from eskin.kernels.rounding import div_down, div_up, mul_down, mul_up
+from eskin.kernels.outward_rounding import div_down, div_up, mul_down, mul_up
 from eskin.models.icm.box import ROOM, point, supremum
 from eskin.models.icm.clock import PI
 from eskin.models.icm.curvature import SLACK

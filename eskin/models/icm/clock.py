@@ -70,7 +70,7 @@ def phase_of(phase: float) -> tuple[float, float]:
 
 @part
 def sample_at(frequency: float, time: float) -> Sample:
-    """All that the clock tells of one time; before time 0 it is as at time 0."""
+    """What the clock shows at one time; before time 0 it is as at time 0."""
     t = max(time, 0.0)
     half_sine, half_cosine = sincospi_of_product(frequency, t)
     turns = 2.0 * frequency * t

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.kernels.jit import inlined, kernel, part
-from eskin.kernels.rounding import mul_down, mul_up
+from eskin.kernels.outward_rounding import mul_down, mul_up
 from eskin.models.icm.bracket import bracket_edge, work_space
 from eskin.models.icm.clock import (
     BLOCK,

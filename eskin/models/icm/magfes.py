@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.kernels.jit import inlined, kernel, part
-from eskin.kernels.rounding import div_down, div_up
+from eskin.kernels.outward_rounding import div_down, div_up
 from eskin.models.icm.bracket import bracket_edge, work_space
 from eskin.models.icm.clock import (
     BLOCK,

@@ -19,7 +19,7 @@ from eskin.kernels.arctangent import PI
 from eskin.kernels.exponential import expm1_excess, expm1_of_two
 from eskin.kernels.jit import inlined, kernel, part
 from eskin.kernels.logarithm import ONE
-from eskin.kernels.rounding import add_down, add_up
+from eskin.kernels.outward_rounding import add_down, add_up
 from eskin.kernels.trig_double_double import (
     LARGEST,
     reduced,

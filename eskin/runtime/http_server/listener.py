@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Final
 import uvicorn
 
 from eskin.errors import SettingsError
+from eskin.runtime.http_server.connection_limits import make_handshake_room
 from eskin.runtime.http_server.protocol import GuardedProtocol
 from eskin.runtime.http_server.rate_limit import source_of
 
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _GRACE_SECONDS: Final = 10
-_MARGIN: Final = 32
-"""So many more may come as far as the protocol, which ends an idle one for each, or refuses."""
 _AT_ONCE: Final = 16
 """Connections that are accepted before others have a turn."""
 _PAUSE_S: Final = 1.0
@@ -138,19 +137,12 @@ class Listener(uvicorn.Server):
             self._admit(arrived, address[0])
 
     def _admit(self, arrived: socket.socket, address: str) -> None:
-        source, bounds = source_of(address), self._bounds
-        same = [task for task, other in self._handshakes.items() if other == source]
-        if len(same) >= bounds.of_one and not bounds.is_proxy(address):
-            self._end(same[0])
-        elif len(self._handshakes) + len(self.server_state.connections) >= (
-            bounds.connections + _MARGIN
-        ):
-            if not self._handshakes:
-                arrived.close()
-                return
-            self._end(next(iter(self._handshakes)))
+        connected = len(self.server_state.connections)
+        if not make_handshake_room(self._handshakes, address, self._bounds, connected=connected):
+            arrived.close()
+            return
         task = asyncio.create_task(self._shake_hands(arrived))
-        self._handshakes[task] = source
+        self._handshakes[task] = source_of(address)
 
         def forget(task: asyncio.Task[None]) -> None:
             self._handshakes.pop(task, None)
@@ -158,10 +150,6 @@ class Listener(uvicorn.Server):
                 arrived.close()
 
         task.add_done_callback(forget)
-
-    def _end(self, task: asyncio.Task[None]) -> None:
-        del self._handshakes[task]
-        task.cancel()
 
     async def _shake_hands(self, arrived: socket.socket) -> None:
         context = self.config.ssl

@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
+from eskin.runtime.http_server.connection_limits import make_room
 from eskin.runtime.http_server.problems import MEDIA_TYPE, details, kind_of
 from eskin.runtime.http_server.rate_limit import source_of
 
@@ -137,7 +138,7 @@ class GuardedProtocol(HttpToolsProtocol):
             self._tls = {"tls": {"client_cert_chain": chain}}
             if chain:
                 self.source, self.authenticated = _name("certificate", chain[0]), True
-        if not self._make_room():
+        if not make_room(self, self.connections, self._bounds):
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
             return
         self._expect(self._bounds.head_s, self._too_slow)
@@ -239,21 +240,6 @@ class GuardedProtocol(HttpToolsProtocol):
         unknown = not self._whole and not self.authenticated
         return (waits or unknown) and not self.transport.is_closing()
 
-    def _make_room(self) -> bool:
-        """End the longest idle connection where there are too many; gives whether there is room."""
-        mine = (each for each in self.connections if isinstance(each, GuardedProtocol))
-        others = [each for each in mine if each is not self and not each.transport.is_closing()]
-        same = [each for each in others if each.source == self.source is not None]
-        crowds = (same, self._bounds.of_one), (others, self._bounds.connections)
-        for crowd, most in crowds:
-            idle = [each for each in crowd if each.idle]
-            if len(crowd) >= most:
-                if not idle:
-                    return False
-                # A client that proved its name goes last.
-                min(idle, key=lambda each: (each.authenticated, each.idle_since)).transport.abort()
-        return True
-
     def _identify(self, caller: str) -> None:
         """Count this connection for a caller that proved its name; from any thread."""
         source = _name("caller", caller)
@@ -262,7 +248,7 @@ class GuardedProtocol(HttpToolsProtocol):
 
     def _count_for(self, source: str) -> None:
         self.source, self.authenticated = source, True
-        if self.transport.is_closing() or self._make_room():
+        if self.transport.is_closing() or make_room(self, self.connections, self._bounds):
             return
         if self.cycle.response_started:
             self.transport.abort()

@@ -23,8 +23,7 @@ from eskin.wire.envelope.cose_labels import HELD, MOST_ENVELOPE
 from eskin.wire.envelope.header import introduction
 from eskin.wire.envelope.opener import Opened, Opener
 from eskin.wire.envelope.sealer import Sealer
-from eskin.wire.envelope.signer import sign
-from eskin.wire.envelope.verifier import Verifier, signer_chain
+from eskin.wire.envelope.signature import Verifier, sign, signer_chain
 
 __all__ = [
     "HELD",

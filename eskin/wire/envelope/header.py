@@ -23,8 +23,7 @@ from eskin.wire.envelope.cose_labels import (
     SENDER,
     SHA256_ID,
 )
-from eskin.wire.messages.cbor_head import ARRAY, BYTES, opening
-from eskin.wire.messages.cbor_map import MOST_COUNT, integer, load_any
+from eskin.wire.messages.cbor_map import ARRAY, BYTES, MOST_COUNT, integer, load_any, opening
 from eskin.wire.messages.header import Position
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Strict reading of CBOR maps with integer keys (RFC 8949, deterministic encoding of section 4.2).
+"""Strict reading of CBOR maps (RFC 8949, deterministic encoding of section 4.2).
 
 Whatever a peer sends ends as a value in its allowed range, or as a `MessageError` that names field
 and value. The bytes must be the deterministic encoding: then one message has one form, and keeping
@@ -8,7 +8,8 @@ the bytes keeps the message.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import cbor2
 
@@ -19,9 +20,10 @@ from eskin.wire.timestamp import MOST_MOMENT
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from eskin.wire.messages.command_schema import Value
+
 MOST_BYTES: Final = 65_536
 """Size limit of one plaintext message."""
-"""Limit of times in ns: signed 64 bit."""
 MOST_COUNT: Final = 2**53 - 1
 """Limit of counters: the integers that JavaScript keeps exact."""
 _KEYS: Final = 2**16
@@ -191,3 +193,78 @@ def _are_keys(value: dict[Any, object]) -> bool:
     if not value:
         return True
     return set(map(type, value)) == {int} and min(value) > -_KEYS and max(value) < _KEYS
+
+
+T = TypeVar("T")
+
+_LONGEST_KEY = 63
+_LONGEST_TEXT = 64
+
+
+def sort_texts(values: Mapping[str, T]) -> dict[str, T]:
+    """The same map, its keys in the order of their encoding."""
+    return dict(sorted(values.items(), key=lambda item: _place(item[0])))
+
+
+def read_map(value: object, what: str, most: int) -> dict[str, object]:
+    """Check a map with text keys.
+
+    Raises:
+        MessageError: It is none, has more than ``most`` entries, or they are in another order.
+    """
+    if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
+        raise MessageError(f"{what} is {shown(value)}; expected a map with text keys")
+    if len(value) > most:
+        raise MessageError(f"{what} has {len(value)} entries; at most {most} are allowed")
+    keys = [text(key, f"{what}, key", _LONGEST_KEY) for key in value]
+    if keys != sorted(keys, key=_place):
+        raise MessageError(f"{what} is not in deterministic CBOR encoding (RFC 8949, 4.2)")
+    return value
+
+
+def read_texts(value: object, what: str, most: int) -> dict[str, Value]:
+    """Check a map from texts to finite floats and texts.
+
+    Raises:
+        MessageError: It is none.
+    """
+    return {
+        key: _value(item, f"{what}, {key}") for key, item in read_map(value, what, most).items()
+    }
+
+
+def _value(value: object, what: str) -> Value:
+    if isinstance(value, str):
+        return text(value, what, _LONGEST_TEXT)
+    number = real(value, what)
+    if not math.isfinite(number):
+        raise MessageError(f"{what} is {number}; expected a finite number or a text")
+    return number
+
+
+def _place(key: str) -> tuple[int, bytes]:
+    encoded = key.encode()
+    return len(encoded), encoded
+
+
+BYTES: Final = 2
+"""Major type of byte strings."""
+TEXT: Final = 3
+"""Major type of texts."""
+ARRAY: Final = 4
+"""Major type of arrays."""
+_WIDTHS: Final = ((24, 256, 1), (25, 65_536, 2), (26, 1 << 32, 4), (27, 1 << 64, 8))
+
+
+@lru_cache(4096)
+def opening(major: int, number: int) -> bytes:
+    """The shortest head of an item (RFC 8949, section 3).
+
+    Args:
+        major: Its major type.
+        number: Its length, or how many items it holds.
+    """
+    if number < 24:
+        return bytes((major << 5 | number,))
+    short, _, width = next(found for found in _WIDTHS if number < found[1])
+    return bytes((major << 5 | short,)) + number.to_bytes(width)

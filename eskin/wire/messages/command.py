@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import CommandError, IdentityError, MessageError
-from eskin.wire.messages.cbor_map import MOST_COUNT, dump, load
+from eskin.wire.messages.cbor_map import MOST_COUNT, dump, load, read_texts, sort_texts
 from eskin.wire.messages.command_schema import CommandName, check_arguments
 from eskin.wire.messages.header import Kind
-from eskin.wire.messages.text_map import read_texts, sort_texts
 from eskin.wire.timestamp import MOST_MOMENT
 
 if TYPE_CHECKING:

@@ -7,10 +7,9 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import MessageError
-from eskin.wire.messages.cbor_map import MOST_COUNT, dump, load
+from eskin.wire.messages.cbor_map import MOST_COUNT, dump, load, read_map, read_texts, sort_texts
 from eskin.wire.messages.command_schema import TAXEL, WHOLE_NODE
 from eskin.wire.messages.header import CHANNEL, Kind, Position, position_fields, read_position
-from eskin.wire.messages.text_map import read_map, read_texts, sort_texts
 
 if TYPE_CHECKING:
     from eskin.wire.messages.cbor_map import Fields

@@ -11,7 +11,7 @@ import orjson
 
 from eskin.errors import CloudError
 from eskin.wire.messages.acknowledgement import MOST_WATCHED
-from eskin.wire.messages.cbor_head import ARRAY, BYTES, TEXT, opening
+from eskin.wire.messages.cbor_map import ARRAY, BYTES, TEXT, opening
 from eskin_gateway.upstream.cloud_client import parsing
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from eskin.peaks.certain_possible_peaks import PROGRESS
 from eskin.peaks.hysteresis import NONE, PASS
 from eskin.peaks.region import MOST_REGIONS, REGION
-from eskin.peaks.search import PROGRESS
 from eskin_sensor_node.firmware.peaks import Hysteresis, PeakDetector, Span
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from eskin.kernels.jit import kernel, part
-from eskin.peaks.search import search
+from eskin.peaks.certain_possible_peaks import search
 from eskin_sensor_node.firmware.message_writer import BLOCK, PEAK
 from eskin_sensor_node.fleet.baseline_kernels import forget, is_block_due, smooth
 from eskin_sensor_node.machine.cbor import Scratch, scratch

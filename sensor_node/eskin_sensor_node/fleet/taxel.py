@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from eskin.peaks.search import MOST_AT_ONCE
+from eskin.peaks.certain_possible_peaks import MOST_AT_ONCE
 from eskin.peaks.table import EVENT
 from eskin.wire.messages import Encoding
 from eskin_sensor_node.fleet.baseline_kernels import MODES

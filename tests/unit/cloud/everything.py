@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin_cloud.access import create_login_code
 from eskin_cloud.jobs.missing_messages import look
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store.compaction import compact_page
 
 from eskin.wire.messages import Encoding

@@ -13,7 +13,7 @@ from unittest.mock import patch
 
 import numpy as np
 from eskin_cloud.query.series import read_series
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import compact_page, find_compactable
 from eskin_cloud.store.read.lookup import find_channel

@@ -10,12 +10,12 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 import pyarrow as pa
 import eskin.runtime.memory
-from eskin_cloud import allocator
+from eskin_cloud.jobs import heap_trim
 
 apart = []
-allocator.keep_large_apart = lambda: apart.append(eskin.runtime.memory.keep_large_apart())
+heap_trim.keep_large_apart = lambda: apart.append(eskin.runtime.memory.keep_large_apart())
 if sys.argv[1:]:
-    allocator.use_one_allocator()
+    heap_trim.use_one_allocator()
 with ThreadPoolExecutor(4) as pool:
     for data in pool.map(lambda n: pa.compress(bytes(n), "zstd"), [50_000] * 40):
         assert pa.decompress(data, 50_000, "zstd").size == 50_000

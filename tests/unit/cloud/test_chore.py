@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from unittest.mock import Mock
 
 import pytest
-from eskin_cloud.jobs import certificates, erasure, pg_listener
+from eskin_cloud.jobs import erasure, pg_listener
 from eskin_cloud.jobs.heap_trim import trim_heap
 from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.jobs.silence import watch_silence
@@ -56,12 +56,12 @@ async def test_lasting_error_is_logged_once_until_it_is_over(
     logged = [record.levelname for record in caplog.records]
     assert logged == ["WARNING"] * 4 + ["ERROR"]
     reasons = [record.args[1] for record in caplog.records[:4] if isinstance(record.args, tuple)]
-    assert reasons == [away, locked, locked, disk]
+    assert reasons == [str(each) for each in (away, locked, locked, disk)]
     assert b'eskin_cloud_faults_total{work="work"} 2.0' in stand.cloud.metrics.write()
 
 
 @pytest.mark.anyio
-@pytest.mark.parametrize("name", ["erasures", "certificates", "memory", "PostgreSQL listener"])
+@pytest.mark.parametrize("name", ["erasures", "memory", "PostgreSQL listener"])
 async def test_unexpected_error_does_not_stop_a_job(
     stand: Stand, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -81,9 +81,6 @@ async def test_unexpected_error_does_not_stop_a_job(
         monkeypatch.setattr(erasure, "_apply", breaks)
         monkeypatch.setattr(cloud.key_access, "keystore", Mock())
         task = erasure.apply_erasures(cloud, stopping)
-    elif name == "certificates":
-        monkeypatch.setattr(certificates, "_INTERVAL_S", 0.001)
-        task = certificates.renew_certificates(cloud, [Mock(refresh=breaks)], stopping)
     elif name == "memory":
         monkeypatch.setattr(cloud.store, "shrink", breaks)
         monkeypatch.setattr("eskin_cloud.jobs.heap_trim._LITTLE", 2 * MUCH)

@@ -13,7 +13,7 @@ from eskin_cloud.query.export import Export, ExportChannel, ExportPosition
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import read_series
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.settings import LiveSection, PackingSection
 from eskin_cloud.store import Store, compaction
 from eskin_cloud.store.compaction import compact_page, find_compactable

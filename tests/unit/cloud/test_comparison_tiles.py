@@ -9,7 +9,7 @@ import pytest
 from eskin_cloud.query.comparison import find_comparison_segments
 from eskin_cloud.query.comparison_segments import merge, total_comparison
 from eskin_cloud.query.neighbourhood import ChannelSource, Neighbourhood
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 

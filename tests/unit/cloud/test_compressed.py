@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from eskin_cloud.live.feed import read_entries
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store import Store
 from eskin_cloud.store.compacted_rows import block_bytes
 from eskin_cloud.store.read.window import Window

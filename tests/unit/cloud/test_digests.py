@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from eskin_cloud.api.middleware.answer import DAMAGED
 from eskin_cloud.live.feed import read_entries
-from eskin_cloud.rollup.builder import build
 from eskin_cloud.rollup.reading import TileRange, read_range
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store.compaction import compact_page
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.schema.tables import blocks, dead_letters, events

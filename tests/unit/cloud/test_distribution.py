@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import compact_page
 from eskin_cloud.store.schema.sealed_tables import removals

@@ -60,7 +60,7 @@ async def test_gateway_is_listed_after_its_first_contact(stand: Stand) -> None:
         "last_heard": format_timestamp(now),
         "nodes": 3,
         "spool": {
-            "told": format_timestamp(now),
+            "reported": format_timestamp(now),
             "messages": 7,
             "bytes": 4096,
             "capacity_bytes": 10**9,
@@ -87,7 +87,7 @@ async def test_batches_are_counted_and_the_last_status_stays(stand: Stand) -> No
     counts = {name: gateway[name] for name in ("stored", "duplicate", "rejected")}
     assert counts == {"stored": 2, "duplicate": 2, "rejected": 1}
     assert gateway["last_heard"] == format_timestamp(stand.clock())
-    assert gateway["spool"]["told"] == gateway["first_heard"] != gateway["last_heard"]
+    assert gateway["spool"]["reported"] == gateway["first_heard"] != gateway["last_heard"]
 
 
 async def test_node_without_a_block_has_no_lag(stand: Stand) -> None:

@@ -77,7 +77,7 @@ async def test_sealed_channels_count(
 
 
 def test_ranges_of_a_boot_are_limited(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("eskin_cloud.store.write.stored_sequences.MAX_RANGES", 3)
+    monkeypatch.setattr("eskin_cloud.store.write.duplicates.MAX_RANGES", 3)
     store = stand.cloud.store
     outcome = put(store, *(block(number) for number in (0, 2, 4, 6, 4)), peak(8))
     assert results(outcome) == [STORED] * 3 + [REJECTED, DUPLICATE, REJECTED]

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_cloud.jobs.rollup import build_rollup
+from eskin_cloud.jobs.overview_tiles import build_rollup
 from eskin_cloud.query.occupancy import measure_occupancy, total_occupancy
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.segments import Segment, find_segments, merge
-from eskin_cloud.rollup.builder import build, write_levels
+from eskin_cloud.rollup.tile_builder import build, write_levels
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles
@@ -201,7 +201,7 @@ def test_build_yields_to_other_writers_between_channels(
         order.append(place[1])
         write_levels(connection, place, *made)
 
-    monkeypatch.setattr("eskin_cloud.rollup.builder.write_levels", write)
+    monkeypatch.setattr("eskin_cloud.rollup.tile_builder.write_levels", write)
     build(store)
     assert order == [names[0], "another", *names[1:]]
     with store.read() as connection:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_cloud.query.export import Export, ExportChannel
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import MOST_CHUNKS

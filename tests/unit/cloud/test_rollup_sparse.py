@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store.compaction import compact_page
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import (

@@ -10,7 +10,7 @@ import numpy as np
 from eskin_cloud.query.occupancy import measure_occupancy
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.series import read_series
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.tables import blocks

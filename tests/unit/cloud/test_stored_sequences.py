@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_cloud.store.schema.tables import sequences
-from eskin_cloud.store.write.stored_sequences import RangeChange, StoredSequences
+from eskin_cloud.store.write.duplicates import RangeChange, StoredSequences
 from hypothesis import given
 from hypothesis import strategies as st
 from sqlalchemy import select

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from scipy.stats import binom
 
-from eskin.demo.audit.binomial import binomial_quantile
+from eskin.demo.audit.channel import binomial_quantile
 
 CONFIDENCE = 1 - 1e-6
 

@@ -7,7 +7,7 @@ from typing import cast
 
 import pytest
 
-from eskin.demo.broker.batching_writer import BatchingWriter
+from eskin.demo.broker.broker import BatchingWriter
 
 pytestmark = pytest.mark.anyio
 

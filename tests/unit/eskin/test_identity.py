@@ -146,7 +146,7 @@ def test_tls_contexts_always_check_and_never_speak_below_1_2(identities: Identit
     server = identities.make(IdentityKind.SERVER, "server.tls")
     client = client_context(server.directory / "root.pem", identities.node)
     assert client.check_hostname
-    both = [client, server_context(server, client_certificates=True)]
+    both = [client, server_context(server.directory, client_certificates=True)]
     assert [context.verify_mode.name for context in both] == ["CERT_REQUIRED"] * 2
     assert [context.minimum_version.name for context in both] == ["TLSv1_2"] * 2
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_ca.token_uses import TokenUses
+from eskin_ca.tokens import TokenUses
 
 from eskin.errors import IdentityError
 from eskin.identity import CertificateAuthority, IdentityKind, new_key

@@ -10,10 +10,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_cloud.jobs.certificates import ServerCertificate
 
-from eskin.identity import IdentityKind
-from eskin.runtime.http_server.listener import _MARGIN
+from eskin.identity import IdentityKind, server_context
+from eskin.runtime.http_server.connection_limits import MARGIN
 from eskin.runtime.http_server.protocol import HttpLimits
 from tests.support.processes import wait_until
 from tests.unit.eskin.passing import LONG_S, pass_time
@@ -34,7 +33,7 @@ def anyio_backend() -> str:
 @pytest.fixture
 def context(identities: Identities) -> ssl.SSLContext:
     folder = identities.make(IdentityKind.SERVER, "server.listener").directory
-    return ServerCertificate("people.identity", folder).context
+    return server_context(folder, client_certificates=False)
 
 
 async def silent(port: int, stack: AsyncExitStack) -> asyncio.StreamReader:
@@ -71,7 +70,7 @@ async def test_silent_connections_of_one_address_give_way(context: ssl.SSLContex
 async def test_silent_connections_of_many_addresses_give_way(context: ssl.SSLContext) -> None:
     few = replace(FEW, connections=5)
     async with listening(few, context=context) as port, AsyncExitStack() as stack:
-        for number in range(2 * (few.connections + _MARGIN)):
+        for number in range(2 * (few.connections + MARGIN)):
             _, writer = await asyncio.open_connection(
                 "127.0.0.1", port, local_addr=(f"127.0.1.{number + 1}", 0)
             )

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.wire.messages.cbor_head import ARRAY, BYTES, TEXT, opening
+from eskin.wire.messages.cbor_map import ARRAY, BYTES, TEXT, opening
 
 
 @given(st.integers(0, 70_000))

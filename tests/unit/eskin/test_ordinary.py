@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from eskin.errors import EnvelopeError, MalformedEnvelopeError
 from eskin.wire.envelope import MOST_ENVELOPE, Opener, Sealer
-from eskin.wire.envelope.fast_path import Parts, read_ordinary
 from eskin.wire.envelope.header import Header, associated_data, read_iv, read_parts
+from eskin.wire.envelope.opener import Parts, read_ordinary
 from eskin.wire.messages import Position
 from eskin.wire.messages.cbor_map import MOST_COUNT
 

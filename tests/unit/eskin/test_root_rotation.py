@@ -182,7 +182,7 @@ def shakes_hands(client: ssl.SSLContext, server: ssl.SSLContext) -> bool:
 def test_contexts_in_use_take_new_roots_and_drop_old_ones(own: Identities) -> None:
     server = own.make(SERVER, "server.cloud")
     client = client_context(own.node.directory / ROOT_FILE, own.node)
-    context = server_context(server, client_certificates=True)
+    context = server_context(server.directory, client_certificates=True)
     stranger = client_context(own.gateway.directory / ROOT_FILE, own.gateway)
     rotation = RootRotation(own.authority)
     rotation.begin()

@@ -38,7 +38,7 @@ class HttpsServer(ThreadingHTTPServer):
         self, identity: Identity, port: int, respond: Respond, *, clients: bool = False
     ) -> None:
         self.respond = respond
-        self._context = server_context(identity, client_certificates=clients)
+        self._context = server_context(identity.directory, client_certificates=clients)
         self._open: set[socket.socket] = set()
         self._lock = Lock()
         super().__init__(("127.0.0.1", port), _Handler)

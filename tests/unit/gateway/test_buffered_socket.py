@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def connected(identities: Identities) -> Iterator[tuple[BufferedSocket, ssl.SSLSocket]]:
     """A buffered client that does not block, and a plain server that does."""
     identity = identities.make(IdentityKind.SERVER, "server.buffered")
-    server = server_context(identity, client_certificates=False)
+    server = server_context(identity.directory, client_certificates=False)
     client = client_context(identity.directory / ROOT_FILE)
     client.sslsocket_class = BufferedSocket
     near, far = socket.socketpair()

@@ -256,7 +256,7 @@ export interface SessionDocument {
 }
 
 export interface SpoolDocument {
-  readonly told: string;
+  readonly reported: string;
   readonly messages: number;
   readonly bytes: number;
   readonly capacity_bytes: number;

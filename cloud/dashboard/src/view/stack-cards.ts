@@ -33,7 +33,7 @@ export function gatewayCard(gateway: GatewayItem, now: bigint, reachable: boolea
     ...fact("stored", element("span", { title: duplicate === null ? "" : `${duplicate} duplicates` }, stored?.toLocaleString("en") ?? "–")),
     ...fact("rejected", refused),
   );
-  const fill = spool && `spool ${formatBytes(spool.bytes)} of ${formatBytes(spool.capacity_bytes)}, reported ${spool.told}`;
+  const fill = spool && `spool ${formatBytes(spool.bytes)} of ${formatBytes(spool.capacity_bytes)}, reported ${spool.reported}`;
   const title = [gateway.id, `first seen ${gateway.first_heard}`, fill].filter(Boolean).join("\n");
   return element("section", { class: "card", "data-testid": "gateway", "data-gateway": gateway.id, "data-health": health, "aria-label": `gateway ${gateway.id}`, title }, head, facts);
 }

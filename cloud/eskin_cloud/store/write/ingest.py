@@ -28,6 +28,7 @@ from eskin_cloud.store.write.channels import (
     ensure_channel,
 )
 from eskin_cloud.store.write.commands import store_result
+from eskin_cloud.store.write.duplicates import MAX_RANGES
 from eskin_cloud.store.write.events import event_row, gap_row, peak_row, status_row
 from eskin_cloud.store.write.missing_messages import (
     describe_flash_rollback,
@@ -36,7 +37,6 @@ from eskin_cloud.store.write.missing_messages import (
 )
 from eskin_cloud.store.write.parsed_message import ParsedMessage, is_node
 from eskin_cloud.store.write.presence import mark_online, record_position, record_sealed_lag
-from eskin_cloud.store.write.stored_sequences import MAX_RANGES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from eskin_cloud.store.write.stored_sequences import StoredSequences
+    from eskin_cloud.store.write.duplicates import StoredSequences
     from eskin_cloud.store.write.write_cache import Row, WriteCache
 
 log = logging.getLogger(__name__)

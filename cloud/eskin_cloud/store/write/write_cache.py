@@ -16,9 +16,8 @@ from eskin_cloud.store.row_digests import intact_rows, without_digest
 from eskin_cloud.store.sample_grid import CHUNK, level_for
 from eskin_cloud.store.schema.tables import channels, feed, nodes, sequences
 from eskin_cloud.store.schema.tile_tables import stale_chunks
+from eskin_cloud.store.write.duplicates import StoredDigests, StoredSequences, stored_spans
 from eskin_cloud.store.write.node_sites import sites_of
-from eskin_cloud.store.write.stored_digests import StoredDigests, stored_spans
-from eskin_cloud.store.write.stored_sequences import StoredSequences
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable

@@ -16,6 +16,7 @@ from eskin_sensor_node.kinds.bioelectric.settings import BioelectricSection
 from eskin_sensor_node.kinds.coil.settings import CoilSection
 from eskin_sensor_node.kinds.hygrometer.settings import HygrometerSection
 from eskin_sensor_node.kinds.pad.settings import PadSection
+from eskin_sensor_node.kinds.registry import KINDS
 from eskin_sensor_node.kinds.thermometer.settings import ThermometerSection
 from eskin_sensor_node.tools.dataset.columns import COIL, PAD, SURROUNDINGS
 from eskin_sensor_node.world.scenario import read_scenario
@@ -132,7 +133,7 @@ def _pads(scenario: str, script: Script, rate: float) -> tuple[PadSection, ...]:
         "reference_Hz": _HEADROOM * _REST_HERTZ,
         "noise": {"kind": "uniform", "bound": 1e-7},
     }
-    sheet = _sheet(PadSection, "pad", given | script.pad, scenario=scenario, rate=rate)
+    sheet = _sheet(PadSection, given | script.pad, scenario=scenario, rate=rate)
     if "resistance_ohm" not in script.pad:
         plates = sheet.relative_permittivity * sheet.plate_area_m2 / sheet.plate_distance_m
         rest = float(VACUUM_PERMITTIVITY.mid) * plates
@@ -155,19 +156,19 @@ def _air(script: Script) -> dict[str, float]:
 
 def _coils(scenario: str, script: Script, rate: float) -> tuple[CoilSection, ...]:
     given = {"adc_min_V": 0.6, "adc_max_V": 0.95, "noise": {"kind": "uniform", "bound": 2e-5}}
-    sheet = _sheet(CoilSection, "coil", given | script.coil, scenario=scenario, rate=rate)
+    sheet = _sheet(CoilSection, given | script.coil, scenario=scenario, rate=rate)
     names = script.skin.build().names
     return tuple(sheet.model_copy(update={"id": name, "place": name}) for name in names)
 
 
 def _thermometer(scenario: str, script: Script, rate: float) -> ThermometerSection:
     given = {"noise": {"kind": "uniform", "bound": 1e-5}} | script.thermometer
-    return _sheet(ThermometerSection, "thermometer", given, scenario=scenario, rate=rate)
+    return _sheet(ThermometerSection, given, scenario=scenario, rate=rate)
 
 
 def _hygrometer(scenario: str, script: Script, rate: float) -> HygrometerSection:
     given = {"noise": {"kind": "uniform", "bound": 1e-7}} | script.hygrometer
-    return _sheet(HygrometerSection, "hygrometer", given, scenario=scenario, rate=rate)
+    return _sheet(HygrometerSection, given, scenario=scenario, rate=rate)
 
 
 def _electrode(scenario: str, script: Script, rate: float) -> BioelectricSection:
@@ -176,7 +177,6 @@ def _electrode(scenario: str, script: Script, rate: float) -> BioelectricSection
     given = {"electrode_gain_V_per_V": gain, "noise": {"kind": "uniform", "bound": 1e-4}}
     return _sheet(
         BioelectricSection,
-        "bioelectric",
         given | script.electrode,
         scenario=scenario,
         rate=rate,
@@ -186,7 +186,6 @@ def _electrode(scenario: str, script: Script, rate: float) -> BioelectricSection
 
 def _sheet(
     model: type[Sheet],
-    kind: str,
     table: dict[str, Any],
     *,
     scenario: str,
@@ -194,6 +193,7 @@ def _sheet(
     name: str = "",
 ) -> Sheet:
     """A data sheet as a scenario's table has it: that of the skin's first taxel, or of a sensor."""
+    kind = next(each.name for each in KINDS.values() if each.settings is model)
     for key in (*_FIXED, *_OF_NODES):
         if key in table:
             raise ScenarioError(scenario, f"{name or kind}.{key}", "the dataset itself sets it")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from eskin_cloud.query.models import DEFAULTS
-from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store.compaction import compact_page
 
 from eskin.wire.messages import Encoding

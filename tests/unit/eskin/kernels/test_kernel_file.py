@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba.core import caching
 
-from eskin.kernels.jit_cache_file import KernelFile
+from eskin.kernels.jit_cache import KernelFile
 from tests.unit.eskin.kernels.halves import tell, write_kernel
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import eskin
 from eskin.peaks import PeakEvent, Peaks, PeakStream, find_peaks
-from eskin.peaks.search import MOST_AT_ONCE, search
+from eskin.peaks.certain_possible_peaks import MOST_AT_ONCE, search
 from eskin.peaks.table import EVENT
 from tests.unit.eskin.peaks.firmware import Detector
 from tests.unit.eskin.peaks.tubes import ADVERSARIAL, PROMINENCES, Sample

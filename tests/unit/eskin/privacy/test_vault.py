@@ -126,10 +126,10 @@ def test_power_cut_between_tombstone_and_key_ends_in_no_key(
     def cut(path: Path) -> None:
         raise SystemExit(str(path))
 
-    monkeypatch.setattr("eskin.privacy.keystore.destroy", cut)
+    monkeypatch.setattr("eskin.privacy.key_erasure.destroy", cut)
     with pytest.raises(SystemExit):
         keystore.erase(made.pseudonym)
-    monkeypatch.setattr("eskin.privacy.keystore.destroy", room.destroy)
+    monkeypatch.setattr("eskin.privacy.key_erasure.destroy", room.destroy)
     assert KeyStore(keystore.directory, keystore._master).subjects() == []
 
 

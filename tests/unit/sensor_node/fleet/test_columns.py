@@ -13,7 +13,7 @@ from eskin_sensor_node.firmware.peaks import PeakDetector
 from eskin_sensor_node.fleet.columns import fresh
 
 from eskin.peaks import Peaks
-from eskin.peaks.search import MOST_AT_ONCE, search
+from eskin.peaks.certain_possible_peaks import MOST_AT_ONCE, search
 from eskin.peaks.table import EVENT
 
 if TYPE_CHECKING:

@@ -1,12 +1,16 @@
-"""Checking signed messages: who signed, and that nothing was altered."""
+"""Sign and verify messages: COSE_Sign1 (RFC 9052, section 4.2) with ES256 (RFC 9053, 2.1)."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import cbor2
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
+from cryptography.hazmat.primitives.asymmetric.utils import (
+    decode_dss_signature,
+    encode_dss_signature,
+)
 from cryptography.hazmat.primitives.hashes import SHA256
 
 from eskin.errors import (
@@ -14,16 +18,38 @@ from eskin.errors import (
     MalformedEnvelopeError,
     UntrustedCertificateError,
 )
-from eskin.identity.certificates import common_name, public_key
+from eskin.identity.certificates import common_name, der, public_key
 from eskin.wire.envelope.cose_labels import ALG, ES256, SIGN1, SIGNATURE_BYTES, SIGNER_CHAIN
 from eskin.wire.envelope.header import load_header, read_tagged
-from eskin.wire.envelope.signer import signed_data
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from eskin.identity.chain_verifier import ChainVerifier
+    from eskin.identity.identity import Identity
     from eskin.identity.identity_kind import IdentityKind
+
+
+def sign(plaintext: bytes, *, own: Identity, topic: str) -> bytes:
+    """Sign a message; the signer's certificate chain goes with it, under its signature.
+
+    Args:
+        plaintext: The message.
+        own: The signer.
+        topic: Where it will be published; the signature is good under no other.
+    """
+    chain = [der(certificate) for certificate in own.chain]
+    protected = cbor2.dumps({ALG: ES256, SIGNER_CHAIN: chain})
+    signed = signed_data(protected, plaintext, topic)
+    r, s = decode_dss_signature(own.key.sign(signed, ec.ECDSA(SHA256())))
+    half = SIGNATURE_BYTES // 2
+    signature = r.to_bytes(half) + s.to_bytes(half)
+    return cbor2.dumps(cbor2.CBORTag(SIGN1, [protected, {}, plaintext, signature]))
+
+
+def signed_data(protected: bytes, plaintext: bytes, topic: str) -> bytes:
+    """Sig_structure of RFC 9052, section 4.4."""
+    return cbor2.dumps(["Signature1", protected, topic.encode(), plaintext])
 
 
 class Verifier:

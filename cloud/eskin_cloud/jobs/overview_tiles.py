@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.rollup.builder import Key, claim, find_unclaimed, rebuild_stale
+from eskin_cloud.rollup.tile_builder import Key, claim, find_unclaimed, rebuild_stale
 
 if TYPE_CHECKING:
     from eskin_cloud.app_state import AppState

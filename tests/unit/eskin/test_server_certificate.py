@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import ssl
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_cloud.jobs.certificates import ServerCertificate
 
-from eskin.errors import IdentityError, SettingsError
-from eskin.identity import Identity, IdentityKind, finish_renewal, install, next_key
+from eskin.errors import IdentityError
+from eskin.identity import (
+    Identity,
+    IdentityKind,
+    der,
+    finish_renewal,
+    install,
+    next_key,
+    server_context,
+)
 from eskin.identity import renewal as renewal_module
 from eskin.identity.identity import write_whole
 
@@ -48,49 +57,60 @@ def cut_off(identities: Identities, own: Identity, monkeypatch: pytest.MonkeyPat
             renew(identities, own)
 
 
-def test_cloud_starts_in_the_middle_of_a_renewal(
+def shown(context: ssl.SSLContext) -> bytes:
+    """The certificate (DER) that a server shows to a client."""
+    client = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
+    up, down = ssl.MemoryBIO(), ssl.MemoryBIO()
+    ends = client.wrap_bio(down, up), context.wrap_bio(up, down, server_side=True)
+    for _ in range(4):
+        for end in ends:
+            with suppress(ssl.SSLWantReadError):
+                end.do_handshake()
+    return ends[0].getpeercert(binary_form=True) or b""
+
+
+def test_server_starts_in_the_middle_of_a_renewal(
     identities: Identities, own: Identity, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cut_off(identities, own, monkeypatch)
-    shown = ServerCertificate("gateways.identity", own.directory)
+    context = server_context(own.directory, client_certificates=False)
+    renewed = shown(context)
+    assert renewed != der(own.certificate)
     finish_renewal(own.directory)
-    assert shown.refresh()
-    assert not shown.refresh()
+    assert shown(context) == renewed == der(Identity.load(own.directory).certificate)
 
 
-def test_renewed_certificate_that_could_not_be_taken_is_tried_again(
+def test_unusable_renewal_leaves_the_certificate_and_is_tried_again(
     identities: Identities, own: Identity, caplog: pytest.LogCaptureFixture
 ) -> None:
-    shown = ServerCertificate("gateways.identity", own.directory)
+    context = server_context(own.directory, client_certificates=False)
     renew(identities, own)
     chain = own.directory / "chain.pem"
     whole = chain.read_bytes()
     chain.write_bytes(b"")
     for _ in range(3):
-        assert not shown.refresh()
-        assert "cannot be used" in str(shown.fault)
-    assert len(caplog.records) == 1, "it is said once"
+        assert shown(context) == der(own.certificate)
+    assert len(caplog.records) == 1
     chain.write_bytes(whole)
-    assert shown.refresh()
-    assert shown.fault is None
+    assert shown(context) == der(Identity.load(own.directory).certificate) != der(own.certificate)
 
 
-def test_certificate_for_which_the_moment_is_bad_is_tried_again(
+def test_renewal_that_fails_for_a_moment_is_tried_again(
     identities: Identities, own: Identity, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shown = ServerCertificate("gateways.identity", own.directory)
+    context = server_context(own.directory, client_certificates=False)
     renew(identities, own)
 
     def fail(*_: object) -> None:
         raise IdentityError("too many open files")
 
     with monkeypatch.context() as patched:
-        patched.setattr("eskin_cloud.jobs.certificates.show", fail)
-        assert not shown.refresh()
-        assert shown.fault == "too many open files"
-    assert shown.refresh()
+        patched.setattr("eskin.identity.tls.show", fail)
+        assert shown(context) == der(own.certificate)
+    assert shown(context) == der(Identity.load(own.directory).certificate)
 
 
-def test_folder_without_a_certificate_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match=r"chain\.pem and key\.pem cannot be used"):
-        ServerCertificate("people.identity", tmp_path)
+def test_folder_without_a_certificate_is_rejected(tmp_path: Path) -> None:
+    with pytest.raises(IdentityError):
+        server_context(tmp_path, client_certificates=False)

@@ -1,6 +1,7 @@
-"""The digests of stored messages, which distinguish duplicates from conflicts.
+"""Detect duplicates: the sequence numbers of stored messages, and the messages' digests.
 
-A row holds the digests of consecutive sequence numbers. Retention keeps digests and numbers.
+A known number with the stored digest is a duplicate, with another digest a conflict. A row holds
+the digests of consecutive sequence numbers. Retention keeps digests and numbers.
 """
 
 from __future__ import annotations
@@ -8,19 +9,22 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import defaultdict
 from operator import itemgetter
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sqlalchemy import and_, func, or_, select, text
 
 from eskin.runtime.digest import DIGEST_BYTES
+from eskin.wire.sequence_set import SequenceRanges
 from eskin_cloud.store.read.lookup import key_batches
 from eskin_cloud.store.schema.tables import digests
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from sqlalchemy import Connection
 
+MAX_RANGES: Final = 100_000
+"""Of a boot: each range costs a row and memory. Honest nodes skip numbers only for losses."""
 _FULL_ROW: Final = 64
 """A row with so many digests is not extended: each extension rewrites the row."""
 _MAX_ROW: Final = 1024
@@ -31,6 +35,62 @@ _WRITE: Final = text(
     "INSERT INTO digests (node, boot, first, data) VALUES (:node, :boot, :first, :data) "
     "ON CONFLICT (node, boot, first) DO UPDATE SET data = excluded.data"
 )
+
+
+class RangeChange(NamedTuple):
+    """A range that changed since the last write.
+
+    Attributes:
+        first: Its first number.
+        before: Its last number as written; ``None`` for a new range.
+        now: Its last number now; ``None`` if it was merged into another range.
+    """
+
+    first: int
+    before: int | None
+    now: int | None
+
+
+class StoredSequences(SequenceRanges):
+    """Ranges that record their changes, so that a save writes only these.
+
+    Args:
+        ranges: The stored ranges.
+    """
+
+    def __init__(self, ranges: Iterable[tuple[int, int]] = ()) -> None:
+        self._before: dict[int, int | None] = {}
+        super().__init__(ranges)
+        self._before.clear()
+
+    def add(self, first: int, last: int | None = None) -> None:
+        """Add one number, or all from ``first`` to ``last``.
+
+        Raises:
+            ValueError: ``first > last``.
+        """
+        if not self._lasts or first != self._lasts[-1] + 1:
+            for known in self.near(first, first if last is None else last):
+                self._before.setdefault(*known)
+            self._before.setdefault(first, None)
+        else:  # the usual case: numbers arrive in order
+            self._before.setdefault(self._firsts[-1], self._lasts[-1])
+        super().add(first, last)
+
+    def has_room_for(self, number: int) -> bool:
+        """Whether a number may be added without exceeding `MAX_RANGES`."""
+        return len(self) < MAX_RANGES or bool(self.near(number, number))
+
+    def changes(self) -> Iterator[RangeChange]:
+        """The changes to write."""
+        for first, before in self._before.items():
+            now = self.last_of(first)
+            if now != before:
+                yield RangeChange(first, before, now)
+
+    def written(self) -> None:
+        """Forget the changes, which are written."""
+        self._before.clear()
 
 
 class StoredDigests:
