@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 ENVIRONMENT_PREFIX = "ESKIN_"
 _LONGEST_NAME: Final = 200
+_LONGEST_REASON: Final = 1000
 """Of a setting as errors show it: a name may be anything."""
 
 
@@ -209,8 +210,10 @@ def _refusal(error: ValidationError, path: Path | None) -> SettingsError:
         return SettingsError(name, f"is missing{where}; it has no default")
     if first["type"] == "extra_forbidden":
         return SettingsError(name, f"no such setting{where}; check its spelling")
-    why = first["msg"]
+    why = first["msg"][:_LONGEST_REASON]
     if first["type"] == "union_tag_invalid":  # which tells the whole tag
         found = first["ctx"]
         why = f"{found['discriminator']} is one of {found['expected_tags']}"
-    return SettingsError(name, f"{shown(first['input'])} is not allowed{where}: {why}")
+    return SettingsError(
+        name, f"{shown(first['input'])} is not allowed{where}: {why}"
+    )

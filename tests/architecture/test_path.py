@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
+import pytest
+
 from tests.architecture import path
 
 _TRACES: Final = 3
 """On a busy machine something rare may run in a window, such as sending again."""
 
 
+@pytest.mark.nightly
+@pytest.mark.timeout(300)
 def test_page_lists_files_and_types_of_both_paths() -> None:
     listed = path.PAGE.read_text().partition(path.BEGIN)[2].partition(path.END)[0]
     differing = []

@@ -20,6 +20,7 @@ from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.spool import Spool
 from eskin_sensor_node.kinds.settings import Rate
 from eskin_sensor_node.node.ground_truth import GroundTruth
+from eskin_sensor_node.profile import Profile
 from eskin_sensor_node.settings import NodeSettings
 from eskin_sensor_node.world.replay.recording import read_recording
 from eskin_sensor_node.world.replay.rows import read_rows
@@ -289,3 +290,12 @@ def test_endless_columns_that_stand_twice_are_told_in_short(tmp_path: Path) -> N
     with pytest.raises(RecordingError, match="stand twice") as error:
         list(read_rows(path))
     assert len(str(error.value)) < 500
+
+
+def test_reason_of_a_rejected_setting_is_short(tmp_path: Path) -> None:
+    path = tmp_path / "node.toml"
+    text = NODE + Profile.read("hand").text
+    path.write_text(text.replace('hygrometer = "a02"', f'hygrometer = "a{"9" * 9000}"', 1))
+    with pytest.raises(SettingsError) as caught:
+        NodeSettings.load(path)
+    assert len(str(caught.value)) < 2000
