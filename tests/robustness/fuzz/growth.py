@@ -42,6 +42,8 @@ def grown(target: Target, pool: Sequence[bytes], *, inputs: int, seed: int) -> i
         BrokenError: One broke the oracle.
     """
     process, random, warm = psutil.Process(), Random(seed), 0
+    for data in pool:  # each loads what it needs first
+        target.check(data)
     for number in range(inputs):
         data = random.choice(pool)
         blind = random.random() < _BLIND
