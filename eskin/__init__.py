@@ -1,8 +1,9 @@
 """eskin: smart skin sensors from the physics to the pixel, every value an interval.
 
-``import eskin`` gives a researcher's notebook the intervals, the tubes and their peaks, with no
-server. The sensor models are in `eskin.models`, noise and detection in `eskin.noise`, design by
-intervals in `eskin.design`. `eskin.connect` opens an `eskin.Client`, which reads a cloud's data.
+``import eskin`` gives a researcher's notebook the intervals, the tubes and their peaks, and the
+contacts of a skin, with no server. The sensor models are in `eskin.models`, noise and detection in
+`eskin.noise`, design by intervals in `eskin.design`. `eskin.connect` opens an `eskin.Client`, which
+reads a cloud's data.
 """
 
 from __future__ import annotations
@@ -10,6 +11,15 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any, Final
 
+from eskin.contacts import (
+    Contacts,
+    ContactStream,
+    ContactTracks,
+    Skin,
+    find_contacts,
+    link_contacts,
+    track_contacts,
+)
 from eskin.errors import EskinError
 from eskin.interval import Interval, Verdict, Verdicts
 from eskin.peaks import PeakEvent, Peaks, PeakStream, find_peaks
@@ -21,19 +31,26 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Client",
+    "ContactStream",
+    "ContactTracks",
+    "Contacts",
     "EskinError",
     "Interval",
     "PeakEvent",
     "PeakStream",
     "Peaks",
+    "Skin",
     "Tube",
     "Verdict",
     "Verdicts",
     "connect",
     "design",
+    "find_contacts",
     "find_peaks",
+    "link_contacts",
     "models",
     "noise",
+    "track_contacts",
 ]
 
 _LATER: Final = frozenset({"design", "models", "noise"})

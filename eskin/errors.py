@@ -24,6 +24,7 @@
     ├── StoreError               a cloud's store that cannot hold or give back
     ├── QueryError               a question that has no answer as it stands
     ├── DesignError              a requirement, or a space of parameters, that cannot be used
+    ├── ContactError             a skin, a threshold or times by which contacts cannot be sought
     ├── ScenarioError            a scenario that cannot be played
     ├── RecordingError           a recording that cannot be replayed, or not all of it
     └── AuditError               a data folder that cannot be audited
@@ -246,6 +247,10 @@ class QueryError(EskinError):
 
 class DesignError(EskinError, ValueError):
     """A requirement, or a space of parameters, that cannot be used."""
+
+
+class ContactError(EskinError, ValueError):
+    """A skin, a threshold or times by which contacts cannot be sought."""
 
 
 class ScenarioError(EskinError):

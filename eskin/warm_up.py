@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from eskin import models
+from eskin.contacts import Skin, track_contacts
 from eskin.interval import Interval
 from eskin.models.icm import IcmParameters
 from eskin.peaks import find_peaks
@@ -53,6 +54,14 @@ def _intervals() -> None:
 
 def _peaks() -> None:
     find_peaks(Interval([0.0, 1.0, 0.0]), prominence=0.5)
+
+
+def _contacts() -> None:
+    """A contact with a core, a region without one, and at the last instant a new core."""
+    skin = Skin.grid(1, 3, pitch=1e-3, area=1e-6)
+    pressures = np.array([[2e3, 0.0, 1e3], [1e3, 0.0, 1e3], [2e3, 0.0, 1e3]])
+    times = np.array([[0, 0], [1, 1], [2, 2]])
+    track_contacts(pressures - 100.0, pressures + 100.0, times, skin, 1e3)
 
 
 def _capacitive_models() -> None:
@@ -108,6 +117,7 @@ def _hybrid_sensor() -> None:
 STEPS: Final[dict[str, Callable[[], object]]] = {
     "arithmetic and functions of intervals": _intervals,
     "peaks": _peaks,
+    "contacts": _contacts,
     "capacitive models": _capacitive_models,
     "inductive models": _inductive_models,
     "the hybrid sensor (ICM)": _hybrid_sensor,

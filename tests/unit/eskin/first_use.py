@@ -109,6 +109,7 @@ def _ask_for_the_rest() -> None:
     stream = eskin.PeakStream(0.5)
     stream.feed(signal)
     stream.finish()
+    _ask_for_contacts()
     tube = eskin.Tube((0, 9), 1000, signal, "F", 1.0)
     for encoding in Encoding:
         packed = Block.pack(_position(), "t01.capacitance", 0, tube, encoding)
@@ -118,6 +119,25 @@ def _ask_for_the_rest() -> None:
         {"resistance": eskin.Interval(1e3, 2e3), "capacitance": eskin.Interval(1e-9, 2e-9)},
         resolution=0.25,
     )
+
+
+def _ask_for_contacts() -> None:
+    """Of grids and graphs, at one instant and over time, with bounds of each layout."""
+    corners = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+    triangle = eskin.Skin.from_edges(corners, 1e-6, [(0, 1), (1, 2), (0, 2)])
+    for skin in (eskin.Skin.grid(3, 4, pitch=1e-3, area=np.full(12, 1e-6)), triangle):
+        count = len(skin)
+        lo = np.random.default_rng(1).normal(1e3, 500.0, (8, 2 * count))[:, ::2]
+        hi = lo + 300.0
+        hi.flags.writeable = False
+        instants = [eskin.find_contacts(lo[k], hi[k], skin, 1e3) for k in range(2)]
+        eskin.find_contacts(np.full(count, np.nan), np.zeros(count), skin, 1000)
+        eskin.link_contacts(*instants)
+        times = np.repeat(np.arange(8), 2).reshape(8, 2)
+        eskin.track_contacts(lo, hi, times, skin, 1e3)
+        stream = eskin.ContactStream(skin, 1e3)
+        stream.feed(lo[::2].tolist(), hi[::2], times[::2])
+        stream.finish()
 
 
 def _position() -> Any:
