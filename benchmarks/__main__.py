@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from benchmarks.contacts import measure_contacts
 from benchmarks.dashboard import measure_dashboard
 from benchmarks.envelope import measure_envelope
 from benchmarks.fleet import measure_emulation, measure_fleet
@@ -43,6 +44,8 @@ def main() -> None:
         rows += measure_icm()
     with console.status("peaks of a tube against scipy's find_peaks …"):
         rows += measure_peaks()
+    with console.status("contacts of a large skin …"):
+        rows += measure_contacts()
     with console.status("packs beside the blocks that they are made of …"):
         rows += measure_packing()
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
