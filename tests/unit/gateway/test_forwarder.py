@@ -165,11 +165,11 @@ def test_outage_while_a_message_is_retried_is_logged_once(
     caplog.clear()
     setup.cloud.mode, setup.cloud.__dict__["retry_after"] = "busy", "0"
     setup.spool.commit(Batch([SpoolMessage("n", 1, b"new")]))
-    wait_until(lambda: "thread=forwarder" in caplog.text, "it is logged")
+    wait_until(lambda: "work=forwarder" in caplog.text, "it is logged")
     setup.cloud.mode = "ok"
     wait_until(lambda: "1 message(s), one of n" in str(setup.forwarder.fault), "it is back")
     setup.forwarder.stop()
-    assert caplog.text.count("thread=forwarder") == 1
+    assert caplog.text.count("work=forwarder") == 1
 
 
 def test_rejected_messages_become_dead_letters_with_reason(setup: Setup) -> None:
