@@ -68,32 +68,28 @@ class Sampling(NamedTuple):
     strides: bytes = b""
 
     @property
-    def first_rows(self) -> NDArray[np.int64]:
-        """Row of the first sample of each column; may lie behind the last row."""
-        return -self.first_row % self._steps
-
-    @property
-    def count(self) -> int:
-        """How many samples there are."""
-        return int((-((self.first_rows - self.rows) // self._steps)).clip(0).sum())
+    def counts(self) -> list[int]:
+        """How many samples each column has."""
+        if not self.strides:
+            return [self.rows] * self.columns
+        # The first row that is sampled may lie behind the last.
+        steps = [1 << stride for stride in self.strides]
+        return [max(0, -((-self.first_row % step - self.rows) // step)) for step in steps]
 
     @property
     def mask(self) -> NDArray[np.bool_]:
         """Which cells hold a sample, shape ``(rows, columns)``."""
         numbers = self.first_row % 2**MOST_STRIDE + np.arange(self.rows)[:, np.newaxis]
-        return np.asarray(numbers % self._steps == 0)
+        steps = 1 << np.frombuffer(self.strides or bytes(self.columns), np.uint8).astype(np.int64)
+        return np.asarray(numbers % steps == 0)
 
     @property
     def limit(self) -> int:
         """The most bytes that their codes take, whatever they are."""
-        starts = int(np.count_nonzero(self.first_rows < self.rows))
-        groups = -(-starts // _GROUP) - (-(self.count - starts) // _GROUP)
-        return 2 * (self.count * _BITS // 8 + groups)
-
-    @property
-    def _steps(self) -> NDArray[np.int64]:
-        strides = self.strides or bytes(self.columns)
-        return 1 << np.frombuffer(strides, np.uint8).astype(np.int64)
+        counts = self.counts
+        samples, starts = sum(counts), sum(map(bool, counts))
+        groups = -(-starts // _GROUP) - (-(samples - starts) // _GROUP)
+        return 2 * (samples * _BITS // 8 + groups)
 
 
 class SampleCodes(NamedTuple):
