@@ -161,14 +161,14 @@ class Layout:
         if len(hashes) % HASH_BYTES:
             raise MessageError(f"field 2 has {len(hashes)} bytes; expected {HASH_BYTES} a patch")
         return cls(
-            patches=tuple(
-                hashes[k : k + HASH_BYTES] for k in range(0, len(hashes), HASH_BYTES)
-            ),
+            patches=tuple(hashes[k : k + HASH_BYTES] for k in range(0, len(hashes), HASH_BYTES)),
             pages=tuple(
                 integer(each, "field 3", 1, MOST_PATCHES) for each in fields.items(3, MOST_PAGES)
             ),
             seams=tuple(_seam(each) for each in fields.optional_items(4, _MOST_SEAMS)),
-            controllers=tuple(_controller(each) for each in fields.optional_items(5, _MOST_CONTROLLERS)),
+            controllers=tuple(
+                _controller(each) for each in fields.optional_items(5, _MOST_CONTROLLERS)
+            ),
         )
 
 

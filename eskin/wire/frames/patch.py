@@ -162,14 +162,17 @@ class Patch:
             privacy=Privacy(fields.integer(7, 0, max(Privacy))),
             subject=fields.text(8, _NAME_LENGTH) if fields.has(8) else None,
             positions=tuple(
-                _sums(axis, "field 9", -_FARTHEST, _FARTHEST) for axis in fields.optional_items(9, 3)
+                _sums(axis, "field 9", -_FARTHEST, _FARTHEST)
+                for axis in fields.optional_items(9, 3)
             ),
             neighbours=read_pairs(fields.raw(10), "field 10") if fields.has(10) else (),
-            skew=(
-                _sums(fields.raw(11), "field 11", 0, _LONGEST_SKEW) if fields.has(11) else ()
+            skew=(_sums(fields.raw(11), "field 11", 0, _LONGEST_SKEW) if fields.has(11) else ()),
+            alpha=tuple(
+                _bounds(each, "field 12") for each in fields.optional_items(12, MOST_COLUMNS)
             ),
-            alpha=tuple(_bounds(each, "field 12") for each in fields.optional_items(12, MOST_COLUMNS)),
-            beta=tuple(_bounds(each, "field 13") for each in fields.optional_items(13, MOST_COLUMNS)),
+            beta=tuple(
+                _bounds(each, "field 13") for each in fields.optional_items(13, MOST_COLUMNS)
+            ),
             slew=_positive(fields, 14) if fields.has(14) else None,
             threshold=_finite(fields, 15) if fields.has(15) else None,
             cell_area=_positive(fields, 16) if fields.has(16) else None,

@@ -1,10 +1,4 @@
-/** Bytes that hold no samples as docs/messages.md describes them. */
-export class FrameError extends Error {
-  constructor(message: string) {
-    super(message);
-    this.name = "FrameError";
-  }
-}
+import { FrameError } from "./frame-error";
 
 /** Which cells of a patch's matrix hold a sample. */
 export interface Sampling {
@@ -25,6 +19,8 @@ export interface Samples {
 const GROUP = 64;
 const MASK = 0xffffff;
 const MOST_BITS = 24;
+const MOST_STRIDE = 16;
+const MOST_EXPONENT = 1022;
 const PADDING = 4;
 const UNKNOWN = 0;
 const NO_LOWER = 1;
@@ -70,10 +66,11 @@ function orderCells({ rows, columns, firstRow, strides }: Sampling): { cells: In
   const first: number[] = [];
   const later: number[] = [];
   const last = new Int32Array(columns).fill(-1);
+  const phase = firstRow % 2 ** MOST_STRIDE; // the number itself and a row may be more than 2^53
   let previous = -1;
   for (let row = 0; row < rows; row += 1) {
     for (let column = 0; column < columns; column += 1) {
-      if (strides && (firstRow + row) % 2 ** strides[column]! !== 0) continue;
+      if (strides && (phase + row) % 2 ** strides[column]! !== 0) continue;
       const cell = row * columns + column;
       if (last[column]! < 0) {
         first.push(cell, previous);
@@ -115,5 +112,6 @@ function unpack(data: Uint8Array, from: number, cells: Int32Array, begin: number
 
 /** 2^exponent, exactly, for exponents of normal numbers; engines may round `**`. */
 function powerOfTwo(exponent: number): number {
+  if (Math.abs(exponent) > MOST_EXPONENT) throw new FrameError(`exponent ${exponent} is that of no quantum`);
   return new Float64Array(BigUint64Array.of(BigInt(exponent + 1023) << 52n).buffer)[0]!;
 }

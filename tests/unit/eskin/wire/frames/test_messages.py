@@ -253,7 +253,9 @@ def test_layout_reads_its_frames_alone() -> None:
     LAYOUT.require_patches(PATCHES)
     assert [LAYOUT.page_range(k) for k in range(2)] == [range(2), range(2, 3)]
     one_page = replace(LAYOUT, pages=(3,), controllers=())
-    narrow = replace(PALM, taxels=("t00",), positions=(), neighbours=(), skew=(), beta=((0.0, 1.0),))
+    narrow = replace(
+        PALM, taxels=("t00",), positions=(), neighbours=(), skew=(), beta=((0.0, 1.0),)
+    )
     unshared = replace(PALM, alpha=(), beta=())
     refused: list[Callable[[], None]] = [
         lambda: FRAME.require_layout(one_page, PATCHES),
