@@ -1,4 +1,4 @@
-"""Frames: samples of a whole skin, how they are read, and what is stated of them (``docs/messages.md``)."""
+"""Frames of a whole skin, how they are read, what is stated of them (``docs/messages.md``)."""
 
 from __future__ import annotations
 

@@ -143,8 +143,8 @@ class PatchSamples:
         if self.unshared:
             bits = sum(1 << column for column in self.unshared)
             options[_UNSHARED] = bits.to_bytes((self.columns + 7) // 8, "little")
-        told: list[object] = [self.patch, self.grid, self.epoch, self.columns]
-        return [*told, exponent, offset, codes, *([options] if options else [])]
+        head: list[object] = [self.patch, self.grid, self.epoch, self.columns]
+        return [*head, exponent, offset, codes, *([options] if options else [])]
 
     @classmethod
     def read(cls, value: object) -> Self:
@@ -194,7 +194,7 @@ class Frame:
     """Samples of the patches of one page.
 
     Row ``r`` of a patch was sampled in column ``c`` at a moment within ``time`` plus ``delay +
-    r·period`` of its grid plus ``skew[c]`` of its description, and its interval holds at that moment.
+    r·period`` of its grid plus ``skew[c]`` of its description; its interval holds at that moment.
 
     Attributes:
         position: Boot and sequence.
@@ -223,15 +223,15 @@ class Frame:
     def __post_init__(self) -> None:
         used = -1
         for before, each in zip((None, *self.patches), self.patches, strict=False):
-            with_place = f"field 9, patch {each.patch}"
+            place = f"field 9, patch {each.patch}"
             if before is not None and each.patch <= before.patch:
-                raise MessageError(f"{with_place} follows patch {before.patch}; they must ascend")
+                raise MessageError(f"{place} follows patch {before.patch}; they must ascend")
             try:
                 each.require_consistent(self.grids)
             except MessageError as error:
-                raise MessageError(f"{with_place}: {error}") from error
+                raise MessageError(f"{place}: {error}") from error
             if each.grid > used + 1:
-                raise MessageError(f"{with_place} has grid {each.grid} before {used + 1} is used")
+                raise MessageError(f"{place} has grid {each.grid} before {used + 1} is used")
             used = max(used, each.grid)
         if used != len(self.grids) - 1 or len(set(self.grids)) < len(self.grids) or used < 0:
             raise MessageError("field 8 has a grid twice, or one that no patch has")

@@ -110,7 +110,7 @@ class Layout:
 
         Raises:
             MessageError: A hash is another one, a page has two privacy classes or subjects, two
-                patches have one ``patch_id`` or one channel, or a seam names a column that is not there.
+                patches have one ``patch_id`` or channel, or a seam names a column that is missing.
         """
         if tuple(patch.content_hash for patch in patches) != self.patches:
             raise MessageError("the patches are not those that the layout names")

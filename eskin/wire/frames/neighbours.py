@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from eskin.errors import MessageError
@@ -38,7 +39,7 @@ def require_pairs(pairs: Pairs, columns: tuple[int, int], what: str) -> None:
     Raises:
         MessageError: They are not.
     """
-    if any(second <= first for first, second in zip(pairs, pairs[1:], strict=False)):
+    if any(second <= first for first, second in pairwise(pairs)):
         raise MessageError(f"{what} names pairs twice, or not in ascending order")
     for pair in pairs:
         if not (0 <= pair[0] < columns[0] and 0 <= pair[1] < columns[1]):

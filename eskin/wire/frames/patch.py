@@ -1,4 +1,4 @@
-"""A patch: channels of one quantity that are sampled together, and what no command changes of them."""
+"""A patch: channels of one quantity, sampled together, and what no command changes of them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Patch:
         quantity: Of all channels.
         unit: UCUM code of all bounds.
         taxels: Of each column; its channel is ``{taxel}.{quantity}``.
-        least_width: Least width that a sample's interval usually has, in the unit; sets the quantum.
+        least_width: Least width of a sample's interval by design, in the unit; sets the quantum.
         privacy: Whether the samples tell of a person.
         subject: Which person, by a name that the gateway maps to a pseudonym; only if biometric.
         positions: x and y, or x, y and z of all columns, in um.
@@ -86,14 +86,16 @@ class Patch:
         _require_name(self.patch_id, "field 2")
         if _QUANTITY.fullmatch(self.quantity) is None:
             raise MessageError(f"field 3 is {self.quantity!r}; expected such as capacitance")
-        _require_count(self.taxels, (range(1, MOST_COLUMNS + 1)), "field 5")
+        _require_count(self.taxels, range(1, MOST_COLUMNS + 1), "field 5")
         for taxel in self.taxels:
             _require_name(taxel, "field 5")
         if len(set(self.taxels)) < len(self.taxels):
             raise MessageError("field 5 names a taxel twice")
         columns = len(self.taxels)
         if (self.subject is None) is (self.privacy is Privacy.BIOMETRIC):
-            raise MessageError(f"field 8 is {self.subject!r}; a subject has who is biometric alone")
+            raise MessageError(
+                f"field 8 is {self.subject!r}; each biometric patch has a subject, no other"
+            )
         if self.subject is not None:
             _require_name(self.subject, "field 8")
         _require_count(self.positions, (0, 2, 3), "field 9")
@@ -104,7 +106,7 @@ class Patch:
             raise MessageError("field 10 names a pair with the greater column first")
         _require_count(self.skew, (0, columns), "field 11")
         if self.skew and not any(self.skew):
-            raise MessageError("field 11 says of no column that it is sampled later; leave it out")
+            raise MessageError("field 11 has skews of 0 only; leave it out")
         _require_shared(self.alpha, self.beta, columns)
 
     @property

@@ -2,8 +2,8 @@
 
 A bound is a whole number of quanta of ``2^exponent``, so that every decoder gets exactly the same
 binary64, which encloses what was encoded. ``docs/messages.md`` describes the codes;
-`eskin_sensor_node.firmware.sample_codec` is the twin in plain Python, equal to the byte. Bit packing
-in groups: Lemire and Boytsov, "Decoding billions of integers per second through vectorization",
+`eskin_sensor_node.firmware.sample_codec` is the twin in plain Python, equal to the byte. Packing in
+groups: Lemire and Boytsov, "Decoding billions of integers per second through vectorization",
 Software: Practice and Experience 45 (2015).
 """
 
@@ -175,7 +175,7 @@ def _order(
     """Cells in the order of their codes, each with the cell that predicts it, or -1.
 
     First come the columns' first samples; the one before in this list predicts each. Then come all
-    others, row after row; the one before in its column predicts each. Also gives how many are first.
+    others, row after row; the one before in its column predicts each. Gives how many are first.
     """
     starts = 0
     for column in range(columns):
@@ -201,7 +201,7 @@ def _order(
 @part
 def _quanta_down(value: float, exponent: int) -> int:
     """The greatest number of quanta that is not above a value."""
-    quanta = np.int64(np.floor(value * 2.0**-exponent))
+    quanta = int(np.floor(value * 2.0**-exponent))
     # The product is exact, or so small that it was rounded to zero.
     return quanta - 1 if np.float64(quanta) * 2.0**exponent > value else quanta
 
@@ -354,7 +354,7 @@ def _unpack(
         size, bits = min(len(order) - begin, _GROUP), 0
         if place >= behind:
             return _CUT, place
-        width = np.int64(data[place])
+        width = int(data[place])
         if width > _BITS:
             return _WIDE, place
         end = place + 1 + (size * width + 7) // 8
@@ -362,7 +362,7 @@ def _unpack(
             return _CUT, place
         for k in range(size):
             bit = k * width
-            word = np.int64(load(data, place + 1 + (bit >> 3), 0, np.uint32))
+            word = int(load(data, place + 1 + (bit >> 3), 0, np.uint32))
             folded = word >> (bit & 7) & ((1 << width) - 1)
             bits |= folded
             cell, before = order[begin + k]

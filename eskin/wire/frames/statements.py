@@ -52,7 +52,7 @@ class Peak(NamedTuple):
         column: Its channel.
         time: UTC ns, from the sample before it to the sample after it.
         verdict: Certain or possible.
-        count: Fewest and most peaks: 1, 1 if certain; 0, n if possible.
+        counts: Fewest and most peaks: 1, 1 if certain; 0, n if possible.
         height: Enclosure of the greatest value in that time.
         prominence: Enclosure of the prominence.
         coverage: Probability of the whole statement.
@@ -62,7 +62,7 @@ class Peak(NamedTuple):
     column: int
     time: Moments
     verdict: Verdict
-    count: Counts
+    counts: Counts
     height: Bounds
     prominence: Bounds
     coverage: float
@@ -87,7 +87,7 @@ class Contact(NamedTuple):
         label: Names it from message to message by a fixed rule; states nothing.
         time: Enclosure of its moment, UTC ns.
         verdict: Certain with a core; possible without one.
-        count: Fewest and most contacts in its region.
+        counts: Fewest and most contacts in its region.
         area: Fewest and most taxels.
         force: Enclosure of the force, in N.
         centroid: Enclosures of x and y, or of x, y and z, in m.
@@ -98,7 +98,7 @@ class Contact(NamedTuple):
     label: int
     time: Moments
     verdict: Verdict
-    count: Counts
+    counts: Counts
     area: Counts
     force: Bounds
     centroid: tuple[Bounds, ...]
@@ -186,9 +186,9 @@ class Statements:
         if not (self.peaks or self.contacts or self.verdicts or self.gaps):
             raise MessageError("statements hold no statement; write none")
         for peak in self.peaks:
-            _require_counted(peak.verdict, peak.count, "field 5")
+            _require_counted(peak.verdict, peak.counts, "field 5")
         for contact in self.contacts:
-            _require_counted(contact.verdict, contact.count, "field 6")
+            _require_counted(contact.verdict, contact.counts, "field 6")
         for verdict in self.verdicts:
             _require_reason(verdict)
         for gap in self.gaps:
@@ -201,7 +201,7 @@ class Statements:
         Raises:
             MessageError: It is longer than a message may be; divide it.
         """
-        told = {
+        arrays = {
             5: [_listed(peak) for peak in self.peaks],
             6: [_listed(contact) for contact in self.contacts],
             7: [_listed(verdict) for verdict in self.verdicts],
@@ -210,7 +210,7 @@ class Statements:
         data = dump(
             position_fields(Kind.STATEMENTS, self.position)
             | {4: self.layout}
-            | {key: each for key, each in told.items() if each}
+            | {key: each for key, each in arrays.items() if each}
         )
         if len(data) > MOST_BYTES:
             raise MessageError(
@@ -242,10 +242,10 @@ class Statements:
         )
 
 
-def _require_counted(verdict: Verdict, count: Counts, what: str) -> None:
+def _require_counted(verdict: Verdict, counts: Counts, what: str) -> None:
     least = 1 if verdict is Verdict.CERTAIN else 0
-    if verdict is Verdict.IMPOSSIBLE or min(count[0], 1) != least or count[1] == 0:
-        raise MessageError(f"{what} states {verdict.name.lower()} with {count[0]} to {count[1]}")
+    if verdict is Verdict.IMPOSSIBLE or min(counts[0], 1) != least or counts[1] == 0:
+        raise MessageError(f"{what} states {verdict.name.lower()} with {counts[0]} to {counts[1]}")
 
 
 def _require_reason(verdict: MonitorVerdict) -> None:
@@ -287,13 +287,13 @@ def _one_of_three(value: object, what: str) -> Verdict:
 
 def _peak(value: object) -> Peak:
     what = "field 5"
-    patch, column, time, verdict, count, height, prominence, coverage = row(value, what, 8)
+    patch, column, time, verdict, counts, height, prominence, coverage = row(value, what, 8)
     return Peak(
         patch=integer(patch, what, 0, MOST_PATCHES - 1),
         column=integer(column, what, 0, MOST_COLUMNS - 1),
         time=_moments(time, what),
         verdict=_one_of_three(verdict, what),
-        count=_counts(count, what),
+        counts=_counts(counts, what),
         height=_bounds(height, what),
         prominence=_bounds(prominence, what),
         coverage=_coverage(coverage, what),
@@ -302,7 +302,7 @@ def _peak(value: object) -> Peak:
 
 def _contact(value: object) -> Contact:
     what = "field 6"
-    label, time, verdict, count, area, force, centroid, coverage, links = row(value, what, 9)
+    label, time, verdict, counts, area, force, centroid, coverage, links = row(value, what, 9)
     axes = items(centroid, what, 3)
     if len(axes) < 2:
         raise MessageError(f"{what} has a centroid of {len(axes)} axes; expected 2 or 3")
@@ -310,7 +310,7 @@ def _contact(value: object) -> Contact:
         label=integer(label, what, 0, MOST_COUNT),
         time=_moments(time, what),
         verdict=_one_of_three(verdict, what),
-        count=_counts(count, what),
+        counts=_counts(counts, what),
         area=_counts(area, what),
         force=_bounds(force, what),
         centroid=tuple(_bounds(axis, what) for axis in axes),

@@ -1,7 +1,7 @@
 """Writes a patch's samples: rounded outward to quanta, differenced, packed into few bits.
 
-``docs/messages.md`` describes the codes; `eskin.wire.frames.sample_codec` is the compiled twin, equal to
-the byte.
+``docs/messages.md`` describes the codes; `eskin.wire.frames.sample_codec` is the compiled twin,
+equal to the byte.
 """
 
 from math import floor, frexp, ldexp

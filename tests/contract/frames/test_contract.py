@@ -1,4 +1,4 @@
-"""Frames mean what ``docs/eskin.cddl`` says, to libraries and decoders that know nothing of eskin."""
+"""Frames mean what ``docs/eskin.cddl`` says, to decoders that know nothing of eskin."""
 
 from __future__ import annotations
 

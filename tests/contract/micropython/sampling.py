@@ -16,13 +16,13 @@ def encode(job: "Mapping[str, Any]") -> "list[Any]":
     ``matrices`` holds for each one its rows, columns, number of the first row (a text), strides,
     least width and bounds; floats as hexadecimal of float64, little endian.
     """
-    told = []
+    encoded = []
     for rows, columns, first_row, strides, width, lows, highs in job["matrices"]:
         sampling = Sampling(rows, columns, int(first_row), strides)
         finest = finest_exponent(_reals(width)[0])
         exponent, offset, codes = encode_samples(_reals(lows), _reals(highs), sampling, finest)
-        told.append([exponent, str(offset), codes.hex()])
-    return told
+        encoded.append([exponent, str(offset), codes.hex()])
+    return encoded
 
 
 def _reals(text: str) -> "tuple[float, ...]":

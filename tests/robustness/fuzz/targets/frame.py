@@ -10,7 +10,6 @@ import numpy as np
 from eskin_sensor_node.firmware import sample_codec as firmware
 
 from eskin.errors import MessageError
-from eskin.interval import Interval
 from eskin.wire.frames import (
     Frame,
     Layout,
@@ -29,6 +28,8 @@ from tests.unit.eskin.wire.frames.examples import MESSAGES
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from eskin.interval import Interval
 
 SLOWEST = 500
 """Samples of a frame that the slow decoder reads, too."""

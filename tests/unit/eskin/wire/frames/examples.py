@@ -80,14 +80,17 @@ STATEMENTS = Statements(
     peaks=(Peak(0, 1, (5, 9), Verdict.CERTAIN, (1, 1), (1.0, 1.5), (0.5, INF), 0.999),),
     contacts=(
         Contact(
-            7, (5, 6), Verdict.CERTAIN, (1, 2), (1, 3), (0.5, 1.5), ((0.0, 0.01), (-0.25, 0.5)), 0.99,
+            7, (5, 6), Verdict.CERTAIN, (1, 2), (1, 3), (0.5, 1.5), ((0.0, 0.01),
+            (-0.25, 0.5)), 0.99,
             (Link(6, Verdict.POSSIBLE),),
         ),
         Contact(8, (5, 6), Verdict.POSSIBLE, (0, 1), (0, 1), (0.0, INF), ((0.0, 1.0),) * 3, 1.0),
     ),
     verdicts=(
-        MonitorVerdict("grip", (5, 6), Verdict.POSSIBLE, False, Because.GAP | Because.WIDTH, 1.0),
-        MonitorVerdict("slip", (5, 6), Verdict.IMPOSSIBLE, True, Because(0), 0.5),
+        MonitorVerdict("grip",
+        (5, 6), Verdict.POSSIBLE, final=False, because=Because.GAP | Because.WIDTH, coverage=1.0),
+        MonitorVerdict("slip",
+        (5, 6), Verdict.IMPOSSIBLE, final=True, because=Because(0), coverage=0.5),
     ),
     gaps=(Gap("flash full", (1, 2), 7, 1750, ((1, 0, 6), (2, 1, 1)), (0, 2)),),
 )  # fmt: skip

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cbor2
 import numpy as np
@@ -40,6 +39,9 @@ from tests.unit.eskin.wire.frames.examples import (
     STATEMENTS,
     WEARER,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 Message = Patch | Layout | Frame | Statements
 
@@ -122,14 +124,19 @@ WRONG: list[tuple[Message, dict[int, Any]]] = [
     ]),
     (AIR, {12: [[1.0, 2.0]]}), (AIR, {7: 1}), (WEARER, {8: "Wearer"}),
     *((LAYOUT, {key: value}) for key, value in [
-        (2, b""), (2, bytes(32)), (2, bytes(96)), (2, b"\1" * 33), (3, [3, 1]), (3, [2, 1, 0]), (3, []),
-        (3, [True, 2]), (4, []), (4, [[1, 0, b"\0\0"]]), (4, [[0, 3, b"\0\0"]]), (4, [[0, 1, b"\0"]]),
-        (4, [[0, 1, b"\0\0"]] * 2), (4, [[0, 2, b"\0\0"], [0, 1, b"\0\0"]]), (4, [[0, 1, b"\0\x40"]]),
+        (2, b""), (2, bytes(32)), (2, bytes(96)), (2, b"\1" * 33), (3, [3, 1]), (3, [2, 1, 0]),
+        (3, []),
+        (3, [True, 2]), (4, []), (4, [[1, 0, b"\0\0"]]), (4, [[0, 3, b"\0\0"]]),
+        (4, [[0, 1, b"\0"]]),
+        (4, [[0, 1, b"\0\0"]] * 2), (4, [[0, 2, b"\0\0"], [0, 1, b"\0\0"]]),
+        (4, [[0, 1, b"\0\x40"]]),
         (5, [["hand", 1]]), (5, [["hand", 3]]), (5, [["", 2]]), (5, [["hand"]]),
     ]),
     *((FRAME, {key: value}) for key, value in [
-        (1, 1), (2, -1), (3, 2**53), (4, bytes(31)), (4, "x"), (5, 256), (6, -1), (7, [2, 1]), (7, [1]),
-        (8, []), (8, [list(FAST)]), (8, [list(FAST)] * 2), (8, [list(FAST)] * 3), (9, []), (9, [[]]),
+        (1, 1), (2, -1), (3, 2**53), (4, bytes(31)), (4, "x"), (5, 256), (6, -1), (7, [2, 1]),
+        (7, [1]),
+        (8, []), (8, [list(FAST)]), (8, [list(FAST)] * 2), (8, [list(FAST)] * 3), (9, []),
+        (9, [[]]),
     ]),
     *((STATEMENTS, {key: value}) for key, value in [
         (4, b""), (5, []), (6, []), (7, []), (8, []), (5, [[0, 1, [5, 9]]]),
@@ -165,8 +172,10 @@ CODES = SAMPLES[1][6]
 @pytest.mark.parametrize(
     "change",
     [
-        {0: 2000}, {0: -1}, {1: 2}, {1: 0}, {2: -1}, {2: 2**53}, {3: 0}, {3: 65}, {3: 2}, {4: -1001},
-        {4: 931}, {5: 2**53}, {5: -(2**53)}, {5: 0.0}, {6: b""}, {6: CODES + b"\0"}, {6: CODES[:-1]},
+        {0: 2000}, {0: -1}, {1: 2}, {1: 0}, {2: -1}, {2: 2**53}, {3: 0}, {3: 65}, {3: 2},
+        {4: -1001},
+        {4: 931}, {5: 2**53}, {5: -(2**53)}, {5: 0.0}, {6: b""}, {6: CODES + b"\0"},
+        {6: CODES[:-1]},
         {6: "x"}, {6: b"\x19" + CODES[1:]}, {6: bytes(70_000)},
         {7: {}}, {7: []}, {7: {3: b"\0"}}, {7: {1: b"\0"}}, {7: {1: b"\x11"}}, {7: {1: b"\0\1"}},
         {7: {1: b"\x10"}}, {7: {2: b"\1"}}, {7: {2: b"\0"}}, {7: {2: b"\2"}}, {7: {1: 5}},
@@ -243,9 +252,9 @@ def test_few_bytes_become_no_more_samples_than_64_kib_hold() -> None:
     values = Interval(np.zeros((170, 64)))
     large = PatchSamples.pack(values, 1.0, patch=0, grid=0, first_row=0)
     assert len(large.samples.codes) < 500
-    told = cbor2.loads(FRAME.encode()) | {8: [list(FAST._replace(rows=171, first_row=0))]}
+    fields = cbor2.loads(FRAME.encode()) | {8: [list(FAST._replace(rows=171, first_row=0))]}
     with pytest.raises(MessageError):
-        Frame.decode(dump(told | {9: [large.encode()]}))
+        Frame.decode(dump(fields | {9: [large.encode()]}))
 
 
 def test_layout_reads_its_frames_alone() -> None:
@@ -293,6 +302,8 @@ def test_statements_that_are_too_long_are_refused_at_once() -> None:
     gap = Gap("x" * 100, (1, 2), 7, 1, (), ())
     with pytest.raises(MessageError):
         replace(STATEMENTS, gaps=(gap,) * 1000).encode()
-    verdict = MonitorVerdict("grip", (5, 6), Verdict.CERTAIN, True, Because(0), 1.0)
+    verdict = MonitorVerdict(
+        "grip", (5, 6), Verdict.CERTAIN, final=True, because=Because(0), coverage=1.0
+    )
     many = replace(STATEMENTS, verdicts=(verdict,) * 1000)
     assert Statements.decode(many.encode()) == many
