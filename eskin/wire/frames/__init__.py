@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eskin.wire.frames.content_hash import HASH_BYTES, content_hash
+from eskin.wire.frames.content_hash import content_hash
 from eskin.wire.frames.frame import Frame, Grid, PatchSamples
 from eskin.wire.frames.layout import Controller, Layout, Seam
 from eskin.wire.frames.patch import Patch, Privacy
@@ -18,7 +18,6 @@ from eskin.wire.frames.statements import (
 )
 
 __all__ = [
-    "HASH_BYTES",
     "Because",
     "Contact",
     "Controller",

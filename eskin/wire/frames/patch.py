@@ -32,7 +32,7 @@ _LONGEST_SKEW: Final = 1_000_000_000_000
 
 
 class Privacy(IntEnum):
-    """Whether samples tell of a person."""
+    """Whether samples are data about a person."""
 
     PUBLIC = 0
     BIOMETRIC = 1
@@ -50,7 +50,7 @@ class Patch:
         unit: UCUM code of all bounds.
         taxels: Of each column; its channel is ``{taxel}.{quantity}``.
         least_width: Least width of a sample's interval by design, in the unit; sets the quantum.
-        privacy: Whether the samples tell of a person.
+        privacy: Whether the samples are data about a person.
         subject: Which person, by a name that the gateway maps to a pseudonym; only if biometric.
         positions: x and y, or x, y and z of all columns, in um.
         neighbours: Pairs of columns whose taxels touch, the lesser first.
