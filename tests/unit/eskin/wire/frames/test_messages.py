@@ -242,19 +242,25 @@ def test_a_full_page_of_the_worst_values_reaches_its_limit() -> None:
     frame = Frame(Position(most, most), bytes(32), 255, most, moments, (grid,), tuple(samples))
     assert 60_000 < frame.limit <= MOST_BYTES
     assert frame.limit - 3 * len(samples) - 4 <= len(frame.encode()) <= frame.limit
-    samples += [replace(samples[-1], patch=1950)] * 2
+    one_more = (*samples, replace(samples[-1], patch=1950))
+    assert frame.limit + samples[-1].limit(grid) > MOST_BYTES
     with pytest.raises(MessageError):
-        replace(frame, patches=tuple(samples))
+        replace(frame, patches=one_more)
 
 
 def test_few_bytes_become_no_more_samples_than_64_kib_hold() -> None:
-    """Zeros take a byte for 64 samples; the receiver allocates by the worst case all the same."""
-    values = Interval(np.zeros((170, 64)))
-    large = PatchSamples.pack(values, 1.0, patch=0, grid=0, first_row=0)
-    assert len(large.samples.codes) < 500
-    fields = cbor2.loads(FRAME.encode()) | {8: [list(FAST._replace(rows=171, first_row=0))]}
-    with pytest.raises(MessageError):
-        Frame.decode(dump(fields | {9: [large.encode()]}))
+    """Zeros take a byte for 64 samples; the receiver counts the worst case all the same."""
+    for rows, is_refused in ((169, False), (170, True)):
+        values = Interval(np.zeros((rows, 64)))
+        large = PatchSamples.pack(values, 1.0, patch=0, grid=0, first_row=0)
+        assert len(large.samples.codes) < 500
+        grid = FAST._replace(rows=rows, first_row=0)
+        fields = cbor2.loads(FRAME.encode()) | {8: [list(grid)], 9: [large.encode()]}
+        if is_refused:
+            with pytest.raises(MessageError):
+                Frame.decode(dump(fields))
+        else:
+            assert Frame.decode(dump(fields)).limit <= MOST_BYTES
 
 
 def test_layout_reads_its_frames_alone() -> None:

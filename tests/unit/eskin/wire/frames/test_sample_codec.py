@@ -92,6 +92,8 @@ def test_quantum_is_coarser_only_where_codes_would_not_fit() -> None:
     assert encode_samples(wide, Sampling(1, 2), 64.0).exponent == 1
     fits = Interval(np.array([[0.0, 1.0]]), np.array([[1.0, 2.0**24 - 4]]))
     assert encode_samples(fits, Sampling(1, 2), 64.0).exponent == 0
+    one_more = Interval(np.array([[0.0, 1.0]]), np.array([[1.0, 2.0**24 - 3]]))
+    assert encode_samples(one_more, Sampling(1, 2), 64.0).exponent == 1
     far = Interval(np.array([[2.0**53]]), np.array([[2.0**53 + 2]]))
     assert encode_samples(far, Sampling(1, 1), 64.0).exponent == 2
 
@@ -129,6 +131,28 @@ def test_no_other_codes_mean_the_same_samples() -> None:
     for wrong in (encoded.codes[:-1], encoded.codes + b"\0", b""):
         with pytest.raises(MessageError):
             decode_samples(encoded._replace(codes=wrong), sampling)
+
+
+@pytest.mark.parametrize(
+    ("codes", "is_good"),
+    [
+        ("00 03 04", True),  # base 0, kind 2: lo alone
+        ("01 00 03 04", False),  # the base in a bit that it does not need
+        ("00 04 04", False),
+        ("02 02 03 04", True),  # base 1
+        ("00 00", True),  # base 0, kind 0: unknown
+        ("02 02 00", False),  # an unknown sample with a base
+        ("00 03 0c", False),  # a bit beyond the group
+        ("19 00 00 00 00 00", False),  # 25 bits
+    ],
+)
+def test_a_sample_has_one_form(codes: str, is_good: bool) -> None:  # noqa: FBT001
+    encoded = SampleCodes(0, 5, bytes.fromhex(codes))
+    if is_good:
+        assert decode_samples(encoded, Sampling(1, 1)).inf in (5.0, 6.0, -np.inf)
+    else:
+        with pytest.raises(MessageError):
+            decode_samples(encoded, Sampling(1, 1))
 
 
 @settings(deadline=None)
