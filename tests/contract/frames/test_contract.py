@@ -6,19 +6,27 @@ import json
 import re
 from fractions import Fraction
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cbor2
 import pycddl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pycose.keys.symmetric import SymmetricKey
+from pycose.messages.enc0message import Enc0Message
 
+from eskin.wire.envelope import Sealer
+from eskin.wire.envelope.key_agreement import agree_key
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples, Sampling, Statements
 from eskin.wire.messages import Position
 from tests.contract.frames.slow_decoder import Bound, decode_frame
 from tests.contract.frames.vectors import FILE, document, frames
 from tests.unit.eskin.wire.frames.examples import MESSAGES
 from tests.unit.eskin.wire.frames.matrices import SIZES, matrices, samplings
+
+if TYPE_CHECKING:
+    from tests.support.identities import Identities
 
 CDDL = Path(__file__).parents[3] / "docs" / "eskin.cddl"
 KINDS = {Patch: "patch", Layout: "layout", Frame: "frame", Statements: "statements"}
@@ -83,6 +91,18 @@ def test_independent_library_writes_the_same_bytes(
     fields = cbor2.loads(message.encode())
     assert list(fields) == sorted(fields)
     assert cbor2.dumps(fields) == message.encode()
+
+
+def test_independent_cose_library_decrypts_a_frame(identities: Identities) -> None:
+    topic, node, site = "eskin/v1/nodes/fingertip/frames", identities.node, identities.site
+    frame = max(frames(), key=lambda each: len(each.encode()))
+    envelope = Sealer(node, site.certificate).seal(frame.encode(), topic=topic)
+    message = Enc0Message.decode(envelope)
+    salt = cbor2.loads(cbor2.loads(envelope).value[0])[-20]
+    key = agree_key(site.key, node.certificate, node.certificate, site.certificate, salt)
+    message.key = SymmetricKey(k=key)
+    message.external_aad = topic.encode()
+    assert Frame.decode(message.decrypt()) == frame
 
 
 def test_vectors_for_other_languages_are_current() -> None:
