@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
-from eskin.errors import MessageError
+from eskin.errors import MessageError, shown
 from eskin.wire.frames.content_hash import HASH_BYTES
 from eskin.wire.frames.layout import MOST_PAGES, MOST_PATCHES
 from eskin.wire.frames.sample_codec import (
@@ -48,6 +48,7 @@ _HEAD_BYTES: Final = 98
 _GRID_BYTES: Final = 40
 _PATCH_BYTES: Final = 31
 _STRIDES, _UNSHARED = 1, 2
+_OPTIONS: Final = ([_STRIDES], [_UNSHARED], [_STRIDES, _UNSHARED])
 
 
 class Grid(NamedTuple):
@@ -322,11 +323,9 @@ def _grid(value: object) -> Grid:
 
 
 def _options(value: object) -> Fields:
-    if not isinstance(value, dict) or not value:
-        raise MessageError("field 9 has options that are no map, or an empty one; leave it out")
-    options = Fields(value)
-    options.only(frozenset((_STRIDES, _UNSHARED)))
-    return options
+    if not isinstance(value, dict) or list(value) not in _OPTIONS or {*map(type, value)} != {int}:
+        raise MessageError(f"field 9 has options {shown(value)}; expected a map of some of 1 and 2")
+    return Fields(value)
 
 
 def _columns(options: Fields, columns: int) -> tuple[int, ...]:
