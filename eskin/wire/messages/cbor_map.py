@@ -113,9 +113,22 @@ class Fields:
         """A text of 1 to ``longest`` characters, all printable."""
         return text(self.raw(key), f"field {key}", longest)
 
+    def octets(self, key: int, least: int, most: int) -> bytes:
+        """A byte string of ``least`` to ``most`` bytes."""
+        return octets(self.raw(key), f"field {key}", least, most)
+
     def items(self, key: int, most: int) -> list[object]:
         """An array of at most ``most`` items."""
         return items(self.raw(key), f"field {key}", most)
+
+    def optional_items(self, key: int, most: int) -> list[object]:
+        """An array of 1 to ``most`` items, or no items where it is left out."""
+        if not self.has(key):
+            return []
+        found = self.items(key, most)
+        if not found:
+            raise MessageError(f"field {key} has no items; leave it out")
+        return found
 
     def moments(self, key: int) -> tuple[int, int]:
         """A pair of UTC times in ns, in order."""
@@ -172,12 +185,27 @@ def items(value: object, what: str, most: int) -> list[object]:
     return value
 
 
+def octets(value: object, what: str, least: int, most: int) -> bytes:
+    """Check a byte string."""
+    if type(value) is not bytes:
+        raise MessageError(f"{what} is {shown(value)}; expected a byte string")
+    if not least <= len(value) <= most:
+        raise MessageError(f"{what} has {len(value)} bytes; allowed is {least} to {most}")
+    return value
+
+
 def pair(value: object, what: str) -> tuple[object, object]:
     """Check an array of two."""
-    found = items(value, what, 2)
-    if len(found) != 2:
-        raise MessageError(f"{what} has {len(found)} items; expected 2")
-    return found[0], found[1]
+    first, second = row(value, what, 2)
+    return first, second
+
+
+def row(value: object, what: str, size: int) -> list[object]:
+    """Check an array of so many."""
+    found = items(value, what, size)
+    if len(found) != size:
+        raise MessageError(f"{what} has {len(found)} items; expected {size}")
+    return found
 
 
 def integer_pair(value: object, what: str, least: int, most: int) -> tuple[int, int]:

@@ -26,6 +26,10 @@ class Kind(IntEnum):
     STATUS = 4
     RESULT = 5
     ENCRYPTED = 6
+    FRAME = 7
+    STATEMENTS = 8
+    PATCH = 9
+    LAYOUT = 10
     ACKNOWLEDGEMENT = 16
     COMMAND = 17
 

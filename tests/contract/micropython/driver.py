@@ -19,6 +19,7 @@ from eskin_sensor_node.firmware.selftest import SelfTest
 from tests.contract.micropython.cutting import cut
 from tests.contract.micropython.delivery import deliver
 from tests.contract.micropython.examination import examine
+from tests.contract.micropython.sampling import encode
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -132,6 +133,8 @@ def run(job: "Table") -> "list[Any]":
     """Do what a job asks."""
     if "tubes" in job:
         return examine(job)
+    if "matrices" in job:
+        return encode(job)
     if "cut" in job:
         return cut(job)
     return deliver(job) if "script" in job else say(job)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 NAMES: Final = (
     "wire",
     "encodings",
+    "frame",
     "envelope",
     "signature",
     "gateway_status",

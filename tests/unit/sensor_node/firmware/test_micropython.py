@@ -23,7 +23,9 @@ from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.world.scenario.file import scenario_text
 
 from eskin.identity import IdentityKind
+from eskin.interval import Interval
 from eskin.wire.envelope import sign
+from eskin.wire.frames import Sampling, encode_samples
 from eskin.wire.messages import (
     Block,
     Command,
@@ -117,6 +119,27 @@ def test_same_bytes_as_in_the_emulated_node(
     assert under_micropython(recorder.job, tmp_path) == said
     kinds = {type(decode_message(bytes.fromhex(body))) for body in said}
     assert kinds == {Block, Gap, Peak, Status}
+
+
+def test_samples_of_a_patch_have_the_same_bytes(tmp_path: Path) -> None:
+    draw = np.random.default_rng(5)
+    given: list[list[Any]] = []
+    expected: list[list[Any]] = []
+    for number in range(60):
+        rows, columns = int(draw.integers(1, 6)), int(draw.choice([1, 3, 14, 64]))
+        strides = bytes(draw.integers(0, 3, columns).tolist()) if number % 3 == 0 else b""
+        first_row = int(draw.choice([0, 5, 2**53 - 1]))
+        size, width = 10.0 ** draw.choice([-320, -12, 0, 5, 290]), 10.0 ** draw.choice([-15, 0, 3])
+        lo = size * draw.normal(size=(rows, columns))
+        hi = lo + width * draw.random((rows, columns))
+        lo[draw.random(lo.shape) < 0.1] = -np.inf
+        hi[draw.random(hi.shape) < 0.1] = np.inf
+        bounds = [side.astype("<f8").tobytes().hex() for side in (np.array(width), lo, hi)]
+        given.append([rows, columns, str(first_row), list(strides), *bounds])
+        sampling = Sampling(rows, columns, first_row, strides)
+        exponent, offset, codes = encode_samples(Interval(lo, hi), sampling, float(width))
+        expected.append([exponent, str(offset), codes.hex()])
+    assert under_micropython({"matrices": given}, tmp_path) == expected
 
 
 def fate(seed: int) -> list[list[Any]]:

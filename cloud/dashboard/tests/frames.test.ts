@@ -1,0 +1,55 @@
+import { describe, expect, test } from "vitest";
+import { FrameError } from "../src/frames/frame-error";
+import { readFrame } from "../src/frames/frame";
+import vectors from "./frames.json";
+
+function bytes(hex: string): Uint8Array {
+  return Uint8Array.from(hex.match(/../g) ?? [], (pair) => parseInt(pair, 16));
+}
+
+function floats(hex: string): Float64Array {
+  return new Float64Array(bytes(hex).buffer);
+}
+
+describe("frames that Python wrote", () => {
+  test.each(vectors)("vector %$ has the same bounds, bit by bit", ({ frame, patches }) => {
+    const read = readFrame(bytes(frame));
+    expect(read.patches.length).toBe(patches.length);
+    read.patches.forEach(({ samples }, k) => {
+      expect(samples.lo).toEqual(floats(patches[k]!.lo));
+      expect(samples.hi).toEqual(floats(patches[k]!.hi));
+    });
+  });
+
+  test("the head says when and by which layout", () => {
+    const frame = readFrame(bytes(vectors[0]!.frame));
+    expect([frame.boot, frame.sequence, frame.page, frame.ticks]).toEqual([3, 17, 0, 3e9]);
+    expect(frame.time).toEqual([1_790_000_003_000_000_000n, 1_790_000_003_000_004_000n]);
+    expect(frame.layout.length).toBe(32);
+    expect(frame.patches.map(({ patch, epoch }) => [patch, epoch])).toEqual([[0, 2], [1, 0]]);
+    expect(frame.patches[1]!.grid).toEqual({ delay: 8e6, period: 2e7, firstRow: 150, rows: 1, coverage: 0.999 });
+  });
+
+  test("frames that were cut are refused", () => {
+    const whole = bytes(vectors[0]!.frame);
+    for (let size = 0; size < whole.length; size += 1) {
+      expect(() => readFrame(whole.subarray(0, size))).toThrow(FrameError);
+    }
+    expect(() => readFrame(Uint8Array.from([...whole, 0]))).toThrow(FrameError);
+  });
+
+  test("a changed byte is refused or read; nothing else is thrown", () => {
+    const whole = bytes(vectors[0]!.frame);
+    for (let place = 0; place < whole.length; place += 1) {
+      for (const value of [0, 0x18, 0x7f, 0xff, whole[place]! ^ 1]) {
+        const changed = whole.slice();
+        changed[place] = value;
+        try {
+          readFrame(changed);
+        } catch (error) {
+          expect(error).toBeInstanceOf(FrameError);
+        }
+      }
+    }
+  });
+});

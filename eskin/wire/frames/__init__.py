@@ -1,0 +1,41 @@
+"""Frames of a whole skin, how they are read, what is stated of them (``docs/messages.md``)."""
+
+from __future__ import annotations
+
+from eskin.wire.frames.content_hash import content_hash
+from eskin.wire.frames.frame import Frame, Grid, PatchSamples
+from eskin.wire.frames.layout import Controller, Layout, Seam
+from eskin.wire.frames.patch import Patch, Privacy
+from eskin.wire.frames.sample_codec import SampleCodes, Sampling, decode_samples, encode_samples
+from eskin.wire.frames.statements import (
+    Because,
+    Contact,
+    Gap,
+    Link,
+    MonitorVerdict,
+    Peak,
+    Statements,
+)
+
+__all__ = [
+    "Because",
+    "Contact",
+    "Controller",
+    "Frame",
+    "Gap",
+    "Grid",
+    "Layout",
+    "Link",
+    "MonitorVerdict",
+    "Patch",
+    "PatchSamples",
+    "Peak",
+    "Privacy",
+    "SampleCodes",
+    "Sampling",
+    "Seam",
+    "Statements",
+    "content_hash",
+    "decode_samples",
+    "encode_samples",
+]
