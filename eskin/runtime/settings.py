@@ -214,6 +214,4 @@ def _refusal(error: ValidationError, path: Path | None) -> SettingsError:
     if first["type"] == "union_tag_invalid":  # which tells the whole tag
         found = first["ctx"]
         why = f"{found['discriminator']} is one of {found['expected_tags']}"
-    return SettingsError(
-        name, f"{shown(first['input'])} is not allowed{where}: {why}"
-    )
+    return SettingsError(name, f"{shown(first['input'])} is not allowed{where}: {why}")
