@@ -176,7 +176,7 @@ class Patch:
                 _bounds(each, "field 13") for each in fields.optional_items(13, MOST_COLUMNS)
             ),
             slew=_positive(fields, 14) if fields.has(14) else None,
-            threshold=_finite(fields, 15) if fields.has(15) else None,
+            threshold=_positive(fields, 15) if fields.has(15) else None,
             cell_area=_positive(fields, 16) if fields.has(16) else None,
         )
 
@@ -225,14 +225,10 @@ def _bounds(value: object, what: str) -> Bounds:
 
 
 def _positive(fields: Fields, key: int) -> float:
-    value = _finite(fields, key)
+    value = _require_finite(fields.real(key), f"field {key}")
     if value <= 0.0:
         raise MessageError(f"field {key} is {value!r}; expected a number above 0")
     return value
-
-
-def _finite(fields: Fields, key: int) -> float:
-    return _require_finite(fields.real(key), f"field {key}")
 
 
 def _require_finite(value: float, what: str) -> float:

@@ -88,7 +88,7 @@ class Contact(NamedTuple):
         time: Enclosure of its moment, UTC ns.
         verdict: Certain with a core; possible without one.
         counts: Fewest and most contacts in its region.
-        area: Fewest and most taxels.
+        cells: Fewest and most taxels.
         force: Enclosure of the force, in N.
         centroid: Enclosures of x and y, or of x, y and z, in m.
         coverage: Probability of the whole statement.
@@ -99,7 +99,7 @@ class Contact(NamedTuple):
     time: Moments
     verdict: Verdict
     counts: Counts
-    area: Counts
+    cells: Counts
     force: Bounds
     centroid: tuple[Bounds, ...]
     coverage: float
@@ -302,7 +302,7 @@ def _peak(value: object) -> Peak:
 
 def _contact(value: object) -> Contact:
     what = "field 6"
-    label, time, verdict, counts, area, force, centroid, coverage, links = row(value, what, 9)
+    label, time, verdict, counts, cells, force, centroid, coverage, links = row(value, what, 9)
     axes = items(centroid, what, 3)
     if len(axes) < 2:
         raise MessageError(f"{what} has a centroid of {len(axes)} axes; expected 2 or 3")
@@ -311,7 +311,7 @@ def _contact(value: object) -> Contact:
         time=_moments(time, what),
         verdict=_one_of_three(verdict, what),
         counts=_counts(counts, what),
-        area=_counts(area, what),
+        cells=_counts(cells, what),
         force=_bounds(force, what),
         centroid=tuple(_bounds(axis, what) for axis in axes),
         coverage=_coverage(coverage, what),
