@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -29,14 +30,14 @@ class Digitised:
     held: dict[str, Floats]
 
 
-class Frontend:
+class Frontend(ABC):
     """An analogue chain with an ADC behind an amplifier; each kind has its own."""
 
     _converter: Converter
 
+    @abstractmethod
     def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
         """Run the chain on what the sensor gives."""
-        raise NotImplementedError
 
     def adjust(self, gain: float, trim: int) -> None:
         """Set the amplifier before the converter, and the trimmer to one of its steps."""

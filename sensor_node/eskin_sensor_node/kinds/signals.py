@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -50,14 +51,14 @@ class Signals:
         return Signals(truth, sensed, tuple(ends))
 
 
-class World:
+class World(ABC):
     """True parts and true signals of one taxel."""
 
+    @abstractmethod
     def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
         """True signals at instants since the start (a burst: since its trigger)."""
-        raise NotImplementedError
 
-    def move(self, steps: int) -> None:
+    def move(self, steps: int) -> None:  # noqa: B027 - most kinds have no plates
         """Move the plates to one of their actuator's steps; most kinds have no plates."""
 
 

@@ -61,18 +61,18 @@ class Taxel:
 
         Only taxels with an actuator have it: without steps, adaptation never moves a plate.
         """
-        raise NotImplementedError
+        raise NotImplementedError  # kinds without an actuator are never moved
 
     def _calibrate(self, sheet: "Sheet") -> None:
         """Take from the data sheet what `measure` needs; each kind has its own."""
-        raise NotImplementedError
+        raise NotImplementedError  # abstract: MicroPython has no abc
 
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Fill buffers, a lower and an upper one for each quantity, from each input's codes.
 
         Each kind has its own; MicroPython knows no abstract classes.
         """
-        raise NotImplementedError
+        raise NotImplementedError  # abstract: MicroPython has no abc
 
     def surround(self, neighbours: int) -> None:
         """Sit among so many neighbours in the skin; most kinds do not feel them."""
@@ -90,4 +90,4 @@ class Taxel:
 
     def felt(self, bounds: "Sequence[Buffer]") -> "tuple[Buffer, Buffer]":
         """What it hands on a share of; only taxels with neighbours have it."""
-        raise NotImplementedError
+        raise NotImplementedError  # kinds without neighbours are never asked

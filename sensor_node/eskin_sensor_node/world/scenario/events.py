@@ -7,6 +7,7 @@ force, which is 1 at most, as Hertz has it for two elastic bodies: the patch's a
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Self, TypeAlias
 
 import numpy as np
@@ -78,9 +79,9 @@ class _Contact(_Event):
         """Mean pressure on the patch at the greatest force, in Pa."""
         return float(self.force_N / (np.pi * self.radius_m**2))
 
+    @abstractmethod
     def course(self, since: Floats) -> Floats:
         """Share of the greatest force at times in s since its begin, 0 outside."""
-        raise NotImplementedError
 
 
 class _Spot(_Contact):

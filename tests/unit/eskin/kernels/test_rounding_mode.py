@@ -28,7 +28,7 @@ TIMES = np.linspace(0.0, 1.0, 1000)
 @pytest.fixture(params=[0x400, 0x800, 0xC00])
 def odd_mode(request: pytest.FixtureRequest) -> Iterator[int]:
     """Downward, upward, towards zero, as an x86 numbers them."""
-    if C.fesetround(request.param) != 0:
+    if C.fesetround(request.param) != 0:  # another processor than x86, whose numbers these are
         pytest.skip("this processor numbers its rounding modes otherwise")
     yield request.param
     C.fesetround(0)
