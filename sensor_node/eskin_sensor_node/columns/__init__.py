@@ -1,0 +1,1 @@
+"""Taxels of one kind as columns of arrays."""

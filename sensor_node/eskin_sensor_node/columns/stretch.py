@@ -1,0 +1,69 @@
+"""What a skin measured in one stretch of time, patch by patch."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from eskin.interval import Floats
+    from eskin.wire.frames import Grid, Layout, Patch
+
+
+class PatchColumns(NamedTuple):
+    """Samples of one patch in a stretch, with the truth behind them.
+
+    Attributes:
+        patch: Its number in the layout.
+        grid: Number of its grid in the stretch.
+        epoch: Of shared errors; 0 where samples share none.
+        lo: Lower bounds, shape ``(rows, columns)``, in the patch's unit; infinite where unknown.
+        hi: Upper bounds.
+        truth: The true values at the true moments.
+    """
+
+    patch: int
+    grid: int
+    epoch: int
+    lo: Floats
+    hi: Floats
+    truth: Floats
+
+
+class Stretch(NamedTuple):
+    """A stretch of time of a whole skin.
+
+    Attributes:
+        begin: The node's clock at the first moment, ns since its start.
+        end: The same when the last sample is complete.
+        grids: When patches were sampled.
+        patches: In the order of the layout.
+    """
+
+    begin: int
+    end: int
+    grids: Sequence[Grid]
+    patches: Sequence[PatchColumns]
+
+
+class SkinColumns(Protocol):
+    """The taxels of a skin, sampled together.
+
+    Attributes:
+        layout: By which its frames are read.
+        patches: The descriptions that the layout names, in its order.
+        next_due: The node's clock when the next stretch is complete, ns.
+    """
+
+    layout: Layout
+    patches: Sequence[Patch]
+    next_due: int
+
+    def advance(self, ticks: int) -> Iterator[Stretch]:
+        """Take all stretches that are complete by a moment."""
+        ...
+
+    def skip(self, ticks: int) -> int:
+        """Drop all stretches that begin before a moment; gives how many samples are lost."""
+        ...
