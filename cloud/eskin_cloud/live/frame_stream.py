@@ -58,7 +58,8 @@ class FrameStream:
         self.selection = selection
         self._feed = feed
         self._contacts = contacts
-        self._cursor = cursor
+        self._cursor = self._place = cursor
+        self._near = 0
         self._backlog = backlog
         self._heartbeat = heartbeat
         self._reveal = reveal
@@ -75,58 +76,72 @@ class FrameStream:
         Raises:
             StoreError: The store cannot be read, or erasures were not looked for in a while.
         """
-        feed, write = self._feed, self._feed.frame_encoder
+        feed = self._feed
         with feed.subscribed():
-            place = self._cursor if self._sealed else await feed.open_before(self._cursor)
-            near = 0
-            yield write.lagging(place, 0)
+            if not self._sealed:
+                self._place = await feed.open_before(self._cursor)
+            yield self._lagging()
             due = time.monotonic() + self._heartbeat
             while not feed.closed:
-                behind = feed.last - self._cursor > self._backlog
-                if behind and (self._sealed or feed.last > near):
-                    resumed = feed.last - self._backlog
-                    if not self._sealed:
-                        resumed, near = await feed.open_backlog(self._cursor, self._backlog)
-                    if resumed > self._cursor:
-                        nodes = self.selection.nodes
-                        skipped = await feed.count_frames(self._cursor, resumed, nodes)
-                        self._cursor = place = resumed
-                        yield write.lagging(place, skipped)
+                if await self._skip_backlog():
+                    yield self._lagging()
                 most = _AT_ONCE if self._cursor < self._present else _PENDING
                 found, end = await feed.after(self._cursor, most, sealed=self._sealed)
                 await feed.layouts.load(found)
-                sent = 0
-                for entry in found:
-                    for message in self._of_entry(entry, place):
-                        yield message
-                        sent += 1
-                    self._cursor = place = entry.cursor
-                    if sent >= _SENT_AT_ONCE:
-                        break
-                else:
-                    self._cursor = end
-                    place = end if self._sealed else place
-                    if self._skipped:
-                        yield self._lagging(place)
+                for message in self._of_entries(found, end):
+                    yield message
                 for message in self._new_contacts():
                     yield message
                 if time.monotonic() >= due:
-                    yield self._lagging(place)
+                    yield self._lagging()
                     due = time.monotonic() + self._heartbeat
                 await feed.wait(self._cursor, max(0.0, due - time.monotonic()))
 
-    def _of_entry(self, entry: FeedEntry, before: int) -> Iterator[bytes]:
-        """The messages of an entry, none where it is dropped or not asked for."""
+    async def _skip_backlog(self) -> bool:
+        """Move on where the client is too far behind; gives whether it was."""
+        feed, last = self._feed, self._feed.last
+        if last - self._cursor <= self._backlog or (not self._sealed and last <= self._near):
+            return False
+        resumed = last - self._backlog
+        if not self._sealed:
+            resumed, self._near = await feed.open_backlog(self._cursor, self._backlog)
+        if resumed <= self._cursor:
+            return False
+        self._skipped += await feed.count_frames(self._cursor, resumed, self.selection.nodes)
+        self._cursor = self._place = resumed
+        return True
+
+    def _of_entries(self, found: Sequence[FeedEntry], end: int) -> Iterator[bytes]:
+        """Messages of entries, up to ``end`` or so many that newer entries may count."""
+        sent = 0
+        for entry in found:
+            for message in self._of_entry(entry):
+                yield message
+                sent += 1
+            self._cursor = self._place = entry.cursor
+            if sent >= _SENT_AT_ONCE:
+                return
+        self._cursor = end
+        if self._sealed:
+            self._place = end
+        if self._skipped:
+            yield self._lagging()
+
+    def _of_entry(self, entry: FeedEntry) -> Iterator[bytes]:
+        """Messages of an entry; none where it is dropped or not asked for."""
         if not self.selection.takes(entry):
             return
-        write = self._feed.frame_encoder
-        if entry.frame is None:
-            shown = self._reveal(entry)
-            if shown is not None and shown.event is not None:
-                yield from self._lagging_before(before)
-                yield write.event(entry.cursor, shown.event)
+        if entry.frame is not None:
+            yield from self._of_frame(entry)
             return
-        live = entry.cursor > self._present
+        shown = self._reveal(entry)
+        if shown is not None and shown.event is not None:
+            if self._skipped:
+                yield self._lagging()
+            yield self._feed.frame_encoder.event(entry.cursor, shown.event)
+
+    def _of_frame(self, entry: FeedEntry) -> Iterator[bytes]:
+        live, write = entry.cursor > self._present, self._feed.frame_encoder
         if live and self.selection.nodes is not None:
             self._contacts.take(entry)
         message = write.frame(entry, self.selection)
@@ -136,18 +151,17 @@ class FrameStream:
         if live and not self._stretches.keeps(entry, message.stretch, newest):
             self._skipped += 1
             return
-        yield from self._lagging_before(before)
+        if self._skipped:
+            yield self._lagging()
         if entry.layout is not None and self._layouts.get(entry.node) != entry.layout:
             self._layouts[entry.node] = entry.layout
             yield write.layout(entry.node, entry.layout)
         yield message.data
 
-    def _lagging_before(self, cursor: int) -> Sequence[bytes]:
-        return [self._lagging(cursor)] if self._skipped else []
-
-    def _lagging(self, cursor: int) -> bytes:
+    def _lagging(self) -> bytes:
+        """How many frames up to the present place were not sent since this was last stated."""
         skipped, self._skipped = self._skipped, 0
-        return self._feed.frame_encoder.lagging(cursor, skipped)
+        return self._feed.frame_encoder.lagging(self._place, skipped)
 
     def _new_contacts(self) -> Iterator[bytes]:
         for node in self.selection.nodes or ():

@@ -110,8 +110,8 @@ class SseEncoder:
         """Many entries at once, for one who reads too slowly: fewer events, and wider hulls.
 
         Blocks of a channel, and frames of a page, that follow each other without a gap become one
-        hull; all else is sent as it is. Only the last event carries the last entry's cursor, so a reader that breaks off
-        before it is sent all of them again.
+        hull; all else is sent as it is. Only the last event carries the last entry's cursor, so a
+        reader that breaks off before it is sent all of them again.
 
         Args:
             entries: In order of their cursors, at least one.

@@ -115,6 +115,8 @@ class GuardedWebSocket(CountedConnection, WebSocketsSansIOProtocol):
         if self.close_sent and self.initial_response is None:
             raise ClientDisconnected
         await super().send(message)
+        # A refusal completes the handshake, too; uvicorn logs it as a fault otherwise.
+        self.handshake_complete |= self.close_sent
 
     def refuse_for_room(self) -> None:
         """End it, because its caller has too many connections."""

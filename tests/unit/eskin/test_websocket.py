@@ -61,10 +61,13 @@ def client(port: int, path: str = "/", **options: object) -> connect:
 
 async def closing(connection: ClientConnection) -> int:
     """The code with which the server closes."""
+
+    async def read_all() -> None:
+        while True:
+            await connection.recv()
+
     with pytest.raises(ConnectionClosed) as caught:
-        async with asyncio.timeout(PATIENCE_S):
-            while True:
-                await connection.recv()
+        await asyncio.wait_for(read_all(), PATIENCE_S)
     assert caught.value.rcvd is not None
     assert caught.value.rcvd.reason
     return caught.value.rcvd.code
