@@ -190,7 +190,7 @@ class Export:
         source = self.sources[index]
         begin = self.window.start if after is None else max(after.t, self.window.start)
         at = begin
-        while at < self.window.end and at <= last.t:
+        while at < self.window.end and (at == begin or at <= last.t):
             with source.open() as connection:
                 rest = Window(at, self.window.end)
                 part = next(split_column(connection, source.channel, rest))

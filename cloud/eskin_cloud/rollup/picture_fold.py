@@ -22,12 +22,10 @@ if TYPE_CHECKING:
 
 _MOST_COLUMNS: Final = 64
 _PATCH, _EARLIEST, _LATEST, _DELAY, _PERIOD = (
-    int(part)
-    for part in (Part.PATCH, Part.EARLIEST, Part.LATEST, Part.DELAY, Part.PERIOD)
+    int(part) for part in (Part.PATCH, Part.EARLIEST, Part.LATEST, Part.DELAY, Part.PERIOD)
 )
 _FIRST_ROW, _ROWS, _COLUMNS, _STRIDES, _BEGIN = (
-    int(part)
-    for part in (Part.FIRST_ROW, Part.ROWS, Part.COLUMNS, Part.STRIDES, Part.BEGIN)
+    int(part) for part in (Part.FIRST_ROW, Part.ROWS, Part.COLUMNS, Part.STRIDES, Part.BEGIN)
 )
 
 

@@ -158,7 +158,7 @@ def _scan(
     head, row = np.empty(4, np.int64), np.empty(_PARTS, np.int64)
     count = cells = 0
     for frame in range(starts.size - 1):
-        at = _read_frame(data, starts[frame], head, grids, surely)
+        at = _read_frame(data, int(starts[frame]), head, grids, surely)
         row[_FRAME] = frame
         row[_TICKS : _LATEST + 1] = head[1:]
         for _ in range(head[0]):
@@ -175,7 +175,7 @@ def _scan(
 
 
 @part
-def _read_frame(data: Bytes, at: Any, head: Integers, grids: Integers, surely: Floats) -> int:
+def _read_frame(data: Bytes, at: Any, head: Integers, grids: Integers, surely: Floats) -> Any:
     """Read a frame up to its patches: their number, ticks, the earliest and the latest moment."""
     at += 2  # the map's head, and key 1
     for _ in range(3):  # kind, boot, sequence, each before the next key
@@ -202,7 +202,7 @@ def _read_frame(data: Bytes, at: Any, head: Integers, grids: Integers, surely: F
 
 
 @part
-def _read_record(data: Bytes, at: int, row: Integers) -> tuple[int, int]:
+def _read_record(data: Bytes, at: int, row: Integers) -> tuple[Any, Any]:
     """Read a patch, whose codes stay encoded; gives its grid, and where the next one begins."""
     items, at = _head(data, at)
     row[_PATCH], at = _integer(data, at)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 from sqlalchemy import RowMapping, bindparam, select
 
@@ -12,9 +12,13 @@ from eskin_cloud.store.row_digests import require_intact_row
 from eskin_cloud.store.schema.tables import channels, nodes
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
 
     from sqlalchemy import Connection
 
+T = TypeVar("T")
+KEYS_PER_STATEMENT: Final = 4000
+"""Some builds of SQLite accept 32,766 parameters, PostgreSQL 65,535."""
 Channel: TypeAlias = RowMapping | dict[str, Any]
 """A channel's row."""
 _CHANNEL: Final = select(channels).where(
@@ -24,6 +28,11 @@ _CHANNEL: Final = select(channels).where(
 
 class UnknownChannelError(QueryError):
     """The node or channel is unknown."""
+
+
+def key_batches(keys: Sequence[T], size: int = KEYS_PER_STATEMENT) -> Iterator[Sequence[T]]:
+    """Split keys into batches that fit one statement."""
+    return (keys[begin : begin + size] for begin in range(0, len(keys), size))
 
 
 def find_node(connection: Connection, node: str) -> RowMapping:

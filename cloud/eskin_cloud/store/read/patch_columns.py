@@ -133,9 +133,7 @@ def _last_run(connection: Connection, totals: Channel) -> PatchRun | None:
         span *= _WIDER
 
 
-def read_column(
-    connection: Connection, channel: Channel, window: Window
-) -> list[ColumnRun]:
+def read_column(connection: Connection, channel: Channel, window: Window) -> list[ColumnRun]:
     """The runs of a channel with samples in a window, in order of time, boot and sequence.
 
     Args:
@@ -185,9 +183,7 @@ def count_column(connection: Connection, channel: Channel, window: Window) -> in
     return total
 
 
-def split_column(
-    connection: Connection, channel: Channel, window: Window
-) -> Iterator[Window]:
+def split_column(connection: Connection, channel: Channel, window: Window) -> Iterator[Window]:
     """Split a window into those whose samples fit the memory."""
     return split_by_rows(connection, channel["node"], channel["patch"], window)
 
