@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final
 from cachetools import LRUCache
 
 from eskin.errors import EskinError
-from eskin.wire.frames import Frame
 from eskin.wire.frames.frame_parts import read_head
 from eskin_cloud.query.contacts import ContactSkin
 from eskin_cloud.schemas.contacts import describe_contacts
@@ -121,8 +120,8 @@ class LiveContacts:
             skin = self._skins[picture.layout]
             if skin is None:
                 return None
-            pressures = skin.read_last(map(Frame.decode, picture.frames.values()))
-            if pressures.t is None:
+            pressures = skin.read_last(list(picture.frames.values()))
+            if not pressures.known:
                 return None
             found = describe_contacts(node, skin, pressures, skin.find(pressures))
         except EskinError as error:

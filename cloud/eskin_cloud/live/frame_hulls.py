@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.union_bound import union_coverage
-from eskin.wire.frames import Frame
+from eskin.wire.frames import Sampling
+from eskin.wire.frames.frame_parts import read_head
+from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin.wire.timestamp import format_timestamp
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from eskin.interval import Floats, Interval
-    from eskin.wire.frames import Grid
+    from eskin.interval import Floats
     from eskin_cloud.schemas.base import Json
     from eskin_cloud.store.descriptions import DescribedLayout
     from eskin_cloud.store.feed_entry import FeedEntry
@@ -121,44 +122,55 @@ def read_hulls(
     """
     if described is None or entry.frame is None:
         return None
-    frame = Frame.decode(entry.frame)
-    t0 = sum(frame.time) // 2
+    head = read_head(entry.frame)
+    records = scan_frames([entry.frame], np.ones(len(described.patches), np.bool_))
+    t0 = sum(head.time) // 2
     patches = []
-    for each, values in zip(frame.patches, frame.values, strict=True):
-        description = described.patches[each.patch]
-        columns = None
+    for record, row in enumerate(records.whole.tolist()):
+        patch = described.patches[row[Part.PATCH]]
+        columns = named = None
         if channels is not None:
-            columns = [k for k, name in enumerate(description.channels) if name in channels]
+            columns = [k for k, name in enumerate(patch.channels) if name in channels]
+            named = tuple(patch.channels[k] for k in columns)
             if not columns:
                 continue
-        mask = each.sampling(frame.grids[each.grid]).mask
-        hull = _hull(values, mask)
-        named = None if columns is None else tuple(description.channels[k] for k in columns)
-        grid = frame.grids[each.grid]
-        lo, hi = hull if columns is None else (hull[0][columns], hull[1][columns])
-        start = t0 + grid.delay
+        sampling = Sampling(
+            row[Part.ROWS], row[Part.COLUMNS], row[Part.FIRST_ROW], records.strides(record)
+        )
+        cells = slice(row[Part.BEGIN], row[Part.BEGIN] + sampling.rows * sampling.columns)
+        lo, hi = _hull(sampling, records.lo[cells], records.hi[cells])
+        start, period = t0 + row[Part.DELAY], row[Part.PERIOD]
         patches.append(
-            PatchHull(description.patch_id, description.unit, named, start, _end(start, grid),
-                      grid.period, grid.rows, grid.coverage, lo, hi)
-        )  # fmt: skip
+            PatchHull(
+                patch=patch.patch_id,
+                unit=patch.unit,
+                channels=named,
+                start=start,
+                end=start + sampling.rows * period,
+                period=period,
+                n=sampling.rows,
+                coverage=float(records.coverage[record]),
+                lo=lo if columns is None else lo[columns],
+                hi=hi if columns is None else hi[columns],
+            )
+        )
     if not patches:
         return None
-    error = (frame.time[1] - frame.time[0] + 1) // 2
-    return FrameHulls(
-        entry.node, frame.layout, frame.page, t0, error, entry.received, tuple(patches)
-    )
+    error = (head.time[1] - head.time[0] + 1) // 2
+    return FrameHulls(entry.node, head.layout, head.page, t0, error, entry.received, tuple(patches))
 
 
-def _hull(values: Interval, mask: np.ndarray) -> tuple[Floats, Floats]:
+def _hull(sampling: Sampling, lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
     """The hull of each column's samples; unbounded where it has none."""
-    lo = np.where(mask, values.inf, np.inf).min(axis=0)
-    hi = np.where(mask, values.sup, -np.inf).max(axis=0)
+    shape = sampling.rows, sampling.columns
+    lo, hi = lo.reshape(shape), hi.reshape(shape)
+    if not sampling.strides:
+        return lo.min(axis=0), hi.max(axis=0)
+    mask = sampling.mask
+    least = np.where(mask, lo, np.inf).min(axis=0)
+    most = np.where(mask, hi, -np.inf).max(axis=0)
     sampled = mask.any(axis=0)
-    return np.where(sampled, lo, -np.inf), np.where(sampled, hi, np.inf)
-
-
-def _end(start: int, grid: Grid) -> int:
-    return start + grid.rows * grid.period
+    return np.where(sampled, least, -np.inf), np.where(sampled, most, np.inf)
 
 
 def join_frames(frames: Iterable[FrameHulls | None]) -> Sequence[FrameHulls]:

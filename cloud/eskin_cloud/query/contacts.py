@@ -1,4 +1,4 @@
-"""The contacts of a skin at one instant, from the frames of its pages."""
+"""The contacts of a skin at one instant, from frames."""
 
 from __future__ import annotations
 
@@ -9,18 +9,26 @@ from typing import TYPE_CHECKING, Final, Self
 import numpy as np
 
 from eskin.contacts import Skin, find_contacts
+from eskin.wire.frames import Sampling
+from eskin.wire.frames.frame_scan import Part, scan_frames
+from eskin_cloud.store.read.patch_runs import read_runs
+from eskin_cloud.store.read.window import Window, before
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
+    from sqlalchemy import Connection
 
     from eskin.contacts import Contacts
     from eskin.interval import Floats
-    from eskin.wire.frames import Frame, Patch, Sampling
+    from eskin.wire.frames import Patch
     from eskin_cloud.store.descriptions import DescribedLayout
+    from eskin_cloud.store.read.patch_run import PatchRun
 
 UNIT: Final = "Pa"
+LONGEST_HOLD: Final = 2_000_000_000
+"""An earlier sample counts for an instant no longer than this, in ns, whatever its period is."""
 _MICROMETRE: Final = 1e6
 
 
@@ -30,18 +38,23 @@ class Pressures:
     Attributes:
         lo: Lower bounds, ``-inf`` where nothing is known, shape ``(n,)``.
         hi: Upper bounds.
-        t: Middle of the latest sample's time, UTC ns; ``None`` without any sample.
+        t: Middle of the instant, UTC ns: that of the latest sample, unless it was asked for.
+        error: Greatest distance of a sample's time from its middle, ns.
+        known: Whether there is a sample.
     """
 
-    def __init__(self, taxels: int) -> None:
+    def __init__(self, taxels: int, t: int = 0) -> None:
         self.lo = np.full(taxels, -np.inf)
         self.hi = np.full(taxels, np.inf)
-        self.t: int | None = None
+        self.t = t
+        self.error = 0
+        self.known = False
 
-    def put(self, place: slice, lo: Floats, hi: Floats, t: int) -> None:
-        """State a patch's taxels."""
-        self.lo[place], self.hi[place] = lo, hi
-        self.t = t if self.t is None else max(self.t, t)
+    def put(self, taxels: NDArray[np.int64], lo: Floats, hi: Floats, error: int) -> None:
+        """State some taxels."""
+        self.lo[taxels], self.hi[taxels] = lo, hi
+        self.error = max(self.error, error)
+        self.known |= taxels.size > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,22 +116,45 @@ class ContactSkin:
             },
         )
 
-    def read_last(self, frames: Iterable[Frame]) -> Pressures:
-        """The latest sample of each taxel in frames of one stretch."""
+    def read_last(self, frames: Sequence[bytes]) -> Pressures:
+        """The latest sample of each taxel in frames of one stretch, a frame a page."""
         found = Pressures(len(self.taxels))
-        for frame in frames:
-            middle = sum(frame.time) // 2
-            for each, values in zip(frame.patches, frame.values, strict=True):
-                place = self.places.get(each.patch)
-                if place is None:
-                    continue
-                grid = frame.grids[each.grid]
-                last = last_rows(each.sampling(grid))
-                columns = np.arange(each.columns)
-                lo = np.where(last < 0, -np.inf, values.inf[last, columns])
-                hi = np.where(last < 0, np.inf, values.sup[last, columns])
-                t = middle + grid.delay + int(last.max()) * grid.period
-                found.put(place, lo, hi, t)
+        wanted = np.zeros(max(self.places) + 1, np.bool_)
+        wanted[list(self.places)] = True
+        records = scan_frames(frames, wanted)
+        for record, row in enumerate(records.whole.tolist()):
+            rows, columns, strides = row[Part.ROWS], row[Part.COLUMNS], records.strides(record)
+            taxels = np.arange(columns)
+            last = np.full(columns, rows - 1)
+            if strides:
+                last = last_rows(Sampling(rows, columns, row[Part.FIRST_ROW], strides).mask, last)
+                taxels = np.flatnonzero(last >= 0)
+            cells = row[Part.BEGIN] + last[taxels] * columns + taxels
+            taxels += self.places[row[Part.PATCH]].start
+            earliest, latest = row[Part.EARLIEST], row[Part.LATEST]
+            found.put(taxels, records.lo[cells], records.hi[cells], (latest - earliest + 1) // 2)
+            t = (earliest + latest) // 2 + row[Part.DELAY] + int(last.max()) * row[Part.PERIOD]
+            found.t = max(found.t, t)
+        return found
+
+    def read_at(
+        self, connection: Connection, node: str, described: DescribedLayout, t: int
+    ) -> Pressures:
+        """What is known of each taxel at an instant: a sample holds for its period at most.
+
+        Args:
+            connection: In a read transaction.
+            node: The node.
+            described: The layout of this skin.
+            t: UTC ns.
+        """
+        found = Pressures(len(self.taxels), t)
+        window = Window(before(t, LONGEST_HOLD), t + 1)
+        for number, place in self.places.items():
+            patch = described.patches[number]
+            for run in read_runs(connection, node, patch.patch_id, window):
+                if run.patch == described.layout.patches[number]:
+                    _put_held(found, place.start, run, patch, t)
         return found
 
     def find(self, pressures: Pressures) -> Contacts:
@@ -133,11 +169,29 @@ class ContactSkin:
         return find_contacts(lo, hi, self.skin, least)
 
 
-def last_rows(sampling: Sampling) -> NDArray[np.int64]:
-    """The row of each column's last sample; -1 where it has none."""
-    mask = sampling.mask
-    last = sampling.rows - 1 - np.argmax(mask[::-1], axis=0)
-    return np.where(mask.any(axis=0), last, -1)
+def last_rows(mask: NDArray[np.bool_], until: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The row of each column's last sample; -1 where it has none.
+
+    Args:
+        mask: Which cells hold a sample, shape ``(rows, columns)``.
+        until: The last row that counts, for each column; -1 for none.
+    """
+    rows = np.arange(len(mask))[:, np.newaxis]
+    return np.asarray(np.where(mask & (rows <= until), rows, -1).max(axis=0), np.int64)
+
+
+def _put_held(found: Pressures, begin: int, run: PatchRun, patch: Patch, t: int) -> None:
+    """State the columns of a run whose sample is the latest one before an instant."""
+    rows, columns = run.lo.shape
+    skew = np.array(patch.skew or (0,) * columns, np.int64)
+    until = np.clip((t - run.t - skew) // run.dt, -1, rows - 1)
+    sampling = Sampling(rows, columns, run.first_row, run.strides)
+    last = last_rows(sampling.mask, until)
+    steps = run.dt << np.frombuffer(run.strides or bytes(columns), np.uint8).astype(np.int64)
+    # Half a period late is no gap yet, as everywhere (`store.read.block_index.longest_step`).
+    held = t - (run.t + skew + last * run.dt) <= steps + steps // 2
+    chosen = np.flatnonzero((last >= 0) & held)
+    found.put(begin + chosen, run.lo[last[chosen], chosen], run.hi[last[chosen], chosen], run.error)
 
 
 def _positions(patches: Iterable[Patch]) -> Floats:

@@ -1,20 +1,17 @@
 """Contacts of a skin at one instant."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from typing_extensions import TypedDict
 
-from eskin_cloud.query.contacts import UNIT
-from eskin_cloud.schemas.base import Moment, moment
+from eskin.contacts import Contacts
+from eskin.wire.timestamp import format_timestamp
+from eskin_cloud.query.contacts import UNIT, ContactSkin, Pressures
+from eskin_cloud.schemas.base import Moment
 
-if TYPE_CHECKING:
-    from eskin.contacts import Contacts
-    from eskin_cloud.query.contacts import ContactSkin, Pressures
-
-Bounds = tuple[float | None, float | None]
+Bounds: TypeAlias = tuple[float | None, float | None]
 
 
 class CoreDocument(TypedDict):
@@ -39,10 +36,15 @@ class RegionDocument(TypedDict):
 
 
 class ContactsDocument(TypedDict):
-    """The contacts of a node's skin at one instant; ``threshold`` is the least of its taxels'."""
+    """The contacts of a node's skin at one instant.
+
+    The true moments of the samples lie within ``time_error`` ns of the stated ones. ``threshold``
+    is the least of all taxels. Taxels of which nothing is known are possibly pressed.
+    """
 
     node: str
     t: Moment
+    time_error: int
     threshold: float
     unit: str
     cores: list[CoreDocument]
@@ -57,7 +59,8 @@ def describe_contacts(
     of_region = _names(skin, contacts.region_of, len(contacts.regions))
     return {
         "node": node,
-        "t": moment(pressures.t) or "",
+        "t": format_timestamp(pressures.t),
+        "time_error": pressures.error,
         "threshold": float(skin.threshold.min()),
         "unit": UNIT,
         "cores": [
@@ -77,7 +80,7 @@ def describe_contacts(
     }
 
 
-def _names(skin: ContactSkin, labels: np.ndarray, count: int) -> list[list[str]]:
+def _names(skin: ContactSkin, labels: NDArray[np.int64], count: int) -> list[list[str]]:
     """The taxels of each component."""
     found: list[list[str]] = [[] for _ in range(count)]
     for taxel in np.flatnonzero(labels >= 0).tolist():

@@ -84,12 +84,12 @@ class Received:
         if kind == "layout":
             node, name = rest
             self.layouts.append((node, name))
-            return kind
+            return str(kind)
         cursor, *rest = rest
         if kind == "contacts":
             node, text = rest
             self.contacts.append(json.loads(text))
-            return kind
+            return str(kind)
         self.cursor = cursor
         self.cursors.append(cursor)
         if kind == "frame":
