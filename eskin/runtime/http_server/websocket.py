@@ -6,6 +6,7 @@ the client reads the answers, and waits for ever where a client takes nothing.
 
 from __future__ import annotations
 
+import asyncio
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from uvicorn.protocols.utils import ClientDisconnected
@@ -14,9 +15,8 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from eskin.runtime.http_server.counted_connection import CALLER, CountedConnection
 
 if TYPE_CHECKING:
-    import asyncio
-
     from uvicorn._types import ASGISendEvent
+    from websockets.frames import Frame
 
 PING_S: Final = 20.0
 """Seconds between two pings."""
@@ -24,6 +24,11 @@ PONG_S: Final = 20.0
 """Seconds in which a ping must be answered."""
 MESSAGES_PER_S: Final = 8
 BYTES_PER_S: Final = 16_384
+WINDOW_BYTES: Final = 131_072
+"""So much a client may leave unread; what waits in its buffers grows stale."""
+_PROBE_BYTES: Final = 32_768
+"""After so much a ping asks how far the client has read."""
+_PROBE: Final = b"probe"
 _POLICY_VIOLATION: Final = 1008
 _STALLED_S: Final = 30.0
 """For so long a client may take nothing of what waits to be sent."""
@@ -48,6 +53,9 @@ class GuardedWebSocket(CountedConnection, WebSocketsSansIOProtocol):
         self.source, self.authenticated = upgraded.source, upgraded.authenticated
         self.named, self.idle_since = upgraded.named, upgraded.idle_since
         self._asked_for = client
+        self._sent = self._read = self._probed = 0
+        self._room = asyncio.Event()
+        self._room.set()
         self._second = 0.0
         self._messages = self._bytes = 0
 
@@ -65,6 +73,7 @@ class GuardedWebSocket(CountedConnection, WebSocketsSansIOProtocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """It is over."""
         self.watch_stall(None)
+        self._room.set()
         super().connection_lost(exc)
 
     def pause_writing(self) -> None:
@@ -110,13 +119,41 @@ class GuardedWebSocket(CountedConnection, WebSocketsSansIOProtocol):
         await super().run_asgi()
 
     async def send(self, message: ASGISendEvent) -> None:
-        """Send a message of the application, once the client took the one before."""
+        """Send a message of the application, once the client took those before.
+
+        The kernels of both sides hold megabytes that a slow client has not read. A client answers a
+        ping when it has read all before it, so it never leaves more than a window unread.
+        """
+        await self._room.wait()
         await self.writable.wait()
         if self.close_sent and self.initial_response is None:
             raise ClientDisconnected
         await super().send(message)
         # A refusal completes the handshake, too; uvicorn logs it as a fault otherwise.
         self.handshake_complete |= self.close_sent
+        if message["type"] == "websocket.send" and (data := message.get("bytes")) is not None:
+            self._sent += len(data)
+            self._probe()
+
+    def handle_pong(self, event: Frame) -> None:
+        """The client answered a ping, of ours or of uvicorn's."""
+        if bytes(event.data) != _PROBE:
+            super().handle_pong(event)
+        elif self._probed:
+            self._read, self._probed = self._probed, 0
+            self._probe()
+
+    def _probe(self) -> None:
+        """Ask how far the client has read, where that is not known well enough."""
+        unread = self._sent - self._read
+        if unread >= _PROBE_BYTES and not self._probed and not self.close_sent:
+            self._probed = self._sent
+            self.conn.send_ping(_PROBE)
+            self.transport.write(b"".join(self.conn.data_to_send()))
+        if unread < WINDOW_BYTES:
+            self._room.set()
+        else:
+            self._room.clear()
 
     def refuse_for_room(self) -> None:
         """End it, because its caller has too many connections."""

@@ -15,10 +15,11 @@ from websockets.exceptions import ConnectionClosed, ConnectionClosedError, Inval
 
 from eskin.runtime.http_server.counted_connection import CALLER
 from eskin.runtime.http_server.protocol import LOCALHOST, HttpLimits
+from eskin.runtime.http_server.websocket import WINDOW_BYTES
 from tests.unit.eskin.test_listening import listening, say, status
 
 if TYPE_CHECKING:
-    from starlette.types import Receive, Scope, Send
+    from starlette.types import Message, Receive, Scope, Send
 
 pytestmark = pytest.mark.anyio
 LIMITS = HttpLimits(message_bytes=4096)
@@ -124,23 +125,55 @@ async def test_client_that_answers_no_ping_is_closed(monkeypatch: pytest.MonkeyP
     assert b"keepalive" in said
 
 
+async def flood(scope: Scope, receive: Receive, send: Send) -> None:
+    """Sends without end."""
+    del scope
+    await receive()
+    await send({"type": "websocket.accept"})
+    with contextlib.suppress(OSError):
+        while True:
+            await send({"type": "websocket.send", "bytes": bytes(10_000)})
+
+
+async def test_no_more_is_sent_than_a_client_may_leave_unread() -> None:
+    async with listening(LIMITS, flood) as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port, limit=1 << 24)
+        writer.write(upgrade())
+        await reader.readuntil(b"\r\n\r\n")
+        came, size = bytearray(), WINDOW_BYTES + 10_000
+        while len(came) < WINDOW_BYTES:  # the client takes all, and answers no ping
+            came += await asyncio.wait_for(reader.read(1 << 20), PATIENCE_S)
+        with contextlib.suppress(TimeoutError):
+            came += await asyncio.wait_for(reader.read(1 << 20), 0.3)
+        assert len(came) < size
+        # What it answers says how far it has read.
+        writer.write(b"\x8a\x85" + bytes(4) + b"probe")
+        while len(came) < size:
+            came += await asyncio.wait_for(reader.read(1 << 20), PATIENCE_S)
+        writer.close()
+
+
+async def test_client_that_answers_pings_is_sent_all() -> None:
+    async with listening(LIMITS, flood) as port, client(port) as connection:
+        for _ in range(100):
+            assert len(await connection.recv()) == 10_000
+
+
 async def test_client_that_takes_nothing_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eskin.runtime.http_server.websocket._STALLED_S", 0.5)
     sent = 0
     over = asyncio.Event()
 
-    async def flood(scope: Scope, receive: Receive, send: Send) -> None:
-        nonlocal sent
-        del scope
-        await receive()
-        await send({"type": "websocket.accept"})
-        with contextlib.suppress(OSError):
-            while True:
-                await send({"type": "websocket.send", "bytes": bytes(10_000)})
-                sent += 1
+    async def counted(scope: Scope, receive: Receive, send: Send) -> None:
+        async def sending(message: Message) -> None:
+            nonlocal sent
+            await send(message)
+            sent += 1
+
+        await flood(scope, receive, sending)
         over.set()
 
-    async with listening(LIMITS, flood) as port:
+    async with listening(LIMITS, counted) as port:
         with socket.socket() as silent:
             silent.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             silent.setblocking(False)  # noqa: FBT003 - its only parameter
@@ -148,7 +181,7 @@ async def test_client_that_takes_nothing_is_let_go(monkeypatch: pytest.MonkeyPat
             await loop.sock_connect(silent, ("127.0.0.1", port))
             await loop.sock_sendall(silent, upgrade())
             await asyncio.wait_for(over.wait(), PATIENCE_S)
-    assert 0 < sent < 1000  # as much as kernels hold
+    assert 1 < sent < WINDOW_BYTES // 10_000 + 3
 
 
 async def test_name_of_another_server_is_refused() -> None:
