@@ -192,7 +192,7 @@ def _read_frame(data: Bytes, at: Any, head: Integers, grids: Integers, surely: F
         _, at = _head(data, at)
         for k in range(4):
             grids[grid, k], at = _integer(data, at)
-        bits = np.int64(0)
+        bits: Any = np.int64(0)
         for k in range(at + 1, at + 9):
             bits = (bits << 8) | np.int64(data[k])
         surely[grid] = from_bits(bits)
