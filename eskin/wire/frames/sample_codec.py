@@ -32,16 +32,16 @@ MOST_OFFSET: Final = 2**53 - 2**26
 MOST_ROWS: Final = 1000
 MOST_COLUMNS: Final = 64
 MOST_STRIDE: Final = 16
-_FAR: Final = 2.0**950
+FAR: Final = 2.0**950
 _GROUP: Final = 64
 _BITS: Final = 24
 _MODULUS: Final = 1 << _BITS
 _HALF: Final = _MODULUS >> 1
 _UNKNOWN, _NO_LOWER, _NO_UPPER, _BOUNDED = range(4)
-_MOST_SPAN: Final = _MODULUS - 1 - _BOUNDED
-_PADDING: Final = 4
+MOST_SPAN: Final = _MODULUS - 1 - _BOUNDED
+PADDING: Final = 4
 _CUT, _WIDE, _LOOSE, _FILLING, _NAMED, _MORE = range(1, 7)
-_FAULTS: Final = {
+FAULTS: Final = {
     _CUT: "they end in the middle of a group",
     _WIDE: f"a group has more than {_BITS} bits a code",
     _LOOSE: "a group has more bits a code than its codes need",
@@ -135,9 +135,9 @@ def encode_samples(values: Interval, sampling: Sampling, least_width: float) -> 
     if not np.all((lo < np.inf) & (hi > -np.inf)):
         raise MessageError("a sample is an empty interval; encode what is unknown as unbounded")
     cells = _cells(*sampling)
-    exponent, offset = _scale(lo, hi, cells[0], finest_exponent(least_width))
-    out = np.empty(sampling.limit + _PADDING, np.uint8)
-    size = _encode(lo, hi, cells, exponent, offset, out)
+    exponent, offset = find_scale(lo, hi, cells[0], finest_exponent(least_width))
+    out = np.empty(sampling.limit + PADDING, np.uint8)
+    size = encode_cells(lo, hi, cells, exponent, offset, FAR, out)
     return SampleCodes(exponent, offset, out[:size].tobytes())
 
 
@@ -153,11 +153,11 @@ def decode_samples(encoded: SampleCodes, sampling: Sampling) -> Interval:
     """
     lo = np.full(sampling.rows * sampling.columns, -np.inf)
     hi = np.full(sampling.rows * sampling.columns, np.inf)
-    data = np.frombuffer(encoded.codes + bytes(_PADDING), np.uint8)
+    data = np.frombuffer(encoded.codes + bytes(PADDING), np.uint8)
     cells = _cells(*sampling)
-    fault, place = _decode(data, cells, encoded.exponent, encoded.offset, lo, hi)
+    fault, place = decode_cells(data, cells, encoded.exponent, encoded.offset, lo, hi)
     if fault:
-        raise MessageError(f"codes cannot be read from byte {place} on: {_FAULTS[fault]}")
+        raise MessageError(f"codes cannot be read from byte {place} on: {FAULTS[fault]}")
     return Interval(lo, hi).reshape(sampling.rows, sampling.columns)
 
 
@@ -165,11 +165,11 @@ def _cells(
     rows: int, columns: int, first_row: int, strides: bytes
 ) -> tuple[NDArray[np.int32], int]:
     steps = np.frombuffer(strides or bytes(columns), np.uint8)
-    return _order(rows, columns, first_row % 2**MOST_STRIDE, steps)
+    return order_cells(rows, columns, first_row % 2**MOST_STRIDE, steps)
 
 
 @kernel
-def _order(
+def order_cells(
     rows: int, columns: int, first_row: int, strides: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int32], int]:
     """Cells in the order of their codes, each with the cell that predicts it, or -1.
@@ -207,10 +207,10 @@ def _quanta_down(value: float, exponent: int) -> int:
 
 
 @part
-def _within_reach(lo: float, hi: float) -> tuple[float, float]:
+def _within_reach(lo: float, hi: float, far: float) -> tuple[float, float]:
     return (
-        -np.inf if lo < -_FAR else min(lo, _FAR),
-        np.inf if hi > _FAR else max(hi, -_FAR),
+        -np.inf if lo < -far else min(lo, far),
+        np.inf if hi > far else max(hi, -far),
     )
 
 
@@ -220,11 +220,11 @@ def _exponent(size: float, bits: int) -> int:
 
 
 @kernel
-def _scale(lo: Floats, hi: Floats, order: NDArray[np.int32], finest: int) -> tuple[int, int]:
+def find_scale(lo: Floats, hi: Floats, order: NDArray[np.int32], finest: int) -> tuple[int, int]:
     """The finest exponent with which all codes fit, and the offset."""
     lowest, highest = np.inf, -np.inf
     for k in range(len(order)):
-        low, high = _within_reach(lo[order[k, 0]], hi[order[k, 0]])
+        low, high = _within_reach(lo[order[k, 0]], hi[order[k, 0]], FAR)
         if low > -np.inf:
             lowest, highest = min(lowest, low), max(highest, low)
         if high < np.inf:
@@ -233,26 +233,27 @@ def _scale(lo: Floats, hi: Floats, order: NDArray[np.int32], finest: int) -> tup
         return finest, 0
     size = _exponent(max(abs(lowest), abs(highest)), 52)  # offset and codes stay below 2^53
     exponent = max(finest, max(size, _exponent(highest - lowest, 24)))
-    while -_quanta_down(-highest, exponent) - _quanta_down(lowest, exponent) > _MOST_SPAN:
+    while -_quanta_down(-highest, exponent) - _quanta_down(lowest, exponent) > MOST_SPAN:
         exponent += 1
     return exponent, _quanta_down(lowest, exponent)
 
 
 @kernel
-def _encode(
+def encode_cells(
     lo: Floats,
     hi: Floats,
     cells: tuple[NDArray[np.int32], int],
     exponent: int,
     offset: int,
+    far: float,
     out: NDArray[np.uint8],
 ) -> int:
-    """Write codes; gives how many bytes they take."""
+    """Write codes; gives how many bytes they take. Bounds beyond ``far`` are unbounded."""
     order, starts = cells
     bases, widths = np.zeros(lo.size, np.int32), np.zeros(lo.size, np.int32)
     for k in range(len(order)):
         cell, before = order[k]
-        low, high = _within_reach(lo[cell], hi[cell])
+        low, high = _within_reach(lo[cell], hi[cell], far)
         if low > -np.inf:
             bases[cell] = _quanta_down(low, exponent) - offset
             widths[cell] = _NO_UPPER
@@ -310,7 +311,7 @@ def _bit_length(bits: int) -> int:
 
 
 @kernel
-def _decode(
+def decode_cells(
     data: NDArray[np.uint8],
     cells: tuple[NDArray[np.int32], int],
     exponent: int,
@@ -326,7 +327,7 @@ def _decode(
         for part_of in (order[:starts], order[starts:]):
             if not fault:
                 fault, place = _unpack(data, place, part_of, codes)
-    if not fault and place != data.size - _PADDING:
+    if not fault and place != data.size - PADDING:
         fault = _MORE
     quantum = 2.0**exponent
     for k in range(len(order)):
@@ -349,7 +350,7 @@ def _unpack(
     data: NDArray[np.uint8], place: int, order: NDArray[np.int32], codes: NDArray[np.int32]
 ) -> tuple[int, int]:
     """Read groups of differences into codes; gives what is wrong, or 0, and where it goes on."""
-    behind = data.size - _PADDING
+    behind = data.size - PADDING
     for begin in range(0, len(order), _GROUP):
         size, bits = min(len(order) - begin, _GROUP), 0
         if place >= behind:
