@@ -14,15 +14,15 @@ from eskin.errors import MessageError
 from eskin.kernels.intrinsics import to_bits
 from eskin.kernels.jit import kernel, part
 from eskin.wire.frames.sample_codec import (
+    _FAR,
+    _FAULTS,
+    _MOST_SPAN,
+    _PADDING,
     COARSEST,
-    FAR,
-    FAULTS,
     FINEST,
-    MOST_SPAN,
-    PADDING,
-    decode_cells,
-    encode_cells,
-    find_scale,
+    _decode,
+    _encode,
+    _scale,
 )
 
 if TYPE_CHECKING:
@@ -108,12 +108,12 @@ def decode_columns(
     chosen = np.arange(counts.size) if columns is None else np.asarray(columns, np.int64)
     size = int(counts[chosen].sum())
     lo, hi = np.full(size, -np.inf), np.full(size, np.inf)
-    data = np.frombuffer(encoded.codes + bytes(PADDING), np.uint8)
+    data = np.frombuffer(encoded.codes + bytes(_PADDING), np.uint8)
     ends = np.cumsum(encoded.sizes)
     heads = encoded.exponents, encoded.offsets, ends - encoded.sizes, ends, counts
-    fault, place = _decode(data, heads, chosen, lo, hi)
+    fault, place = _decode_all(data, heads, chosen, lo, hi)
     if fault:
-        raise MessageError(f"codes cannot be read from byte {place} on: {FAULTS[fault]}")
+        raise MessageError(f"codes cannot be read from byte {place} on: {_FAULTS[fault]}")
     return lo, hi
 
 
@@ -126,14 +126,14 @@ def _encoded(
         raise MessageError("a sample is an empty interval; encode what is unknown as unbounded")
     exponents, offsets, sizes = (np.zeros(counts.size, np.int64) for _ in range(3))
     groups = np.minimum(counts, 1) - (1 - counts) // _LEAST_GROUP
-    out = np.empty(int((2 * (3 * counts + groups)).sum()) + PADDING, np.uint8)
-    if not _encode(lo, hi, counts, (finest, exact), (exponents, offsets, sizes, out)):
+    out = np.empty(int((2 * (3 * counts + groups)).sum()) + _PADDING, np.uint8)
+    if not _encode_all(lo, hi, counts, (finest, exact), (exponents, offsets, sizes, out)):
         return None
     return ColumnCodes(exponents, offsets, sizes, out[: int(sizes.sum())].tobytes())
 
 
 @part
-def _order(counts: Integers) -> NDArray[np.int32]:
+def _order_longest(counts: Integers) -> NDArray[np.int32]:
     """Cells of the longest column, each with the one before it, which predicts it."""
     longest = 0
     for count in counts:
@@ -145,7 +145,7 @@ def _order(counts: Integers) -> NDArray[np.int32]:
 
 
 @kernel
-def _encode(
+def _encode_all(
     lo: Floats,
     hi: Floats,
     counts: Integers,
@@ -155,19 +155,19 @@ def _encode(
     """Write each column's codes; gives whether they are exact where they have to be."""
     finest, exact = how
     exponents, offsets, sizes, codes = out
-    order, begin, place = _order(counts), 0, 0
+    order, begin, place = _order_longest(counts), 0, 0
     for column in range(counts.size):
         end = begin + counts[column]
         low, high, cells = lo[begin:end], hi[begin:end], order[: counts[column]]
-        far = np.inf if exact else FAR
+        far = np.inf if exact else _FAR
         if exact:
             exponent, offset, fits = _exact_scale(low, high)
             if not fits:
                 return False
         else:
-            exponent, offset = find_scale(low, high, cells, finest)
+            exponent, offset = _scale(low, high, cells, finest)
         starts = min(counts[column], 1)
-        size = encode_cells(low, high, (cells, starts), exponent, offset, far, codes[place:])
+        size = _encode(low, high, (cells, starts), exponent, offset, far, codes[place:])
         exponents[column], offsets[column], sizes[column] = exponent, offset, size
         begin, place = end, place + size
     return True
@@ -189,7 +189,7 @@ def _exact_scale(lo: Floats, hi: Floats) -> tuple[int, int, bool]:
         return 0, 0, False
     quantum = 2.0**-exponent
     first, last = lowest * quantum, highest * quantum
-    fits = max(abs(first), abs(last)) <= _MOST_QUANTA and last - first <= MOST_SPAN
+    fits = max(abs(first), abs(last)) <= _MOST_QUANTA and last - first <= _MOST_SPAN
     return exponent, (int(first) if fits else 0), fits
 
 
@@ -210,7 +210,7 @@ def _unit(value: float) -> int:
 
 
 @kernel
-def _decode(
+def _decode_all(
     data: NDArray[np.uint8],
     heads: tuple[Integers, Integers, Integers, Integers, Integers],
     chosen: Integers,
@@ -219,12 +219,12 @@ def _decode(
 ) -> tuple[int, int]:
     """Read the codes of some columns; gives what is wrong, or 0, and where."""
     exponents, offsets, begins, ends, counts = heads
-    order, begin = _order(counts), 0
+    order, begin = _order_longest(counts), 0
     for column in chosen:
         end = begin + counts[column]
-        codes = data[begins[column] : ends[column] + PADDING]
+        codes = data[begins[column] : ends[column] + _PADDING]
         cells = order[: counts[column]], min(counts[column], 1)
-        fault, place = decode_cells(
+        fault, place = _decode(
             codes, cells, exponents[column], offsets[column], lo[begin:end], hi[begin:end]
         )
         if fault:

@@ -32,16 +32,16 @@ MOST_OFFSET: Final = 2**53 - 2**26
 MOST_ROWS: Final = 1000
 MOST_COLUMNS: Final = 64
 MOST_STRIDE: Final = 16
-FAR: Final = 2.0**950
+_FAR: Final = 2.0**950
 _GROUP: Final = 64
 _BITS: Final = 24
 _MODULUS: Final = 1 << _BITS
 _HALF: Final = _MODULUS >> 1
 _UNKNOWN, _NO_LOWER, _NO_UPPER, _BOUNDED = range(4)
-MOST_SPAN: Final = _MODULUS - 1 - _BOUNDED
-PADDING: Final = 4
+_MOST_SPAN: Final = _MODULUS - 1 - _BOUNDED
+_PADDING: Final = 4
 _CUT, _WIDE, _LOOSE, _FILLING, _NAMED, _MORE = range(1, 7)
-FAULTS: Final = {
+_FAULTS: Final = {
     _CUT: "they end in the middle of a group",
     _WIDE: f"a group has more than {_BITS} bits a code",
     _LOOSE: "a group has more bits a code than its codes need",
@@ -135,9 +135,9 @@ def encode_samples(values: Interval, sampling: Sampling, least_width: float) -> 
     if not np.all((lo < np.inf) & (hi > -np.inf)):
         raise MessageError("a sample is an empty interval; encode what is unknown as unbounded")
     cells = _cells(*sampling)
-    exponent, offset = find_scale(lo, hi, cells[0], finest_exponent(least_width))
-    out = np.empty(sampling.limit + PADDING, np.uint8)
-    size = encode_cells(lo, hi, cells, exponent, offset, FAR, out)
+    exponent, offset = _scale(lo, hi, cells[0], finest_exponent(least_width))
+    out = np.empty(sampling.limit + _PADDING, np.uint8)
+    size = _encode(lo, hi, cells, exponent, offset, _FAR, out)
     return SampleCodes(exponent, offset, out[:size].tobytes())
 
 
@@ -153,11 +153,11 @@ def decode_samples(encoded: SampleCodes, sampling: Sampling) -> Interval:
     """
     lo = np.full(sampling.rows * sampling.columns, -np.inf)
     hi = np.full(sampling.rows * sampling.columns, np.inf)
-    data = np.frombuffer(encoded.codes + bytes(PADDING), np.uint8)
+    data = np.frombuffer(encoded.codes + bytes(_PADDING), np.uint8)
     cells = _cells(*sampling)
-    fault, place = decode_cells(data, cells, encoded.exponent, encoded.offset, lo, hi)
+    fault, place = _decode(data, cells, encoded.exponent, encoded.offset, lo, hi)
     if fault:
-        raise MessageError(f"codes cannot be read from byte {place} on: {FAULTS[fault]}")
+        raise MessageError(f"codes cannot be read from byte {place} on: {_FAULTS[fault]}")
     return Interval(lo, hi).reshape(sampling.rows, sampling.columns)
 
 
@@ -165,11 +165,11 @@ def _cells(
     rows: int, columns: int, first_row: int, strides: bytes
 ) -> tuple[NDArray[np.int32], int]:
     steps = np.frombuffer(strides or bytes(columns), np.uint8)
-    return order_cells(rows, columns, first_row % 2**MOST_STRIDE, steps)
+    return _order(rows, columns, first_row % 2**MOST_STRIDE, steps)
 
 
 @kernel
-def order_cells(
+def _order(
     rows: int, columns: int, first_row: int, strides: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int32], int]:
     """Cells in the order of their codes, each with the cell that predicts it, or -1.
@@ -220,11 +220,11 @@ def _exponent(size: float, bits: int) -> int:
 
 
 @kernel
-def find_scale(lo: Floats, hi: Floats, order: NDArray[np.int32], finest: int) -> tuple[int, int]:
+def _scale(lo: Floats, hi: Floats, order: NDArray[np.int32], finest: int) -> tuple[int, int]:
     """The finest exponent with which all codes fit, and the offset."""
     lowest, highest = np.inf, -np.inf
     for k in range(len(order)):
-        low, high = _within_reach(lo[order[k, 0]], hi[order[k, 0]], FAR)
+        low, high = _within_reach(lo[order[k, 0]], hi[order[k, 0]], _FAR)
         if low > -np.inf:
             lowest, highest = min(lowest, low), max(highest, low)
         if high < np.inf:
@@ -233,13 +233,13 @@ def find_scale(lo: Floats, hi: Floats, order: NDArray[np.int32], finest: int) ->
         return finest, 0
     size = _exponent(max(abs(lowest), abs(highest)), 52)  # offset and codes stay below 2^53
     exponent = max(finest, max(size, _exponent(highest - lowest, 24)))
-    while -_quanta_down(-highest, exponent) - _quanta_down(lowest, exponent) > MOST_SPAN:
+    while -_quanta_down(-highest, exponent) - _quanta_down(lowest, exponent) > _MOST_SPAN:
         exponent += 1
     return exponent, _quanta_down(lowest, exponent)
 
 
 @kernel
-def encode_cells(
+def _encode(
     lo: Floats,
     hi: Floats,
     cells: tuple[NDArray[np.int32], int],
@@ -311,7 +311,7 @@ def _bit_length(bits: int) -> int:
 
 
 @kernel
-def decode_cells(
+def _decode(
     data: NDArray[np.uint8],
     cells: tuple[NDArray[np.int32], int],
     exponent: int,
@@ -327,7 +327,7 @@ def decode_cells(
         for part_of in (order[:starts], order[starts:]):
             if not fault:
                 fault, place = _unpack(data, place, part_of, codes)
-    if not fault and place != data.size - PADDING:
+    if not fault and place != data.size - _PADDING:
         fault = _MORE
     quantum = 2.0**exponent
     for k in range(len(order)):
@@ -350,7 +350,7 @@ def _unpack(
     data: NDArray[np.uint8], place: int, order: NDArray[np.int32], codes: NDArray[np.int32]
 ) -> tuple[int, int]:
     """Read groups of differences into codes; gives what is wrong, or 0, and where it goes on."""
-    behind = data.size - PADDING
+    behind = data.size - _PADDING
     for begin in range(0, len(order), _GROUP):
         size, bits = min(len(order) - begin, _GROUP), 0
         if place >= behind:
