@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from eskin_cloud.store.patch_rows import decode_runs, encode_runs
-from eskin_cloud.store.read.patch_run import PatchRun
+from eskin_cloud.store.patch_run import PatchRun
 
 from benchmarks.frames import Measured, measure
 from eskin.interval import Interval

@@ -18,7 +18,7 @@ from eskin.errors import MessageError
 from eskin.wire.frames.column_codec import ColumnCodes, decode_columns, encode_columns_exactly
 from eskin.wire.frames.sample_codec import MOST_COLUMNS, MOST_STRIDE, Sampling
 from eskin.wire.messages.cbor_map import Fields, integer, items, load_any, octets, row
-from eskin_cloud.store.read.patch_run import PatchRun
+from eskin_cloud.store.patch_run import PatchRun
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

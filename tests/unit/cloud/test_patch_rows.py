@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_cloud.store.patch_rows import decode_runs, encode_runs
-from eskin_cloud.store.read.patch_run import PatchRun
+from eskin_cloud.store.patch_run import PatchRun
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
