@@ -172,7 +172,7 @@ class PackedAggregates(NamedTuple):
         low, high = decode_columns(self.means, counts, columns)
         n, coverage = whole[2], whole[7].view(np.float64)
         sums = np.nextafter(n * low, -np.inf), np.nextafter(n * high, np.inf)
-        return Aggregates(*whole[:7], lo, hi, *sums, coverage)
+        return Aggregates(*whole[:7], lo, hi, sums[0], sums[1], coverage)
 
 
 def _section(each: ColumnAggregates) -> list[object]:
