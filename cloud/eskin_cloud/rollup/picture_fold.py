@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin.wire.frames.frame_scan import Records
-    from eskin_cloud.store.read.patch_run import PatchRun
+    from eskin_cloud.store.patch_run import PatchRun
 
     Integers: TypeAlias = NDArray[np.int64]
     Bytes: TypeAlias = NDArray[np.uint8]

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin.wire.frames import Patch
+    from eskin_cloud.store.patch_run import PatchRun
     from eskin_cloud.store.read.lookup import Channel
-    from eskin_cloud.store.read.patch_run import PatchRun
 
 _WIDER: Final = 64
 
