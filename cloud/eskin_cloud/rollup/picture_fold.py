@@ -158,51 +158,84 @@ def _fold(
     out: PictureHulls,
 ) -> None:
     """Add a matrix of samples: ``when`` is the first row's time, the period, and its number."""
+    channels, skews = places
+    _follow(shape, when, strides, places, grid, (out.last, out.dt, out.gap))
+    # An array that is taken out of a tuple in a loop costs more there than a sample.
+    low, high = bounds
+    least, most, peak, number = out.lo, out.hi, out.peak, out.n
+    for row in range(shape[0]):
+        behind = when[0] + row * when[1] - grid[0]
+        picture, begin = np.int64(-1), np.int64(0)
+        for column in range(shape[1]):
+            channel = channels[column]
+            if channel < 0:
+                continue
+            if strides.size and (when[2] + row) & ((1 << np.int64(strides[column])) - 1):
+                continue
+            late = behind + skews[column]
+            if picture < 0 or late < begin or late >= begin + grid[1]:  # division is slow
+                picture = late // grid[1] if late >= 0 else np.int64(-1)
+                begin = picture * grid[1]
+            if 0 <= picture < len(least):
+                cell = row * shape[1] + column
+                least[picture, channel] = lesser(low[cell], least[picture, channel])
+                most[picture, channel] = greater(high[cell], most[picture, channel])
+                peak[picture, channel] = greater(low[cell], peak[picture, channel])
+                number[picture, channel] += 1
+
+
+@part
+def _follow(
+    shape: tuple[int, int],
+    when: tuple[int, int, int],
+    strides: Bytes,
+    places: tuple[Integers, Integers],
+    grid: tuple[int, int],
+    known: tuple[Integers, Integers, NDArray[np.bool_]],
+) -> None:
+    """Mark gaps before the samples of a matrix, and remember the last of each column."""
+    channels, skews = places
+    latest, periods, gap = known
     for column in range(shape[1]):
-        channel = places[0][column]
+        channel = channels[column]
         if channel < 0:
             continue
-        step: Any = 1 << np.int64(strides[column]) if strides.size else 1
-        first = -when[2] % step
-        if first >= shape[0]:
-            continue
-        t, dt = when[0] + first * when[1] + places[1][column], step * when[1]
-        _reach(t, channel, grid, out)
-        for row in range(first, shape[0], step):
-            picture = (t - grid[0]) // grid[1]
-            if 0 <= picture < len(out.lo):
-                cell = row * shape[1] + column
-                out.lo[picture, channel] = lesser(bounds[0][cell], out.lo[picture, channel])
-                out.hi[picture, channel] = greater(bounds[1][cell], out.hi[picture, channel])
-                out.peak[picture, channel] = greater(bounds[0][cell], out.peak[picture, channel])
-                out.n[picture, channel] += 1
-            t += dt
-        if not out.dt[channel] or t - dt >= out.last[channel]:
-            out.last[channel], out.dt[channel] = t - dt, dt
+        first, final, dt = np.int64(0), shape[0] - 1, when[1]
+        if strides.size and strides[column]:
+            step: Any = 1 << np.int64(strides[column])
+            first = -when[2] % step
+            if first >= shape[0]:
+                continue
+            final, dt = first + (final - first) // step * step, dt * step
+        begin = when[0] + skews[column] + first * when[1]
+        end = when[0] + skews[column] + final * when[1]
+        before = periods[channel]
+        if not before:
+            _mark(grid[0], begin, channel, grid, gap)
+        elif begin - latest[channel] > before + before // 2:
+            _mark(latest[channel] + before, begin, channel, grid, gap)
+        if not before or end >= latest[channel]:
+            latest[channel], periods[channel] = end, dt
 
 
 @part
-def _reach(t: int, channel: int, grid: tuple[int, int], out: PictureHulls) -> None:
-    """Mark what lies between a channel's last sample and a time, if there is a gap."""
-    if not out.dt[channel]:
-        _mark(grid[0], t, channel, grid, out)
-    else:
-        last, before = out.last[channel], out.dt[channel]
-        if t - last > before + before // 2:
-            _mark(last + before, t, channel, grid, out)
-
-
-@part
-def _mark(start: int, end: int, channel: int, grid: tuple[int, int], out: PictureHulls) -> None:
+def _mark(
+    start: int, end: int, channel: int, grid: tuple[int, int], gap: NDArray[np.bool_]
+) -> None:
     """Mark the pictures that overlap a range of time."""
     first = max((start - grid[0]) // grid[1], 0)
-    for picture in range(first, min((end - 1 - grid[0]) // grid[1] + 1, len(out.gap))):
-        out.gap[picture, channel] = True
+    for picture in range(first, min((end - 1 - grid[0]) // grid[1] + 1, len(gap))):
+        gap[picture, channel] = True
 
 
 @kernel
 def close_gaps(grid: tuple[int, int], out: PictureHulls) -> None:
     """Mark what lies after the last sample of each channel, once all are added."""
-    end = grid[0] + grid[1] * len(out.gap)
-    for channel in range(out.last.size):
-        _reach(end, channel, grid, out)
+    latest, periods, gap = out.last, out.dt, out.gap
+    end = grid[0] + grid[1] * len(gap)
+    for channel in range(latest.size):
+        before = periods[channel]
+        if not before:
+            _mark(grid[0], end, channel, grid, gap)
+        elif end - latest[channel] > before + before // 2:
+            _mark(latest[channel] + before, end, channel, grid, gap)
