@@ -13,7 +13,7 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 import numpy as np
-from cachetools import LRUCache
+from cachetools import FIFOCache, LRUCache
 from sqlalchemy import and_, delete, func, insert, select
 
 from eskin.errors import MessageError, StoreError
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 MOST_DESCRIPTIONS: Final = 20_000
 """Of a node: each costs a row that is never deleted."""
 _CACHE_BYTES: Final = 64 << 20
+_MOST_REFUSED: Final = 10_000
 _DECODED: Final = 16
 """Bytes of memory that a byte of a description takes when it is decoded, at most."""
 _BIOMETRIC: Final = (
@@ -169,6 +170,7 @@ class _Decoded(NamedTuple):
 
 _patches: Final[LRUCache[bytes, _Decoded]] = LRUCache(_CACHE_BYTES, lambda each: each.size)
 _layouts: Final[LRUCache[bytes, _Decoded]] = LRUCache(_CACHE_BYTES, lambda each: each.size)
+_refused: Final[FIFOCache[tuple[str, bytes], str]] = FIFOCache(_MOST_REFUSED)
 _lock: Final = Lock()
 
 
@@ -239,6 +241,21 @@ def find_descriptions(
         else:
             report_damaged(descriptions.name, f"{node} {row['hash'].hex()}")
     return found
+
+
+def refuse_description(node: str, name: bytes, reason: str) -> None:
+    """Remember, until the process ends, that a description cannot be stored, and why.
+
+    Else a gateway would present it without end for the messages that need it.
+    """
+    with _lock:
+        _refused[node, name] = reason
+
+
+def find_refusal(node: str, names: Iterable[bytes]) -> str | None:
+    """Why one of a node's descriptions cannot be stored; ``None`` if all may yet come."""
+    with _lock:
+        return next((_refused[node, name] for name in names if (node, name) in _refused), None)
 
 
 def find_patch(connection: Connection, node: str, name: bytes) -> Patch:
