@@ -22,7 +22,7 @@ from eskin_cloud.store.descriptions import (
     find_refusal,
 )
 from eskin_cloud.store.feed_entry import FeedEntry
-from eskin_cloud.store.frame_row import FrameRow, find_span
+from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages
 from eskin_cloud.store.schema.tables import blocks, dead_letters, events
@@ -456,12 +456,11 @@ def _store_frame(
     Raises:
         MessageError: It does not fit its layout; nothing is stored.
     """
-    described.require_frame(frame)
-    span = find_span(frame, described, item.data)
+    fitting = fit_frame(frame, described, item.data)
     _record_layout(batch, item.node, frame)
     cursor = batch.cache.next_cursor(batch.connection)
     row = FrameRow.of(
-        *(item.node, frame, span, item.data, item.digest), cursor=cursor, now=batch.now
+        *(item.node, frame, fitting, item.data, item.digest), cursor=cursor, now=batch.now
     )
     batch.frames.append(row)
     head = cursor, item.node, None, None, None, batch.now
