@@ -16,6 +16,7 @@ from eskin_cloud.store.patch_run import PatchRun
 from eskin_cloud.store.read.window import Window, before
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows, patches
+from eskin_cloud.store.schema.tables import nodes
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
@@ -97,6 +98,18 @@ def read_pages(connection: Connection, node: str) -> list[RowMapping]:
     rows = connection.execute(_PAGES, {"slot": slot_of(node), "node": node}).mappings()
     found = intact_rows(connection, pages, rows)
     return sorted(found, key=lambda row: (row["t_last"] is None, -(row["t_last"] or 0)))
+
+
+def find_layouts(connection: Connection, node: str) -> list[DescribedLayout]:
+    """The layouts that a node's frames are read by, from the latest on.
+
+    Raises:
+        UnknownDescriptionError: One is damaged in the store.
+    """
+    latest = connection.execute(select(nodes.c.layout).where(nodes.c.node == node)).scalar()
+    names = [] if latest is None else [bytes(latest)]
+    names += [bytes(row["layout"]) for row in read_pages(connection, node)]
+    return [find_layout(connection, node, name) for name in dict.fromkeys(names)]
 
 
 def read_patch(connection: Connection, node: str, patch_id: str) -> RowMapping | None:
