@@ -170,9 +170,8 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
     if until == since and not gone:
         return None
     runs: dict[int, list[PatchRun]] = defaultdict(list)
-    first = described.ends[page[3]] - many
     if gone:
-        for number, run in runs_of_frames(gone, described, range(first, first + many)):
+        for number, run in runs_of_frames(gone, described, described.page_ranges[page[3]]):
             runs[number].append(run)
     return CompactedFrames(
         page=page,
