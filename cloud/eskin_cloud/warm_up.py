@@ -10,7 +10,16 @@ import numpy as np
 from eskin.interval import Interval
 from eskin.runtime.digest import digest
 from eskin.tube import Tube
-from eskin.wire.messages import Block, Encoding
+from eskin.wire.frames import (
+    Frame,
+    FrameSummary,
+    Grid,
+    Layout,
+    Patch,
+    PatchSamples,
+    decode_samples,
+)
+from eskin.wire.messages import Block, Encoding, Position
 from eskin.wire.messages.compacted_block import Kept, Pack, pack
 from eskin.wire.messages.compression import decompress
 from eskin.wire.messages.stored_bounds import read_bounds
@@ -18,6 +27,8 @@ from eskin.wire.messages.warm_up import warm_up as warm_up_messages
 from eskin_cloud.rollup.aggregates import Aggregates
 from eskin_cloud.rollup.blocks import Buckets, fold
 from eskin_cloud.store.damage import RowHeader
+from eskin_cloud.store.descriptions import DescribedLayout
+from eskin_cloud.store.frame_row import fit_frame
 from eskin_cloud.store.write.block_row import BlockRow
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
@@ -31,7 +42,7 @@ _MANY = 64
 def warm_up() -> None:
     """Take a block the whole way: read it, fold it into the pyramid, pack it, and read the pack.
 
-    One of ``f32`` is compressed as well, and read.
+    One of ``f32`` is compressed as well, and read. A frame is read, and its samples are decoded.
     """
     begun = time.monotonic()
     block = warm_up_messages()
@@ -44,6 +55,7 @@ def warm_up() -> None:
     Aggregates.unpack([pieces.grouped(buckets.of(pieces.first)).pack()])
     Pack.read(pack([Kept(data, 1, 0)])).blocks()
     _warm_up_compression(block)
+    _warm_up_frames()
     if (took := time.monotonic() - begun) > _SLOW_S:
         log.info("kernels compiled: seconds=%.1f", took)
 
@@ -56,3 +68,14 @@ def _warm_up_compression(block: Block) -> None:
     kept = ParsedMessage.parse("t", said).compressed or b""
     decompress(kept)
     read_bounds(kept)
+
+
+def _warm_up_frames() -> None:
+    patch = Patch("t", "pressure", "Pa", ("t",), 1.0)
+    layout = Layout((patch.content_hash,), (1,))
+    grid = Grid(0, 1, 0, 1, 1.0)
+    samples = PatchSamples.pack(Interval([[0.0]], [[1.0]]), 1.0, patch=0, grid=0, first_row=0)
+    frame = Frame(Position(1, 1), layout.content_hash, 0, 0, (0, 0), (grid,), (samples,))
+    data = frame.encode()
+    fit_frame(FrameSummary.decode(data), DescribedLayout.of(layout, (patch,)), data)
+    decode_samples(samples.samples, samples.sampling(grid))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -11,11 +11,14 @@ from eskin.kernels.outward_rounding import greater, lesser
 from eskin.wire.frames.frame_scan import Part
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
     from eskin.wire.frames.frame_scan import Records
-    from eskin_cloud.store.read.patch_run import PatchRun
+    from eskin_cloud.rollup.column_aggregates import PackedAggregates
+    from eskin_cloud.store.patch_run import PatchRun
 
     Integers: TypeAlias = NDArray[np.int64]
     Bytes: TypeAlias = NDArray[np.uint8]
@@ -37,12 +40,18 @@ class PictureHulls(NamedTuple):
         hi: Greatest upper bound; ``-inf`` without samples.
         peak: Greatest lower bound.
         n: Number of samples.
+        gap: Whether a channel is unknown at some time of a picture.
+        last: Time of each channel's last sample so far, UTC ns.
+        dt: Its period, ns; 0 before the first sample.
     """
 
     lo: Floats
     hi: Floats
     peak: Floats
     n: NDArray[np.int32]
+    gap: NDArray[np.bool_]
+    last: Integers
+    dt: Integers
 
     @classmethod
     def empty(cls, pictures: int, channels: int) -> PictureHulls:
@@ -53,6 +62,9 @@ class PictureHulls(NamedTuple):
             np.full(shape, -np.inf),
             np.full(shape, -np.inf),
             np.zeros(shape, np.int32),
+            np.zeros(shape, np.bool_),
+            np.zeros(channels, np.int64),
+            np.zeros(channels, np.int64),
         )
 
 
@@ -89,15 +101,52 @@ def fold_records(
         _fold_records(records.data, records.whole, (records.lo, records.hi), places, grid, out)
 
 
-def fold_run(
-    run: PatchRun, patch: int, places: ColumnPlaces, grid: tuple[int, int], out: PictureHulls
+def fold_runs(
+    runs: Sequence[PatchRun], places: ColumnPlaces, grid: tuple[int, int], out: PictureHulls
 ) -> None:
-    """Add the samples of a run of a patch; otherwise as `fold_records`."""
-    strides = np.frombuffer(run.strides, np.uint8)
-    bounds = np.ascontiguousarray(run.lo).ravel(), np.ascontiguousarray(run.hi).ravel()
-    when = run.t, run.dt, run.first_row % 2**16
-    _fold_run(bounds, run.lo.shape, when, strides, (places.channel[patch], places.skew[patch]),
-              grid, out)  # fmt: skip
+    """Add the samples of runs of one description, in order of time.
+
+    Args:
+        runs: At least one.
+        places: Of its columns: the first row of the arrays.
+        grid: As in `fold_records`.
+        out: As in `fold_records`.
+    """
+    whole = np.zeros((len(runs), len(Part)), np.int64)
+    begin = strides = 0
+    for row, run in zip(whole, runs, strict=True):
+        rows, columns = run.lo.shape
+        row[_EARLIEST] = row[_LATEST] = run.t
+        row[_PERIOD], row[_FIRST_ROW] = run.dt, run.first_row
+        row[_ROWS], row[_COLUMNS], row[_BEGIN] = rows, columns, begin
+        row[_STRIDES] = strides if run.strides else -1
+        begin, strides = begin + rows * columns, strides + len(run.strides)
+    data = np.frombuffer(b"".join(run.strides for run in runs), np.uint8)
+    bounds = (
+        np.concatenate([run.lo.ravel() for run in runs]),
+        np.concatenate([run.hi.ravel() for run in runs]),
+    )
+    _fold_records(data, whole, bounds, places, grid, out)
+
+
+def fold_tiles(
+    chunk: PackedAggregates,
+    channels: Integers,
+    within: tuple[int, int],
+    grid: tuple[int, int],
+    out: PictureHulls,
+) -> None:
+    """Add the tiles of a chunk, each of which lies within a picture.
+
+    Args:
+        chunk: Tiles of all columns of a patch.
+        channels: The picture's channel of each column, or -1.
+        within: Tiles that begin from a time on, and before another, are added; UTC ns.
+        grid: As in `fold_records`.
+        out: As in `fold_records`; ``peak`` gets the least lower bound of a tile.
+    """
+    column, whole, lo, hi = chunk.hulls_and_times()
+    _fold_tiles(channels[column], whole, (lo, hi), within, grid, out)
 
 
 @kernel
@@ -126,16 +175,36 @@ def _fold_records(
 
 
 @kernel
-def _fold_run(
+def _fold_tiles(
+    channels: Integers,
+    whole: Integers,
     bounds: tuple[Floats, Floats],
-    shape: tuple[int, int],
-    when: tuple[int, int, int],
-    strides: Bytes,
-    places: tuple[Integers, Integers],
+    within: tuple[int, int],
     grid: tuple[int, int],
     out: PictureHulls,
 ) -> None:
-    _fold(bounds, shape, when, strides, places, grid, out)
+    low, high = bounds
+    least, most, peak, number = out.lo, out.hi, out.peak, out.n
+    latest, periods, gap = out.last, out.dt, out.gap
+    for k in range(channels.size):
+        channel, first, last = channels[k], whole[0, k], whole[1, k]
+        picture = (first - grid[0]) // grid[1]
+        outside = first < within[0] or first >= within[1]
+        if channel < 0 or outside or picture < 0 or picture >= len(least):
+            continue
+        before = periods[channel]
+        if not before:
+            _mark(grid[0], first, channel, grid, gap)
+        elif first - latest[channel] > before + before // 2:
+            _mark(latest[channel] + before, first, channel, grid, gap)
+        if whole[3, k]:
+            gap[picture, channel] = True
+        if not before or last >= latest[channel]:
+            latest[channel], periods[channel] = last, whole[4, k]
+        least[picture, channel] = lesser(low[k], least[picture, channel])
+        most[picture, channel] = greater(high[k], most[picture, channel])
+        peak[picture, channel] = greater(low[k], peak[picture, channel])
+        number[picture, channel] += whole[2, k]
 
 
 @part
@@ -149,18 +218,84 @@ def _fold(
     out: PictureHulls,
 ) -> None:
     """Add a matrix of samples: ``when`` is the first row's time, the period, and its number."""
+    channels, skews = places
+    _follow(shape, when, strides, places, grid, (out.last, out.dt, out.gap))
+    # An array that is taken out of a tuple in a loop costs more there than a sample.
+    low, high = bounds
+    least, most, peak, number = out.lo, out.hi, out.peak, out.n
+    for row in range(shape[0]):
+        behind = when[0] + row * when[1] - grid[0]
+        picture, begin = np.int64(-1), np.int64(0)
+        for column in range(shape[1]):
+            channel = channels[column]
+            if channel < 0:
+                continue
+            if strides.size and (when[2] + row) & ((1 << np.int64(strides[column])) - 1):
+                continue
+            late = behind + skews[column]
+            if picture < 0 or late < begin or late >= begin + grid[1]:  # division is slow
+                picture = late // grid[1] if late >= 0 else np.int64(-1)
+                begin = picture * grid[1]
+            if 0 <= picture < len(least):
+                cell = row * shape[1] + column
+                least[picture, channel] = lesser(low[cell], least[picture, channel])
+                most[picture, channel] = greater(high[cell], most[picture, channel])
+                peak[picture, channel] = greater(low[cell], peak[picture, channel])
+                number[picture, channel] += 1
+
+
+@part
+def _follow(
+    shape: tuple[int, int],
+    when: tuple[int, int, int],
+    strides: Bytes,
+    places: tuple[Integers, Integers],
+    grid: tuple[int, int],
+    known: tuple[Integers, Integers, NDArray[np.bool_]],
+) -> None:
+    """Mark gaps before the samples of a matrix, and remember the last of each column."""
+    channels, skews = places
+    latest, periods, gap = known
     for column in range(shape[1]):
-        channel = places[0][column]
+        channel = channels[column]
         if channel < 0:
             continue
-        step = 1 << np.int64(strides[column]) if strides.size else 1
-        for row in range(-when[2] % step, shape[0], step):
-            behind = when[0] + row * when[1] + places[1][column] - grid[0]
-            picture = behind // grid[1]
-            if behind < 0 or picture >= len(out.lo):
+        first, final, dt = np.int64(0), shape[0] - 1, when[1]
+        if strides.size and strides[column]:
+            step: Any = 1 << np.int64(strides[column])
+            first = -when[2] % step
+            if first >= shape[0]:
                 continue
-            cell = row * shape[1] + column
-            out.lo[picture, channel] = lesser(bounds[0][cell], out.lo[picture, channel])
-            out.hi[picture, channel] = greater(bounds[1][cell], out.hi[picture, channel])
-            out.peak[picture, channel] = greater(bounds[0][cell], out.peak[picture, channel])
-            out.n[picture, channel] += 1
+            final, dt = first + (final - first) // step * step, dt * step
+        begin = when[0] + skews[column] + first * when[1]
+        end = when[0] + skews[column] + final * when[1]
+        before = periods[channel]
+        if not before:
+            _mark(grid[0], begin, channel, grid, gap)
+        elif begin - latest[channel] > before + before // 2:
+            _mark(latest[channel] + before, begin, channel, grid, gap)
+        if not before or end >= latest[channel]:
+            latest[channel], periods[channel] = end, dt
+
+
+@part
+def _mark(
+    start: int, end: int, channel: int, grid: tuple[int, int], gap: NDArray[np.bool_]
+) -> None:
+    """Mark the pictures that overlap a range of time."""
+    first = max((start - grid[0]) // grid[1], 0)
+    for picture in range(first, min((end - 1 - grid[0]) // grid[1] + 1, len(gap))):
+        gap[picture, channel] = True
+
+
+@kernel
+def close_gaps(grid: tuple[int, int], out: PictureHulls) -> None:
+    """Mark what lies after the last sample of each channel, once all are added."""
+    latest, periods, gap = out.last, out.dt, out.gap
+    end = grid[0] + grid[1] * len(gap)
+    for channel in range(latest.size):
+        before = periods[channel]
+        if not before:
+            _mark(grid[0], end, channel, grid, gap)
+        elif end - latest[channel] > before + before // 2:
+            _mark(latest[channel] + before, end, channel, grid, gap)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn, Self
 
 import cbor2
 import numpy as np
 
 from eskin.errors import MessageError
-from eskin.wire.frames import Grid, PatchSamples, Sampling
+from eskin.kernels.jit import kernel
+from eskin.wire.frames import Grid, PatchSamples
 from eskin.wire.messages.cbor_map import ARRAY, opening
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.store.damage import FrameHeader
@@ -25,7 +26,6 @@ PATCH_BOUNDS: Final = np.dtype(
 )
 """An item of column ``bounds``: a patch's number in the layout, where its CBOR item stands in
 ``data``, and the hull of its samples; infinite where a sample is unknown on that side."""
-_NAMES: Final = list(PATCH_BOUNDS.names or ())
 _MAP_OF_8: Final = b"\xa8"
 
 
@@ -41,6 +41,22 @@ class FrameHead(NamedTuple):
     ticks: int
     time: tuple[int, int]
     grids: tuple[Grid, ...]
+
+
+class FittingFrame(NamedTuple):
+    """What is known of a frame once it was compared with its layout.
+
+    Attributes:
+        first: From its first moment to its first sample, ns.
+        last: The same to its last sample.
+        samples: How many it has.
+        bounds: Column ``bounds``.
+    """
+
+    first: int
+    last: int
+    samples: int
+    bounds: bytes
 
 
 class FrameRow(NamedTuple):
@@ -70,7 +86,7 @@ class FrameRow(NamedTuple):
         cls,
         node: str,
         frame: FrameSummary,
-        described: DescribedLayout,
+        fitting: FittingFrame,
         data: bytes,
         digest: bytes,
         *,
@@ -82,17 +98,16 @@ class FrameRow(NamedTuple):
         Args:
             node: The node.
             frame: The decoded frame.
-            described: The layout by which it is read.
+            fitting: As `fit_frame` gives it.
             data: Its bytes.
             digest: Digest of ``data``.
             cursor: Its cursor in the feed.
             now: UTC ns.
         """
-        (boot, sequence), layout, page, _, (t_lo, t_hi), _, records = frame
+        (boot, sequence), layout, page, _, (t_lo, t_hi), _, _ = frame
+        first, last, samples, bounds = fitting
         middle, error = (t_lo + t_hi) // 2, (t_hi - t_lo + 1) // 2
-        first, last = _span(frame, described, data)
         t, t_end = middle + first, middle + last
-        samples, bounds = int(records["samples"].sum()), _pack_bounds(records)
         head = FrameHeader(node, boot, sequence, layout, page, t, t_end, error, t_lo, t_hi,
                            samples, bounds, digest)  # fmt: skip
         return cls(slot_of(node), node, boot, sequence, cursor, layout, page, t, t_end, error,
@@ -121,8 +136,7 @@ def patch_record(data: bytes, bounds: NDArray[Any], patch: int) -> PatchSamples 
     at = int(np.searchsorted(bounds["patch"], patch))
     if at == len(bounds) or bounds["patch"][at] != patch:
         return None
-    begin = int(bounds["offset"][at])
-    return PatchSamples.read(cbor2.loads(data[begin : begin + int(bounds["length"][at])]))
+    return _read_item(data, bounds[at])
 
 
 def read_frame_head(data: bytes, bounds: NDArray[Any]) -> FrameHead:
@@ -138,51 +152,96 @@ def read_frame_head(data: bytes, bounds: NDArray[Any]) -> FrameHead:
     return FrameHead(fields[6], tuple(fields[7]), tuple(Grid(*grid) for grid in fields[8]))
 
 
-def require_storable(frame: FrameSummary, described: DescribedLayout, data: bytes) -> None:
-    """Check that the last sample's time fits into 64 bit.
+def fit_frame(frame: FrameSummary, described: DescribedLayout, data: bytes) -> FittingFrame:
+    """Check that a frame fits its layout, as `eskin.wire.frames.Frame.require_layout` does.
+
+    Args:
+        frame: The decoded frame.
+        described: The layout that it names.
+        data: Its bytes.
 
     Raises:
-        MessageError: It does not.
+        MessageError: It does not, or its last sample's time does not fit into 64 bit.
     """
-    last = _span(frame, described, data)[1]
+    if frame.page >= len(described.page_ranges):
+        raise MessageError(f"page is {frame.page}; the layout has {len(described.page_ranges)}")
+    records, page = frame.records, described.page_ranges[frame.page]
+    times = np.array([(g.delay, g.delay + g.period * (g.rows - 1)) for g in frame.grids])
+    bounds = np.empty(len(records), PATCH_BOUNDS)
+    at, first, last, samples = _fit(
+        records, described.facts, (page.start, page.stop), times, bounds
+    )
+    if at >= 0:
+        _refuse_patch(records[at], page, described)
+    if records["strided"].any():
+        strided = records[records["strided"] != 0]
+        spans = [_strided_span(frame, described, data, record) for record in strided]
+        first = min(first, *(each[0] for each in spans))
+        last = max(last, *(each[1] for each in spans))
     if frame.time[1] + last > MOST_MOMENT:
         raise MessageError(
             f"last sample lies after the year 2262: field 7 is {list(frame.time)}, and it was "
             f"taken {last} ns later"
         )
+    return FittingFrame(first, last, samples, bounds.tobytes())
 
 
-def _pack_bounds(records: NDArray[Any]) -> bytes:
-    packed = np.empty(len(records), PATCH_BOUNDS)
-    for name in _NAMES:
-        packed[name] = records[name]
-    return packed.tobytes()
+@kernel
+def _fit(
+    records: NDArray[Any],
+    facts: NDArray[np.int64],
+    page: tuple[int, int],
+    times: NDArray[np.int64],
+    bounds: NDArray[Any],
+) -> tuple[int, int, int, int]:
+    """The first patch that does not fit, or -1; first and last sample of patches without strides.
+
+    Fills ``bounds``. The last number is how many samples there are.
+    """
+    first, last, samples = np.int64(2**62), np.int64(-1), np.int64(0)
+    for k in range(len(records)):
+        record, bound = records[k], bounds[k]
+        patch = record.patch
+        if not page[0] <= patch < page[1]:
+            return k, 0, 0, 0
+        columns, shares_errors, least_skew, most_skew = facts[patch]
+        if record.columns != columns or (record.epoch > 0 and shares_errors == 0):
+            return k, 0, 0, 0
+        bound.patch, bound.offset, bound.length = patch, record.offset, record.length
+        bound.lo, bound.hi = record.lo, record.hi
+        samples += record.samples
+        if record.strided == 0:
+            first = min(first, times[record.grid, 0] + least_skew)
+            last = max(last, times[record.grid, 1] + most_skew)
+    return -1, int(first), int(last), int(samples)
 
 
-def _span(frame: FrameSummary, described: DescribedLayout, data: bytes) -> tuple[int, int]:
-    """From the frame's first moment to its first and to its last sample, ns."""
-    records, first, last = frame.records, [], []
-    for at in np.flatnonzero(records["strided"]).tolist():
-        begin, patch = int(records["offset"][at]), int(records["patch"][at])
-        item = cbor2.loads(data[begin : begin + int(records["length"][at])])
-        samples = PatchSamples.read(item)
-        grid = frame.grids[samples.grid]
-        early, late = _strided_span(samples.sampling(grid), grid, described.patches[patch].skew)
-        first.append(early)
-        last.append(late)
-    whole = records if not first else records[records["strided"] == 0]
-    if len(whole):
-        grids = np.array([(g.delay, g.delay + g.period * (g.rows - 1)) for g in frame.grids])
-        of_patch = grids[whole["grid"]]
-        patches = whole["patch"]
-        first.append(int((of_patch[:, 0] + described.least_skew[patches]).min()))
-        last.append(int((of_patch[:, 1] + described.most_skew[patches]).max()))
-    return min(first), max(last)
+def _refuse_patch(record: Any, page: range, described: DescribedLayout) -> NoReturn:
+    """Raise an error that states why a patch does not fit."""
+    patch = int(record["patch"])
+    if patch not in page:
+        raise MessageError(
+            f"patch {patch} is not on this page, which has {page.start} to {page[-1]}"
+        )
+    columns = len(described.patches[patch].taxels)
+    if record["columns"] != columns:
+        raise MessageError(f"patch {patch} has {record['columns']} columns, not {columns}")
+    raise MessageError(f"patch {patch} has an epoch, but no shared error")
 
 
-def _strided_span(sampling: Sampling, grid: Grid, skew: tuple[int, ...]) -> tuple[int, int]:
-    mask = sampling.mask
-    rows = np.arange(sampling.rows, dtype=np.int64)[:, np.newaxis]
-    columns = np.array(skew or (0,) * sampling.columns, np.int64)[np.newaxis]
-    times = (grid.delay + rows * grid.period + columns)[mask]
+def _strided_span(
+    frame: FrameSummary, described: DescribedLayout, data: bytes, record: Any
+) -> tuple[int, int]:
+    """The same for a patch of which not every row has a sample of each column."""
+    samples = _read_item(data, record)
+    grid, skew = frame.grids[samples.grid], described.patches[samples.patch].skew
+    mask = samples.sampling(grid).mask
+    rows = grid.delay + np.arange(grid.rows, dtype=np.int64)[:, np.newaxis] * grid.period
+    times = (rows + np.array(skew or (0,) * samples.columns, np.int64))[mask]
     return int(times.min()), int(times.max())
+
+
+def _read_item(data: bytes, place: Any) -> PatchSamples:
+    """The samples whose item stands at the ``offset`` and has the ``length`` of a place."""
+    begin = int(place["offset"])
+    return PatchSamples.read(cbor2.loads(data[begin : begin + int(place["length"])]))

@@ -1,0 +1,163 @@
+"""Pictures of a skin: hulls of all channels of one quantity, over neighbouring stretches of time.
+
+A picture is the hull of the samples of each channel in ``[t, t + dt)``, whichever clock they were
+taken by. Pictures are read under the latest layout of their window; samples of other layouts are
+those of the channels with the same names.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from eskin.errors import QueryError
+from eskin.union_bound import union_coverage
+from eskin_cloud.rollup.picture_reading import PictureReader
+from eskin_cloud.store.descriptions import DescribedLayout, find_layout
+from eskin_cloud.store.read.lookup import UnknownChannelError
+from eskin_cloud.store.read.patch_runs import find_layouts, read_pages
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+    from sqlalchemy import Connection
+
+    from eskin.interval import Floats
+    from eskin.wire.frames import Patch
+    from eskin_cloud.rollup.aggregates import Integers
+    from eskin_cloud.rollup.blocks import Buckets
+    from eskin_cloud.rollup.picture_fold import PictureHulls
+    from eskin_cloud.store.read.window import Window
+
+MOST_VALUES: Final = 4_000_000
+"""Most channels times pictures of an answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """Pictures of a skin.
+
+    Attributes:
+        node: The node.
+        described: The layout by which they are read.
+        quantity: The quantity.
+        unit: UCUM code.
+        patches: Numbers of the patches of the quantity; the channels are their columns, in order.
+        taxels: Of each channel.
+        buckets: When the pictures are: each is the hull of the samples in its bucket.
+        lo: Lower bounds, shape ``(pictures, channels)``; infinite where nothing is known.
+        hi: Upper bounds.
+        contact: Whether each taxel was pressed at some time: 0 impossible, 1 possible, 2 certain;
+            ``None`` if no patch states a threshold.
+        coverage: Probability that a hull encloses all its true values.
+        time_error: Greatest distance of a sample's true time from its stated time, ns.
+    """
+
+    node: str
+    described: DescribedLayout
+    quantity: str
+    unit: str
+    patches: tuple[int, ...]
+    taxels: tuple[str, ...]
+    buckets: Buckets
+    lo: Floats
+    hi: Floats
+    contact: NDArray[np.uint8] | None
+    coverage: float
+    time_error: int
+
+    @property
+    def t(self) -> Integers:
+        """When each picture begins, ns after the first."""
+        return self.buckets.width * np.arange(self.buckets.count, dtype=np.int64)
+
+
+def find_last(connection: Connection, node: str) -> int | None:
+    """The time of a node's last sample in frames, UTC ns; ``None`` if there is none."""
+    times = (row["t_last"] for row in read_pages(connection, node))
+    return max((t for t in times if t is not None), default=None)
+
+
+def read_pictures(
+    connection: Connection, node: str, window: Window, *, points: int, quantity: str | None = None
+) -> Pictures:
+    """Read pictures of a node's skin.
+
+    A picture lasts long enough for a sample of each channel: 1.5 sampling periods at least.
+
+    Args:
+        connection: In a read transaction.
+        node: The node.
+        window: The window.
+        points: Most pictures.
+        quantity: Which; else that of the layout's first patch.
+
+    Raises:
+        UnknownChannelError: The node has no layout.
+        QueryError: None of its patches has the quantity; or the answer, or what must be read for
+            it, is too large.
+        UnknownDescriptionError: A layout is damaged in the store.
+    """
+    described = _find_layout_of(connection, node, window)
+    patches = described.patches
+    chosen = patches[0].quantity if quantity is None else quantity
+    numbers = tuple(k for k, patch in enumerate(patches) if patch.quantity == chosen)
+    if not numbers:
+        names = ", ".join(sorted({patch.quantity for patch in patches}))
+        raise QueryError("quantity", f"{chosen!r} is that of no patch of {node}; it has {names}")
+    units = sorted({patches[number].unit for number in numbers})
+    if len(units) > 1:
+        raise QueryError("quantity", f"{chosen!r} has several units: {', '.join(units)}")
+    taxels = tuple(taxel for number in numbers for taxel in patches[number].taxels)
+    if len(taxels) * points > MOST_VALUES:
+        most = MOST_VALUES // len(taxels)
+        raise QueryError("points", f"is {points}; {node} has {len(taxels)} taxels: at most {most}")
+    reader = PictureReader(connection, node, [patches[number] for number in numbers])
+    buckets = reader.choose(window, points)
+    hulls = reader.fold(buckets)
+    seen = hulls.n > 0
+    return Pictures(
+        node=node,
+        described=described,
+        quantity=chosen,
+        unit=units[0],
+        patches=numbers,
+        taxels=taxels,
+        buckets=buckets,
+        lo=np.where(seen, hulls.lo, -np.inf),
+        hi=np.where(seen, hulls.hi, np.inf),
+        contact=_contact(hulls, [patches[number] for number in numbers]),
+        coverage=union_coverage(reader.coverage, n=int(hulls.n.max(initial=0))),
+        time_error=reader.time_error,
+    )
+
+
+def _find_layout_of(connection: Connection, node: str, window: Window) -> DescribedLayout:
+    """The latest layout of a window; of a node without frames up to its end, the latest one."""
+    begun = [
+        (row["t_first"], bytes(row["layout"]))
+        for row in read_pages(connection, node)
+        if row["t_first"] is not None and row["t_first"] < window.end
+    ]
+    if begun:
+        return find_layout(connection, node, max(begun)[1])
+    known = find_layouts(connection, node)
+    if not known:
+        raise UnknownChannelError(
+            "node", f"{node} states no layout, so there is no picture of its skin"
+        )
+    return known[0]
+
+
+def _contact(hulls: PictureHulls, patches: Sequence[Patch]) -> NDArray[np.uint8] | None:
+    if all(patch.threshold is None for patch in patches):
+        return None
+    least = [np.nan if patch.threshold is None else patch.threshold for patch in patches]
+    threshold = np.repeat(np.array(least), [len(patch.taxels) for patch in patches])
+    unknown = (hulls.n == 0) | hulls.gap | np.isnan(threshold)
+    possible = unknown | (hulls.hi > threshold)
+    found: NDArray[np.uint8] = possible.astype(np.uint8) + (hulls.peak > threshold)
+    return found
