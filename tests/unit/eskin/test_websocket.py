@@ -13,6 +13,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, ConnectionClosedError, InvalidStatus
 
+from eskin.identity import IdentityKind, client_context, server_context
 from eskin.runtime.http_server.counted_connection import CALLER
 from eskin.runtime.http_server.protocol import LOCALHOST, HttpLimits
 from eskin.runtime.http_server.websocket import WINDOW_BYTES
@@ -20,6 +21,8 @@ from tests.unit.eskin.test_listening import listening, say, status
 
 if TYPE_CHECKING:
     from starlette.types import Message, Receive, Scope, Send
+
+    from tests.support.identities import Identities
 
 pytestmark = pytest.mark.anyio
 LIMITS = HttpLimits(message_bytes=4096)
@@ -78,6 +81,19 @@ async def test_messages_go_both_ways_uncompressed() -> None:
     async with listening(LIMITS, echo) as port, client(port) as connection:
         assert not connection.protocol.extensions
         for message in ("text", b"bytes", "x" * 4096):
+            await connection.send(message)
+            assert await connection.recv() == message
+
+
+async def test_messages_go_both_ways_over_tls(identities: Identities) -> None:
+    folder = identities.make(IdentityKind.SERVER, "server.cloud").directory
+    ours = server_context(folder, client_certificates=False)
+    trusting = client_context(folder / "root.pem")
+    async with (
+        listening(LIMITS, echo, context=ours) as port,
+        connect(f"wss://localhost:{port}/", ssl=trusting, proxy=None) as connection,
+    ):
+        for message in ("text", b"x" * 4096):
             await connection.send(message)
             assert await connection.recv() == message
 
