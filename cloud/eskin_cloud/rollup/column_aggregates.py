@@ -192,7 +192,7 @@ class PackedAggregates(NamedTuple):
         low, high = decode_columns(self.means, counts, columns)
         n, coverage = whole[2], whole[7].view(np.float64)
         sums = multiply_down(n, low), -multiply_down(n, -high)
-        return Aggregates(*list(whole[:7]), *(lo, hi, *sums, coverage))
+        return Aggregates(*[*whole[:7], lo, hi, *sums, coverage])
 
 
 def _parts(each: ColumnAggregates) -> list[object]:
