@@ -1,8 +1,9 @@
 """Layouts: what a node's frames are read by."""
 
+import re
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter, Query
 from starlette.responses import Response
 
 from eskin_cloud.api.dependencies import CloudState, Reader
@@ -16,6 +17,7 @@ from eskin_cloud.store.read.patch_runs import find_layouts
 
 router = APIRouter(tags=["nodes"])
 
+_HASH: Final = re.compile("[0-9a-f]{64}")
 _FOR_EVER: Final = {"Cache-Control": "private, max-age=31536000, immutable"}
 
 
@@ -46,15 +48,16 @@ def get_layout_by_hash(
     cloud: CloudState,
     _: Reader,
     node: str,
-    layout: Annotated[str, Path(pattern="^[0-9a-f]{64}$", description="its hash")],
+    layout: str,
     query: Annotated[NoQuery, Query()],
 ) -> Response:
     """Read one of a node's layouts; it never changes."""
     del query
+    name = bytes.fromhex(layout) if _HASH.fullmatch(layout) else b""
     with cloud.store.read() as connection:
         find_node(connection, node)
         try:
-            described = find_layout(connection, node, bytes.fromhex(layout))
+            described = find_layout(connection, node, name)
             require_stated(connection, node, described)
         except UnknownDescriptionError as error:
             raise UnknownChannelError(

@@ -93,7 +93,10 @@ def get_node(
 def get_channels(
     cloud: CloudState, access: Reader, node: str, query: Annotated[ChannelsQuery, Query()]
 ) -> Response:
-    """List a node's channels, by name; all, or those of a quantity, or whose name has a text."""
+    """List a node's channels, by name.
+
+    All, or those of a quantity, or those whose name contains a text.
+    """
     with cloud.store.read() as connection:
         find_node(connection, node)
         rows, following = list_channels(

@@ -203,8 +203,8 @@ class _FrameReader:
             other = find_layout(connection, node, bytes(row["layout"]))
             if other.hash not in self._places:
                 self._places[other.hash] = self._place(other)
-            end = other.ends[row["page"]]
-            here = self._places[other.hash].channel[end - other.layout.pages[row["page"]] : end]
+            numbers = other.layout.page_range(row["page"])
+            here = self._places[other.hash].channel[numbers.start : numbers.stop]
             if np.any(here >= 0):
                 longest = self._longest.get(row["page"], 0)
                 self._longest[row["page"]] = max(longest, row["longest"])

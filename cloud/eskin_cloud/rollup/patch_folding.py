@@ -120,9 +120,7 @@ def _tabulate(
     ]).T  # fmt: skip
     coverage = np.array([run.coverage for run in runs])
     t, dt, first_row, error = numbers[2:]
-    return _Table(
-        numbers[:2], t, dt, first_row, rows, error, coverage, steps, skew, lo, hi
-    )
+    return _Table(numbers[:2], t, dt, first_row, rows, error, coverage, steps, skew, lo, hi)
 
 
 def _locate(table: _Table, column: int, buckets: Buckets) -> _Samples:

@@ -128,10 +128,9 @@ def find_patch_pages(connection: Connection, node: str, patch_id: str) -> list[P
     found = []
     for row in read_pages(connection, node):
         described = find_layout(connection, node, bytes(row["layout"]))
-        end = described.ends[row["page"]]
         found += [
             PatchPage(described, row["page"], number, row)
-            for number in range(end - described.layout.pages[row["page"]], end)
+            for number in described.layout.page_range(row["page"])
             if described.patches[number].patch_id == patch_id
         ]
     return found
