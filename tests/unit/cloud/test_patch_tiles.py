@@ -20,7 +20,7 @@ from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import PATCH_CHUNK, STEP
 from eskin_cloud.store.schema.frame_tables import patch_tiles, patches, stale_patch_chunks
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import func, select, update
 
@@ -170,8 +170,8 @@ def require_true(found: Aggregates, samples: list[tuple[int, float, float]], lev
 
 
 @settings(
-    max_examples=40,
-    deadline=None, phases=[Phase.explicit, Phase.generate],
+    max_examples=20,
+    deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow,
                            HealthCheck.data_too_large],
 )  # fmt: skip
@@ -197,8 +197,8 @@ def test_tiles_are_those_of_the_samples(store: Store, steps: list[list[Frame] | 
 
 
 @settings(
-    max_examples=15,
-    deadline=None, phases=[Phase.explicit, Phase.generate],
+    max_examples=8,
+    deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow,
                            HealthCheck.data_too_large],
 )  # fmt: skip
