@@ -246,7 +246,7 @@ def steady(first: int, count: int) -> list[Frame]:
 def tiles_of(store: Store) -> list[Any]:
     with store.read() as connection:
         query = select(patch_tiles).order_by(*patch_tiles.primary_key.columns)
-        return connection.execute(query).all()
+        return list(connection.execute(query).all())
 
 
 def require_all_true(store: Store, brought: list[Frame]) -> None:
@@ -365,6 +365,10 @@ def test_row_of_many_chunks_makes_tiles_longer(store: Store) -> None:
         require_true(found, samples_of([*brought, slow], "t0"), level)
 
 
+def made_of(*columns: Any) -> Aggregates:
+    return Aggregates(*columns)
+
+
 @settings(deadline=None)
 @given(data=st.data(), columns=st.integers(1, 5))
 def test_aggregates_come_back_and_sums_enclose(data: st.DataObject, columns: int) -> None:
@@ -380,7 +384,7 @@ def test_aggregates_come_back_and_sums_enclose(data: st.DataObject, columns: int
     hi = lo + random.integers(0, 99, size) * 2.0**exponent
     lo[random.random(size) < 0.2] = -np.inf
     hi[random.random(size) < 0.2] = np.inf
-    pieces = Aggregates(first, *whole, lo, hi, whole[1] * lo, whole[1] * hi, random.random(size))
+    pieces = made_of(first, *whole, lo, hi, whole[1] * lo, whole[1] * hi, random.random(size))
     taxels = tuple(f"t{k}" for k in range(columns))
     given_ = ColumnAggregates((b"a", b"b"), taxels, exponent, column, pieces)
     packed = pack(given_)
@@ -397,7 +401,8 @@ def test_aggregates_come_back_and_sums_enclose(data: st.DataObject, columns: int
 
 @given(data=st.data())
 def test_other_bytes_are_refused_or_read(data: st.DataObject) -> None:
-    pieces = Aggregates(*np.arange(1, 22).reshape(7, 3), *np.ones((5, 3)))
+    whole = list(np.arange(1, 22).reshape(7, 3))
+    pieces = made_of(*whole, *np.ones((5, 3)))
     column = np.array([0, 0, 1])
     good = bytearray(pack(ColumnAggregates((b"a",), ("t0", "t1"), 0, column, pieces)))
     for _ in range(data.draw(st.integers(1, 3))):
