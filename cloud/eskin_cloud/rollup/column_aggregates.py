@@ -180,6 +180,8 @@ class PackedAggregates(NamedTuple):
 
     def _places(self, columns: Sequence[int]) -> Integers:
         """Where the times of some columns' entries stand."""
+        if self.begins.size == 2:  # all columns are sampled together
+            return np.tile(np.arange(self.begins[1]), len(columns))
         kinds = self.kind[list(columns)].tolist()
         return np.concatenate([np.arange(self.begins[k], self.begins[k + 1]) for k in kinds])
 

@@ -22,10 +22,10 @@ from eskin_cloud.rollup.ranges import Range, coarsened, merged
 from eskin_cloud.store.damage import is_intact_tile
 from eskin_cloud.store.descriptions import find_patch
 from eskin_cloud.store.patch_totals import Place
-from eskin_cloud.store.read.patch_runs import read_compacted
+from eskin_cloud.store.read.patch_runs import find_patch_pages, read_compacted
 from eskin_cloud.store.read.window import before
 from eskin_cloud.store.sample_grid import PATCH_CHUNK
-from eskin_cloud.store.schema.frame_tables import frames, pages, patch_tiles, stale_patch_chunks
+from eskin_cloud.store.schema.frame_tables import frames, patch_tiles, stale_patch_chunks
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
@@ -53,11 +53,6 @@ _STALE: Final = select(stale_patch_chunks.c.chunk).where(
     stale_patch_chunks.c.node == bindparam("node"),
     stale_patch_chunks.c.patch == bindparam("patch"),
     stale_patch_chunks.c.chunk.between(bindparam("first"), bindparam("last")),
-)
-_PAGES: Final = (
-    select(pages.c.page, pages.c.longest)
-    .where(pages.c.slot == bindparam("slot"), pages.c.node == bindparam("node"))
-    .where(pages.c.frames > 0)
 )
 _LATE: Final = select(frames.c.t, frames.c.t_end).where(
     frames.c.slot == bindparam("slot"),
@@ -107,11 +102,12 @@ def find_unbuilt(connection: Connection, channel: Channel, within: Range) -> lis
 
 def _late_chunks(connection: Connection, channel: Channel, within: Range, bits: int) -> set[int]:
     """Chunks with samples of frames that are not compacted."""
-    key: dict[str, Any] = {"slot": slot_of(channel["node"]), "node": channel["node"]}
     longest: dict[int, int] = {}
-    for page, span in connection.execute(_PAGES, key):
-        longest[page] = max(span, longest.get(page, 0))
+    for place in find_patch_pages(connection, channel["node"], channel["patch"]):
+        if place.totals["frames"]:
+            longest[place.page] = max(place.totals["longest"], longest.get(place.page, 0))
     found: set[int] = set()
+    key: dict[str, Any] = {"slot": slot_of(channel["node"]), "node": channel["node"]}
     key |= {"start": within[0], "end": within[1]}
     for page, span in longest.items():
         here = key | {"page": page, "earliest": before(within[0], span)}

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
+from eskin_cloud.query.predicate import Predicate
+from eskin_cloud.query.segments import find_segments
+from eskin_cloud.query.series import read_series
 from eskin_cloud.rollup import patch_tile_builder
 from eskin_cloud.rollup.aggregates import Aggregates
 from eskin_cloud.rollup.blocks import Buckets, read_buckets
@@ -226,6 +229,43 @@ def test_pictures_are_the_hulls_of_all_columns(
             assert hulls.hi[:, column].tolist() == hi.tolist()
         else:
             assert np.all(lo == np.inf)
+
+
+@settings(
+    max_examples=15,
+    deadline=None,
+    suppress_health_check=[
+        HealthCheck.function_scoped_fixture,
+        HealthCheck.too_slow,
+        HealthCheck.data_too_large,
+    ],
+)
+@given(
+    steps=histories(),
+    begin=st.integers(-50, SPAN),
+    span=st.integers(1, SPAN),
+    points=st.sampled_from([1, 7, 1000]),
+)
+def test_compaction_and_tiles_change_no_series_and_no_segment(
+    store: Store, steps: list[list[Frame] | str], begin: int, span: int, points: int
+) -> None:
+    carry_out(store, steps)
+    window = Window(START + begin, START + begin + span)
+    above = Predicate(0.3, None, strict=True)
+    with store.read() as connection:
+        for taxel in TAXELS:
+            channel = find_channel(connection, TILED, f"{taxel}.pressure")
+            plain = find_channel(connection, PLAIN, f"{taxel}.pressure")
+            one, other = (
+                read_series(connection, each, window, points=points) for each in (channel, plain)
+            )
+            assert one.t.tolist() == other.t.tolist()
+            assert (one.lo.tolist(), one.hi.tolist()) == (other.lo.tolist(), other.hi.tolist())
+            assert one.coverage == other.coverage
+            found, expected = (
+                list(find_segments(connection, each, window, above)) for each in (channel, plain)
+            )
+            assert found == expected
 
 
 def steady(first: int, count: int) -> list[Frame]:
