@@ -8,48 +8,32 @@ those of the channels with the same names.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import groupby
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from sqlalchemy import func, select
 
 from eskin.errors import QueryError
 from eskin.union_bound import union_coverage
-from eskin.wire.frames.frame_scan import Part, scan_frames
-from eskin.wire.timestamp import MOST_MOMENT
-from eskin_cloud.rollup.blocks import Buckets
-from eskin_cloud.rollup.hulls import bucket_width
-from eskin_cloud.rollup.picture_fold import (
-    ColumnPlaces,
-    PictureHulls,
-    close_gaps,
-    fold_records,
-)
-from eskin_cloud.store.damage import FrameHeader, is_intact_frame
+from eskin_cloud.rollup.picture_reading import PictureReader
 from eskin_cloud.store.descriptions import DescribedLayout, find_layout
 from eskin_cloud.store.read.lookup import UnknownChannelError
-from eskin_cloud.store.read.patch_runs import find_layouts, read_frame_rows, read_pages
-from eskin_cloud.store.read.window import Window, before
-from eskin_cloud.store.schema.frame_tables import frames
-from eskin_cloud.store.slot import slot_of
+from eskin_cloud.store.read.patch_runs import find_layouts, read_pages
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
-    from sqlalchemy import Connection, RowMapping
+    from sqlalchemy import Connection
 
     from eskin.interval import Floats
     from eskin.wire.frames import Patch
-    from eskin.wire.frames.frame_scan import Records
     from eskin_cloud.rollup.aggregates import Integers
+    from eskin_cloud.rollup.blocks import Buckets
+    from eskin_cloud.rollup.picture_fold import PictureHulls
+    from eskin_cloud.store.read.window import Window
 
-MOST_FRAMES: Final = 5000
-"""Most frames that are decoded for an answer."""
 MOST_VALUES: Final = 4_000_000
 """Most channels times pictures of an answer."""
-_AT_ONCE: Final = 128
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,11 +115,9 @@ def read_pictures(
     if len(taxels) * points > MOST_VALUES:
         most = MOST_VALUES // len(taxels)
         raise QueryError("points", f"is {points}; {node} has {len(taxels)} taxels: at most {most}")
-    reader = _FrameReader(connection, node, described, numbers)
-    step = _longest_step(reader.period(window))
-    width = max(bucket_width(window.span, points), step)
-    buckets = Buckets(window.start, width, -(-window.span // width))
-    hulls, coverage, error = reader.fold(buckets, step)
+    reader = PictureReader(connection, node, [patches[number] for number in numbers])
+    buckets = reader.choose(window, points)
+    hulls = reader.fold(buckets)
     seen = hulls.n > 0
     return Pictures(
         node=node,
@@ -148,8 +130,8 @@ def read_pictures(
         lo=np.where(seen, hulls.lo, -np.inf),
         hi=np.where(seen, hulls.hi, np.inf),
         contact=_contact(hulls, [patches[number] for number in numbers]),
-        coverage=union_coverage(coverage, n=int(hulls.n.max(initial=0))),
-        time_error=error,
+        coverage=union_coverage(reader.coverage, n=int(hulls.n.max(initial=0))),
+        time_error=reader.time_error,
     )
 
 
@@ -179,133 +161,3 @@ def _contact(hulls: PictureHulls, patches: Sequence[Patch]) -> NDArray[np.uint8]
     possible = unknown | (hulls.hi > threshold)
     found: NDArray[np.uint8] = possible.astype(np.uint8) + (hulls.peak > threshold)
     return found
-
-
-class _FrameReader:
-    """Reads the frames that hold channels of pictures.
-
-    Args:
-        connection: In a read transaction.
-        node: The node.
-        described: The layout of the pictures.
-        numbers: Its patches that are in them.
-    """
-
-    def __init__(
-        self, connection: Connection, node: str, described: DescribedLayout, numbers: Sequence[int]
-    ) -> None:
-        self._connection, self._node = connection, node
-        channels = (name for number in numbers for name in described.patches[number].channels)
-        self._channels = {name: k for k, name in enumerate(channels)}
-        self._places: dict[bytes, ColumnPlaces] = {}
-        self._longest: dict[int, int] = {}
-        for row in read_pages(connection, node):
-            other = find_layout(connection, node, bytes(row["layout"]))
-            if other.hash not in self._places:
-                self._places[other.hash] = self._place(other)
-            numbers = other.layout.page_range(row["page"])
-            here = self._places[other.hash].channel[numbers.start : numbers.stop]
-            if np.any(here >= 0):
-                longest = self._longest.get(row["page"], 0)
-                self._longest[row["page"]] = max(longest, row["longest"])
-
-    def period(self, window: Window) -> int:
-        """The longest sampling period in the last frames of a window, ns; 1 without any."""
-        found = 1
-        for page in self._longest:
-            row = self._last(page, window)
-            if row is None:
-                continue
-            records = self._scan([row])
-            for record, each in enumerate(records.whole.tolist()):
-                stride = max(records.strides(record), default=0)
-                found = max(found, each[Part.PERIOD] << stride)
-        return found
-
-    def fold(self, buckets: Buckets, margin: int) -> tuple[PictureHulls, float, int]:
-        """Hulls of all frames, their least coverage, and their greatest time error.
-
-        Args:
-            buckets: When the pictures are.
-            margin: How long before and after them frames are read, to know where gaps are, ns.
-
-        Raises:
-            QueryError: There are too many frames.
-        """
-        hulls = PictureHulls.empty(buckets.count, len(self._channels))
-        grid = buckets.start, buckets.width
-        coverage, error = 1.0, 0
-        window = buckets.window
-        wide = Window(before(window.start, margin), min(window.end + margin, MOST_MOMENT))
-        self._require_few(wide)
-        for page, longest in self._longest.items():
-            rows = read_frame_rows(self._connection, self._node, page, wide, longest)
-            for some in _batches(rows):
-                records = self._scan(some)
-                fold_records(records, self._places[bytes(some[0]["layout"])], grid, hulls)
-                if len(records.whole):
-                    coverage = min(coverage, float(records.coverage.min()))
-                    error = max(error, *(row["error"] for row in some))
-        close_gaps(grid, hulls)
-        return hulls, coverage, error
-
-    def _last(self, page: int, window: Window) -> RowMapping | None:
-        """The last frame of a page that begins before a window's end, if it is intact."""
-        f = frames.c
-        query = select(frames).where(
-            f.slot == slot_of(self._node), f.node == self._node, f.page == page, f.t < window.end
-        )
-        found = self._connection.execute(query.order_by(f.t.desc()).limit(1)).mappings().first()
-        if found is None or not is_intact_frame(
-            found["data"], FrameHeader.of(found), found["head"]
-        ):
-            return None
-        return found
-
-    def _require_few(self, window: Window) -> None:
-        f, count = frames.c, 0
-        for page, longest in self._longest.items():
-            query = select(func.count()).where(
-                f.slot == slot_of(self._node),
-                f.node == self._node,
-                f.page == page,
-                f.t >= before(window.start, longest),
-                f.t < window.end,
-            )
-            count += self._connection.execute(query).scalar_one()
-        if count > MOST_FRAMES:
-            raise QueryError(
-                "start",
-                f"to end are {count} frames that no tiles cover yet, at most {MOST_FRAMES} are "
-                "read for an answer; choose a shorter window, or ask again later",
-            )
-
-    def _place(self, described: DescribedLayout) -> ColumnPlaces:
-        places = ColumnPlaces.empty(len(described.patches))
-        for number, patch in enumerate(described.patches):
-            columns = len(patch.taxels)
-            places.channel[number, :columns] = [
-                self._channels.get(name, -1) for name in patch.channels
-            ]
-            if patch.skew:
-                places.skew[number, :columns] = patch.skew
-        return places
-
-    def _scan(self, rows: Sequence[RowMapping]) -> Records:
-        """Decode frames of one layout."""
-        places = self._places[bytes(rows[0]["layout"])]
-        wanted = np.any(places.channel >= 0, axis=1)
-        return scan_frames([row["data"] for row in rows], wanted)
-
-
-def _longest_step(period: int) -> int:
-    """The longest step to the next sample without a gap, ns."""
-    return period + period // 2
-
-
-def _batches(rows: Sequence[RowMapping]) -> Iterator[list[RowMapping]]:
-    """Frames of one layout each, in order of time, not more than fit the memory."""
-    for _, of_layout in groupby(rows, key=lambda row: bytes(row["layout"])):
-        listed = list(of_layout)
-        for begin in range(0, len(listed), _AT_ONCE):
-            yield listed[begin : begin + _AT_ONCE]

@@ -167,16 +167,17 @@ class PackedAggregates(NamedTuple):
         pieces = self._entries(range(self.kind.size), counts)
         return ColumnAggregates(self.names, taxels, self.finest, column, pieces)
 
-    def bounds(self) -> tuple[Integers, Integers, Floats, Floats]:
-        """Column, time of the first sample, and hull of each entry.
+    def hulls_and_times(self) -> tuple[Integers, Integers, Floats, Floats]:
+        """Column, integers of `Aggregates` and bits of the coverage, and hull of each entry.
 
         Raises:
             MessageError: Codes are not those of any entries.
         """
         counts = self.counts
         column = np.repeat(np.arange(self.kind.size), counts)
-        first = self.times[0, self._places(range(self.kind.size))] + self.start[column]
-        return column, first, *decode_columns(self.hulls, counts)
+        whole = self.times[:, self._places(range(self.kind.size))]
+        whole[:2] += self.start[column]
+        return column, whole, *decode_columns(self.hulls, counts)
 
     def _places(self, columns: Sequence[int]) -> Integers:
         """Where the times of some columns' entries stand."""

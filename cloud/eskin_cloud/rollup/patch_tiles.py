@@ -1,4 +1,4 @@
-"""Read tiles of patches: one column as aggregates, or hulls of all columns.
+"""Read tiles of patches.
 
 A chunk holds `PATCH_CHUNK` tiles of a level of all columns in one row. Chunks are
 made of compacted rows; where these are not in them yet, and where frames wait that came late,
@@ -7,7 +7,7 @@ samples are read instead.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from sqlalchemy import bindparam, select
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from eskin.interval import Floats
     from eskin_cloud.rollup.column_aggregates import ColumnAggregates
     from eskin_cloud.store.read.lookup import Channel
 
@@ -62,20 +61,6 @@ _LATE: Final = select(frames.c.t, frames.c.t_end).where(
     frames.c.t < bindparam("end"),
     frames.c.t_end >= bindparam("start"),
 )
-
-
-class TileHulls(NamedTuple):
-    """Hulls of tiles of all columns; shapes ``(tiles, columns)``.
-
-    Attributes:
-        taxels: Of each column.
-        lo: Least lower bounds; ``inf`` where a tile has no sample.
-        hi: Greatest upper bounds; ``-inf`` where a tile has no sample.
-    """
-
-    taxels: tuple[str, ...]
-    lo: Floats
-    hi: Floats
 
 
 def find_unbuilt(connection: Connection, channel: Channel, within: Range) -> list[Range]:
@@ -140,39 +125,6 @@ def read_tiles(
         if taxel in taxels:
             parts.append(chunk.of(taxels.index(taxel)))
     return _inside(chained(parts), level, ranges) if parts else EMPTY
-
-
-def read_pictures(
-    connection: Connection, node: str, patch: str, level: int, within: Range
-) -> TileHulls:
-    """The hulls of all columns of a patch.
-
-    Args:
-        connection: In a read transaction.
-        node: The node.
-        patch: The patch.
-        level: One of the patch's levels.
-        within: Numbers of tiles; stale ones are included, compacted rows are read instead of
-            damaged chunks.
-
-    Raises:
-        UnknownDescriptionError: A description is damaged in the store.
-    """
-    place, count = Place(node, patch), within[1] - within[0]
-    chunks = list(_read_chunks(connection, place, level, [within]))
-    named = {chunk.names: taxels_of(connection, node, chunk) for chunk in chunks}
-    taxels = united(named.values())
-    number = {taxel: k for k, taxel in enumerate(taxels)}
-    shape = count, len(taxels)
-    lo, hi = np.full(shape, np.inf), np.full(shape, -np.inf)
-    for chunk in chunks:
-        columns = np.array([number[taxel] for taxel in named[chunk.names]])
-        column, first, low, high = chunk.bounds()
-        tile = (first >> level) - within[0]
-        here = (tile >= 0) & (tile < count)
-        cells = tile[here], columns[column[here]]
-        lo[cells], hi[cells] = low[here], high[here]
-    return TileHulls(taxels, lo, hi)
 
 
 def taxels_of(connection: Connection, node: str, chunk: PackedAggregates) -> tuple[str, ...]:

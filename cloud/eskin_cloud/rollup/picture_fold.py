@@ -11,10 +11,13 @@ from eskin.kernels.outward_rounding import greater, lesser
 from eskin.wire.frames.frame_scan import Part
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
     from eskin.wire.frames.frame_scan import Records
+    from eskin_cloud.rollup.column_aggregates import PackedAggregates
     from eskin_cloud.store.patch_run import PatchRun
 
     Integers: TypeAlias = NDArray[np.int64]
@@ -98,15 +101,52 @@ def fold_records(
         _fold_records(records.data, records.whole, (records.lo, records.hi), places, grid, out)
 
 
-def fold_run(
-    run: PatchRun, patch: int, places: ColumnPlaces, grid: tuple[int, int], out: PictureHulls
+def fold_runs(
+    runs: Sequence[PatchRun], places: ColumnPlaces, grid: tuple[int, int], out: PictureHulls
 ) -> None:
-    """Add the samples of a run of a patch; otherwise as `fold_records`."""
-    strides = np.frombuffer(run.strides, np.uint8)
-    bounds = np.ascontiguousarray(run.lo).ravel(), np.ascontiguousarray(run.hi).ravel()
-    when = run.t, run.dt, run.first_row % 2**16
-    _fold_run(bounds, run.lo.shape, when, strides, (places.channel[patch], places.skew[patch]),
-              grid, out)  # fmt: skip
+    """Add the samples of runs of one description, in order of time.
+
+    Args:
+        runs: At least one.
+        places: Of its columns: the first row of the arrays.
+        grid: As in `fold_records`.
+        out: As in `fold_records`.
+    """
+    whole = np.zeros((len(runs), len(Part)), np.int64)
+    begin = strides = 0
+    for row, run in zip(whole, runs, strict=True):
+        rows, columns = run.lo.shape
+        row[_EARLIEST] = row[_LATEST] = run.t
+        row[_PERIOD], row[_FIRST_ROW] = run.dt, run.first_row
+        row[_ROWS], row[_COLUMNS], row[_BEGIN] = rows, columns, begin
+        row[_STRIDES] = strides if run.strides else -1
+        begin, strides = begin + rows * columns, strides + len(run.strides)
+    data = np.frombuffer(b"".join(run.strides for run in runs), np.uint8)
+    bounds = (
+        np.concatenate([run.lo.ravel() for run in runs]),
+        np.concatenate([run.hi.ravel() for run in runs]),
+    )
+    _fold_records(data, whole, bounds, places, grid, out)
+
+
+def fold_tiles(
+    chunk: PackedAggregates,
+    channels: Integers,
+    within: tuple[int, int],
+    grid: tuple[int, int],
+    out: PictureHulls,
+) -> None:
+    """Add the tiles of a chunk, each of which lies within a picture.
+
+    Args:
+        chunk: Tiles of all columns of a patch.
+        channels: The picture's channel of each column, or -1.
+        within: Tiles that begin from a time on, and before another, are added; UTC ns.
+        grid: As in `fold_records`.
+        out: As in `fold_records`; ``peak`` gets the least lower bound of a tile.
+    """
+    column, whole, lo, hi = chunk.hulls_and_times()
+    _fold_tiles(channels[column], whole, (lo, hi), within, grid, out)
 
 
 @kernel
@@ -135,16 +175,36 @@ def _fold_records(
 
 
 @kernel
-def _fold_run(
+def _fold_tiles(
+    channels: Integers,
+    whole: Integers,
     bounds: tuple[Floats, Floats],
-    shape: tuple[int, int],
-    when: tuple[int, int, int],
-    strides: Bytes,
-    places: tuple[Integers, Integers],
+    within: tuple[int, int],
     grid: tuple[int, int],
     out: PictureHulls,
 ) -> None:
-    _fold(bounds, shape, when, strides, places, grid, out)
+    low, high = bounds
+    least, most, peak, number = out.lo, out.hi, out.peak, out.n
+    latest, periods, gap = out.last, out.dt, out.gap
+    for k in range(channels.size):
+        channel, first, last = channels[k], whole[0, k], whole[1, k]
+        picture = (first - grid[0]) // grid[1]
+        outside = first < within[0] or first >= within[1]
+        if channel < 0 or outside or picture < 0 or picture >= len(least):
+            continue
+        before = periods[channel]
+        if not before:
+            _mark(grid[0], first, channel, grid, gap)
+        elif first - latest[channel] > before + before // 2:
+            _mark(latest[channel] + before, first, channel, grid, gap)
+        if whole[3, k]:
+            gap[picture, channel] = True
+        if not before or last >= latest[channel]:
+            latest[channel], periods[channel] = last, whole[4, k]
+        least[picture, channel] = lesser(low[k], least[picture, channel])
+        most[picture, channel] = greater(high[k], most[picture, channel])
+        peak[picture, channel] = greater(low[k], peak[picture, channel])
+        number[picture, channel] += whole[2, k]
 
 
 @part

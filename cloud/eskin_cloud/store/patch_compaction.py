@@ -166,7 +166,7 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
         return None  # damaged, and reported: its frames stay
     since = totals.compacted
     heads = _heads(connection, page, since, _FRAMES + 1)
-    numbers = described.layout.page_range(page[3])
+    numbers = described.page_ranges[page[3]]
     count = _count(heads, due, _SAMPLES * len(numbers))
     if not count:
         return None

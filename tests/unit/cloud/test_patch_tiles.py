@@ -16,7 +16,6 @@ from eskin_cloud.rollup.aggregates import Aggregates
 from eskin_cloud.rollup.blocks import Buckets, read_buckets
 from eskin_cloud.rollup.column_aggregates import ColumnAggregates, pack, unpack
 from eskin_cloud.rollup.patch_tile_builder import build
-from eskin_cloud.rollup.patch_tiles import read_pictures
 from eskin_cloud.rollup.reading import TileRange, read_range
 from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.read.lookup import find_channel
@@ -197,38 +196,6 @@ def test_tiles_are_those_of_the_samples(store: Store, steps: list[list[Frame] | 
                 other = read_buckets(connection, plain, window, buckets)
                 for name in ("breaks", "dt", "held", "error", "coverage"):
                     assert getattr(found, name).tolist() == getattr(other, name).tolist(), name
-
-
-@settings(
-    max_examples=8,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow,
-                           HealthCheck.data_too_large],
-)  # fmt: skip
-@given(steps=histories(), level=st.sampled_from([GRAIN, GRAIN + STEP]))
-def test_pictures_are_the_hulls_of_all_columns(
-    store: Store, steps: list[list[Frame] | str], level: int
-) -> None:
-    brought = carry_out(store, [*steps, "compact", "build"])
-    first = START - 64 >> level
-    with store.read() as connection:
-        built = connection.execute(select(patches.c.built)).scalar_one()
-        if built is None:
-            return
-        end = built >> level
-        hulls = read_pictures(connection, TILED, "palm", level, (first, end))
-    for taxel in TAXELS:
-        lo, hi = np.full(end - first, np.inf), np.full(end - first, -np.inf)
-        for t, low, high in samples_of(brought, taxel):
-            tile = (t >> level) - first
-            if 0 <= tile < end - first:
-                lo[tile], hi[tile] = min(lo[tile], low), max(hi[tile], high)
-        if taxel in hulls.taxels:
-            column = hulls.taxels.index(taxel)
-            assert hulls.lo[:, column].tolist() == lo.tolist()
-            assert hulls.hi[:, column].tolist() == hi.tolist()
-        else:
-            assert np.all(lo == np.inf)
 
 
 @settings(

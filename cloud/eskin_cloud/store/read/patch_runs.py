@@ -130,7 +130,7 @@ def find_patch_pages(connection: Connection, node: str, patch_id: str) -> list[P
         described = find_layout(connection, node, bytes(row["layout"]))
         found += [
             PatchPage(described, row["page"], number, row)
-            for number in described.layout.page_range(row["page"])
+            for number in described.page_ranges[row["page"]]
             if described.patches[number].patch_id == patch_id
         ]
     return found

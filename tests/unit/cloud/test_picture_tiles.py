@@ -1,0 +1,70 @@
+"""Pictures from tiles and compacted rows beside those from the frames that these are made of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from eskin_cloud.rollup.picture_reading import PictureReader
+from eskin_cloud.store.read.window import Window
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+from tests.unit.cloud.test_patch_tiles import (
+    PLAIN,
+    SKEWED,
+    SPAN,
+    START,
+    TAXELS,
+    TILED,
+    carry_out,
+    histories,
+    samples_of,
+)
+
+if TYPE_CHECKING:
+    from eskin_cloud.store import Store
+
+    from eskin.wire.frames import Frame
+
+windows = st.builds(
+    lambda start, span: Window(START + start, START + start + span),
+    st.integers(-50, SPAN),
+    st.integers(1, 2 * SPAN),
+)
+
+
+@settings(
+    max_examples=40,
+    deadline=None, phases=[Phase.explicit, Phase.generate],
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow,
+                           HealthCheck.data_too_large],
+)  # fmt: skip
+@given(steps=histories(), window=windows, points=st.sampled_from([1, 5, 20, 60]))
+def test_pictures_are_those_of_the_frames(
+    store: Store, steps: list[list[Frame] | str], window: Window, points: int
+) -> None:
+    brought = carry_out(store, steps)
+    with store.read() as connection:
+        reader = PictureReader(connection, TILED, [SKEWED])
+        buckets = reader.choose(window, points)
+        found = reader.fold(buckets)
+        plain = PictureReader(connection, PLAIN, [SKEWED])
+        other = plain.fold(buckets)
+    assert buckets.count <= points
+    assert buckets.window.start <= window.start
+    assert buckets.window.end >= window.end
+    for column, taxel in enumerate(TAXELS):
+        lo, hi = np.full(buckets.count, np.inf), np.full(buckets.count, -np.inf)
+        for t, low, high in samples_of(brought, taxel):
+            picture = (t - buckets.start) // buckets.width
+            if 0 <= picture < buckets.count:
+                lo[picture], hi[picture] = min(lo[picture], low), max(hi[picture], high)
+        assert found.lo[:, column].tolist() == other.lo[:, column].tolist() == lo.tolist()
+        assert found.hi[:, column].tolist() == other.hi[:, column].tolist() == hi.tolist()
+    # Of a tile it is not kept which of its samples was the greatest.
+    assert np.all(found.peak <= other.peak)
+    assert np.all(found.gap >= other.gap)
+    assert np.all(found.n >= other.n)
+    assert reader.coverage <= plain.coverage
+    assert reader.time_error >= plain.time_error
