@@ -167,17 +167,6 @@ class PackedAggregates(NamedTuple):
         pieces = self._entries(range(self.kind.size), counts)
         return ColumnAggregates(self.names, taxels, self.finest, column, pieces)
 
-    def bounds(self) -> tuple[Integers, Integers, Floats, Floats]:
-        """Column, time of the first sample, and hull of each entry.
-
-        Raises:
-            MessageError: Codes are not those of any entries.
-        """
-        counts = self.counts
-        column = np.repeat(np.arange(self.kind.size), counts)
-        first = self.times[0, self._places(range(self.kind.size))] + self.start[column]
-        return column, first, *decode_columns(self.hulls, counts)
-
     def hulls_and_times(self) -> tuple[Integers, Integers, Floats, Floats]:
         """Column, integers of `Aggregates` and bits of the coverage, and hull of each entry.
 
@@ -192,6 +181,8 @@ class PackedAggregates(NamedTuple):
 
     def _places(self, columns: Sequence[int]) -> Integers:
         """Where the times of some columns' entries stand."""
+        if self.begins.size == 2:  # all columns are sampled together
+            return np.tile(np.arange(self.begins[1]), len(columns))
         kinds = self.kind[list(columns)].tolist()
         return np.concatenate([np.arange(self.begins[k], self.begins[k + 1]) for k in kinds])
 
@@ -204,7 +195,7 @@ class PackedAggregates(NamedTuple):
         low, high = decode_columns(self.means, counts, columns)
         n, coverage = whole[2], whole[7].view(np.float64)
         sums = multiply_down(n, low), -multiply_down(n, -high)
-        return Aggregates(*list(whole[:7]), *(lo, hi, *sums, coverage))
+        return Aggregates(*[*whole[:7], lo, hi, *sums, coverage])
 
 
 def _parts(each: ColumnAggregates) -> list[object]:

@@ -119,7 +119,8 @@ def _tabulate(
         for run in runs
     ]).T  # fmt: skip
     coverage = np.array([run.coverage for run in runs])
-    return _Table(numbers[:2], *numbers[2:5], rows, numbers[5], coverage, steps, skew, lo, hi)
+    t, dt, first_row, error = numbers[2:]
+    return _Table(numbers[:2], t, dt, first_row, rows, error, coverage, steps, skew, lo, hi)
 
 
 def _locate(table: _Table, column: int, buckets: Buckets) -> _Samples:

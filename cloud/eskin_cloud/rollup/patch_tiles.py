@@ -1,4 +1,4 @@
-"""Read tiles of patches: one column as aggregates, or hulls of all columns.
+"""Read tiles of patches.
 
 A chunk holds `PATCH_CHUNK` tiles of a level of all columns in one row. Chunks are
 made of compacted rows; where these are not in them yet, and where frames wait that came late,
@@ -7,7 +7,7 @@ samples are read instead.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from sqlalchemy import bindparam, select
@@ -22,10 +22,10 @@ from eskin_cloud.rollup.ranges import Range, coarsened, merged
 from eskin_cloud.store.damage import is_intact_tile
 from eskin_cloud.store.descriptions import find_patch
 from eskin_cloud.store.patch_totals import Place
-from eskin_cloud.store.read.patch_runs import read_compacted
+from eskin_cloud.store.read.patch_runs import find_patch_pages, read_compacted
 from eskin_cloud.store.read.window import before
 from eskin_cloud.store.sample_grid import PATCH_CHUNK
-from eskin_cloud.store.schema.frame_tables import frames, pages, patch_tiles, stale_patch_chunks
+from eskin_cloud.store.schema.frame_tables import frames, patch_tiles, stale_patch_chunks
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from eskin.interval import Floats
     from eskin_cloud.rollup.column_aggregates import ColumnAggregates
     from eskin_cloud.store.read.lookup import Channel
 
@@ -54,11 +53,6 @@ _STALE: Final = select(stale_patch_chunks.c.chunk).where(
     stale_patch_chunks.c.patch == bindparam("patch"),
     stale_patch_chunks.c.chunk.between(bindparam("first"), bindparam("last")),
 )
-_PAGES: Final = (
-    select(pages.c.page, pages.c.longest)
-    .where(pages.c.slot == bindparam("slot"), pages.c.node == bindparam("node"))
-    .where(pages.c.frames > 0)
-)
 _LATE: Final = select(frames.c.t, frames.c.t_end).where(
     frames.c.slot == bindparam("slot"),
     frames.c.node == bindparam("node"),
@@ -67,20 +61,6 @@ _LATE: Final = select(frames.c.t, frames.c.t_end).where(
     frames.c.t < bindparam("end"),
     frames.c.t_end >= bindparam("start"),
 )
-
-
-class TileHulls(NamedTuple):
-    """Hulls of tiles of all columns; shapes ``(tiles, columns)``.
-
-    Attributes:
-        taxels: Of each column.
-        lo: Least lower bounds; ``inf`` where a tile has no sample.
-        hi: Greatest upper bounds; ``-inf`` where a tile has no sample.
-    """
-
-    taxels: tuple[str, ...]
-    lo: Floats
-    hi: Floats
 
 
 def find_unbuilt(connection: Connection, channel: Channel, within: Range) -> list[Range]:
@@ -107,11 +87,12 @@ def find_unbuilt(connection: Connection, channel: Channel, within: Range) -> lis
 
 def _late_chunks(connection: Connection, channel: Channel, within: Range, bits: int) -> set[int]:
     """Chunks with samples of frames that are not compacted."""
-    key: dict[str, Any] = {"slot": slot_of(channel["node"]), "node": channel["node"]}
     longest: dict[int, int] = {}
-    for page, span in connection.execute(_PAGES, key):
-        longest[page] = max(span, longest.get(page, 0))
+    for place in find_patch_pages(connection, channel["node"], channel["patch"]):
+        if place.totals["frames"]:
+            longest[place.page] = max(place.totals["longest"], longest.get(place.page, 0))
     found: set[int] = set()
+    key: dict[str, Any] = {"slot": slot_of(channel["node"]), "node": channel["node"]}
     key |= {"start": within[0], "end": within[1]}
     for page, span in longest.items():
         here = key | {"page": page, "earliest": before(within[0], span)}
@@ -144,39 +125,6 @@ def read_tiles(
         if taxel in taxels:
             parts.append(chunk.of(taxels.index(taxel)))
     return _inside(chained(parts), level, ranges) if parts else EMPTY
-
-
-def read_pictures(
-    connection: Connection, node: str, patch: str, level: int, within: Range
-) -> TileHulls:
-    """The hulls of all columns of a patch.
-
-    Args:
-        connection: In a read transaction.
-        node: The node.
-        patch: The patch.
-        level: One of the patch's levels.
-        within: Numbers of tiles; stale ones are included, compacted rows are read instead of
-            damaged chunks.
-
-    Raises:
-        UnknownDescriptionError: A description is damaged in the store.
-    """
-    place, count = Place(node, patch), within[1] - within[0]
-    chunks = list(_read_chunks(connection, place, level, [within]))
-    named = {chunk.names: taxels_of(connection, node, chunk) for chunk in chunks}
-    taxels = united(named.values())
-    number = {taxel: k for k, taxel in enumerate(taxels)}
-    shape = count, len(taxels)
-    lo, hi = np.full(shape, np.inf), np.full(shape, -np.inf)
-    for chunk in chunks:
-        columns = np.array([number[taxel] for taxel in named[chunk.names]])
-        column, first, low, high = chunk.bounds()
-        tile = (first >> level) - within[0]
-        here = (tile >= 0) & (tile < count)
-        cells = tile[here], columns[column[here]]
-        lo[cells], hi[cells] = low[here], high[here]
-    return TileHulls(taxels, lo, hi)
 
 
 def taxels_of(connection: Connection, node: str, chunk: PackedAggregates) -> tuple[str, ...]:

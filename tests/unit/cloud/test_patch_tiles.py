@@ -8,19 +8,21 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
+from eskin_cloud.query.predicate import Predicate
+from eskin_cloud.query.segments import find_segments
+from eskin_cloud.query.series import read_series
 from eskin_cloud.rollup import patch_tile_builder
 from eskin_cloud.rollup.aggregates import Aggregates
 from eskin_cloud.rollup.blocks import Buckets, read_buckets
 from eskin_cloud.rollup.column_aggregates import ColumnAggregates, pack, unpack
 from eskin_cloud.rollup.patch_tile_builder import build
-from eskin_cloud.rollup.patch_tiles import read_pictures
 from eskin_cloud.rollup.reading import TileRange, read_range
 from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import PATCH_CHUNK, STEP
 from eskin_cloud.store.schema.frame_tables import patch_tiles, patches, stale_patch_chunks
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import func, select, update
 
@@ -170,8 +172,8 @@ def require_true(found: Aggregates, samples: list[tuple[int, float, float]], lev
 
 
 @settings(
-    max_examples=40,
-    deadline=None, phases=[Phase.explicit, Phase.generate],
+    max_examples=20,
+    deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow,
                            HealthCheck.data_too_large],
 )  # fmt: skip
@@ -198,34 +200,39 @@ def test_tiles_are_those_of_the_samples(store: Store, steps: list[list[Frame] | 
 
 @settings(
     max_examples=15,
-    deadline=None, phases=[Phase.explicit, Phase.generate],
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow,
-                           HealthCheck.data_too_large],
-)  # fmt: skip
-@given(steps=histories(), level=st.sampled_from([GRAIN, GRAIN + STEP]))
-def test_pictures_are_the_hulls_of_all_columns(
-    store: Store, steps: list[list[Frame] | str], level: int
+    deadline=None,
+    suppress_health_check=[
+        HealthCheck.function_scoped_fixture,
+        HealthCheck.too_slow,
+        HealthCheck.data_too_large,
+    ],
+)
+@given(
+    steps=histories(),
+    begin=st.integers(-50, SPAN),
+    span=st.integers(1, SPAN),
+    points=st.sampled_from([1, 7, 1000]),
+)
+def test_compaction_and_tiles_change_no_series_and_no_segment(
+    store: Store, steps: list[list[Frame] | str], begin: int, span: int, points: int
 ) -> None:
-    brought = carry_out(store, [*steps, "compact", "build"])
-    first = START - 64 >> level
+    carry_out(store, steps)
+    window = Window(START + begin, START + begin + span)
+    above = Predicate(0.3, None, strict=True)
     with store.read() as connection:
-        built = connection.execute(select(patches.c.built)).scalar_one()
-        if built is None:
-            return
-        end = built >> level
-        hulls = read_pictures(connection, TILED, "palm", level, (first, end))
-    for taxel in TAXELS:
-        lo, hi = np.full(end - first, np.inf), np.full(end - first, -np.inf)
-        for t, low, high in samples_of(brought, taxel):
-            tile = (t >> level) - first
-            if 0 <= tile < end - first:
-                lo[tile], hi[tile] = min(lo[tile], low), max(hi[tile], high)
-        if taxel in hulls.taxels:
-            column = hulls.taxels.index(taxel)
-            assert hulls.lo[:, column].tolist() == lo.tolist()
-            assert hulls.hi[:, column].tolist() == hi.tolist()
-        else:
-            assert np.all(lo == np.inf)
+        for taxel in TAXELS:
+            channel = find_channel(connection, TILED, f"{taxel}.pressure")
+            plain = find_channel(connection, PLAIN, f"{taxel}.pressure")
+            one, other = (
+                read_series(connection, each, window, points=points) for each in (channel, plain)
+            )
+            assert one.t.tolist() == other.t.tolist()
+            assert (one.lo.tolist(), one.hi.tolist()) == (other.lo.tolist(), other.hi.tolist())
+            assert one.coverage == other.coverage
+            found, expected = (
+                list(find_segments(connection, each, window, above)) for each in (channel, plain)
+            )
+            assert found == expected
 
 
 def steady(first: int, count: int) -> list[Frame]:
@@ -246,7 +253,7 @@ def steady(first: int, count: int) -> list[Frame]:
 def tiles_of(store: Store) -> list[Any]:
     with store.read() as connection:
         query = select(patch_tiles).order_by(*patch_tiles.primary_key.columns)
-        return connection.execute(query).all()
+        return list(connection.execute(query).all())
 
 
 def require_all_true(store: Store, brought: list[Frame]) -> None:
@@ -365,6 +372,10 @@ def test_row_of_many_chunks_makes_tiles_longer(store: Store) -> None:
         require_true(found, samples_of([*brought, slow], "t0"), level)
 
 
+def made_of(*columns: Any) -> Aggregates:
+    return Aggregates(*columns)
+
+
 @settings(deadline=None)
 @given(data=st.data(), columns=st.integers(1, 5))
 def test_aggregates_come_back_and_sums_enclose(data: st.DataObject, columns: int) -> None:
@@ -380,7 +391,7 @@ def test_aggregates_come_back_and_sums_enclose(data: st.DataObject, columns: int
     hi = lo + random.integers(0, 99, size) * 2.0**exponent
     lo[random.random(size) < 0.2] = -np.inf
     hi[random.random(size) < 0.2] = np.inf
-    pieces = Aggregates(first, *whole, lo, hi, whole[1] * lo, whole[1] * hi, random.random(size))
+    pieces = made_of(first, *whole, lo, hi, whole[1] * lo, whole[1] * hi, random.random(size))
     taxels = tuple(f"t{k}" for k in range(columns))
     given_ = ColumnAggregates((b"a", b"b"), taxels, exponent, column, pieces)
     packed = pack(given_)
@@ -397,7 +408,8 @@ def test_aggregates_come_back_and_sums_enclose(data: st.DataObject, columns: int
 
 @given(data=st.data())
 def test_other_bytes_are_refused_or_read(data: st.DataObject) -> None:
-    pieces = Aggregates(*np.arange(1, 22).reshape(7, 3), *np.ones((5, 3)))
+    whole = list(np.arange(1, 22).reshape(7, 3))
+    pieces = made_of(*whole, *np.ones((5, 3)))
     column = np.array([0, 0, 1])
     good = bytearray(pack(ColumnAggregates((b"a",), ("t0", "t1"), 0, column, pieces)))
     for _ in range(data.draw(st.integers(1, 3))):
