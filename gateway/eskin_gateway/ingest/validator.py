@@ -49,6 +49,8 @@ log = logging.getLogger(__name__)
 _MAX_LOGGED_TOPIC: Final = 200
 _MESSAGE_TYPES: Final = {
     Stream.BLOCKS: (BlockSummary,),
+    Stream.FRAMES: (),
+    Stream.LAYOUTS: (),
     Stream.EVENTS: (Peak, Gap, Result),
     Stream.STATUS: (Status,),
 }
