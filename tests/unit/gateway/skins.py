@@ -73,9 +73,10 @@ class SkinOf:
             lo = (
                 np.full(shape, 1000.0) if values is None else np.broadcast_to(values[number], shape)
             )
+            hi = np.where(lo == -np.inf, 100.0, lo + 100.0)
             samples.append(
                 PatchSamples.pack(
-                    Interval(lo, lo + 100.0), each.least_width, patch=number, grid=0,
+                    Interval(lo, hi), each.least_width, patch=number, grid=0,
                     first_row=sequence * rows, strides=strides,
                 )
             )  # fmt: skip
