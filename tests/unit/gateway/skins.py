@@ -120,7 +120,9 @@ class SkinNode:
     def __init__(self, node: WireNode, skin: SkinOf) -> None:
         self.node = node
         self.skin = skin
-        self.described: dict[bytes, Patch | Layout] = dict(zip(skin.hashes, (*skin.patches, skin.layout), strict=True))
+        self.described: dict[bytes, Patch | Layout] = dict(
+            zip(skin.hashes, (*skin.patches, skin.layout), strict=True)
+        )
         self._answered = 0
 
     def describe(self) -> None:

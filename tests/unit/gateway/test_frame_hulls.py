@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from eskin_gateway.spool.descriptions import Skin
 from hypothesis import given
 from hypothesis import strategies as st
 
+from eskin.wire.frames import FrameSummary
 from eskin.wire.timestamp import format_timestamp
 from tests.unit.eskin.senml import read_senml
 from tests.unit.gateway.messages import EPOCH
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from eskin_gateway.mqtt.transport import Publication
+
+    from eskin.wire.frames import Frame
 
 
 def joined(skin: SkinOf) -> Skin:
@@ -44,8 +48,13 @@ class Published:
         self.skin = joined(skin)
         self.items: list[tuple[float, str, Any]] = []
 
-    def add(self, frame: Any, now: float) -> None:
-        self._take(now, self.hulls.add("n", frame, self.skin, now=now))
+    def add(self, frame: Frame, now: float) -> None:
+        self.add_of("n", frame, self.skin, now)
+
+    def add_of(self, node: str, frame: Frame, skin: Skin, now: float) -> None:
+        data = frame.encode()
+        found = self.hulls.add(node, FrameSummary.decode(data), data, skin, now=now)
+        self._take(now, found)
 
     def run_periodic(self, now: float) -> None:
         self._take(now, self.hulls.run_periodic(now))
@@ -183,14 +192,30 @@ def test_hulls_of_nodes_and_of_changed_patches_stay_apart() -> None:
     wider = SkinOf(patch(0, 4))
     for node in "n", "m":
         for now in 1.0, 1.1:
-            published._take(now, published.hulls.add(node, SMALL.frame(1), published.skin, now=now))
+            published.add_of(node, SMALL.frame(1), published.skin, now)
     assert len(published.on("live/n/p000c00.pressure")) == 1
     assert len(published.on("live/m/p000c00.pressure")) == 1
     # What was measured by the former layout is published by itself.
-    published._take(1.2, published.hulls.add("n", wider.frame(2), joined(wider), now=1.2))
+    published.add_of("n", wider.frame(2), joined(wider), 1.2)
     assert [item["n"] for item in published.on("live/n/p000c00.pressure")] == [5, 5]
     published.run_periodic(1.8)
     assert published.on("live/n/p000c03.pressure")[0]["n"] == 5
+
+
+def test_frames_of_some_patches_of_a_page_are_joined() -> None:
+    published = Published(LARGE)
+    whole = {0: np.full(20, 1000.0), 1: np.full(20, 2000.0)}
+    for now, sequence, kept in ((1.0, 0, (0, 1)), (1.1, 1, (1,)), (1.2, 2, (0,)), (1.3, 3, (1,))):
+        values = {number: value + 100.0 * sequence for number, value in whole.items()}
+        frame = LARGE.frame(sequence, values)
+        some = tuple(each for each in frame.patches if each.patch in kept)
+        published.add(replace(frame, patches=some), now)
+    published.run_periodic(2.0)
+    first, second = (published.on(f"live/n/patches/pad00{number}") for number in (0, 1))
+    assert [item["n"] for item in first] == [5, 5]
+    assert [item["n"] for item in second] == [5, 10]
+    assert (first[1]["lo"][0], first[1]["hi"][0]) == (1200.0, 1300.0)
+    assert (second[1]["lo"][0], second[1]["hi"][0]) == (2100.0, 2400.0)
 
 
 def test_nothing_is_remembered_of_a_silent_node() -> None:

@@ -21,7 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.identity import IdentityKind
-from eskin.wire.frames import Controller
+from eskin.wire.frames import Controller, FrameSummary
 from eskin.wire.messages import Block, ChannelInfo, Encoding, Status
 from eskin.wire.messages.header import CHANNEL as CHANNEL_NAME
 from eskin.wire.topics import Stream, live_topic
@@ -323,8 +323,11 @@ def test_home_assistant_accepts_patches_and_contacts() -> None:
     frame = LARGE.frame(0, {0: np.full(20, 3500.0), 1: np.full(20, 10.0)})
     now = time.time_ns() - 5 * PERIOD
     hulls = FrameHulls(senml=False)
-    fresh = list(hulls.add("n", replace(frame, time=(now, now)), skin, now=1.0))
-    late = list(hulls.add("m", frame, skin, now=1.0))
+    said = [replace(frame, time=(now, now)).encode(), frame.encode()]
+    fresh, late = (
+        list(hulls.add(name, FrameSummary.decode(data), data, skin, now=1.0))
+        for name, data in zip("nm", said, strict=True)
+    )
     states = [fresh[0][1], late[0][1]]
     sides = json.loads(states[0])
     states.append(json.dumps(sides | {"hull": sides["hull"] | {"hi": None}}).encode())
