@@ -6,9 +6,15 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
+from eskin.wire.frames import content_hash
 from eskin.wire.messages.cbor_map import MOST_BYTES, items, load_any, octets
 from eskin_cloud.ingest.errors import MalformedBatchError
-from eskin_cloud.store.descriptions import Description, read_description, store_description
+from eskin_cloud.store.descriptions import (
+    Description,
+    read_description,
+    refuse_description,
+    store_description,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,7 +31,7 @@ class Posted(NamedTuple):
 
     Attributes:
         node: Whose it is; empty where that cannot be read.
-        description: What it is; ``None`` where it is refused.
+        description: What it is; without data if it is refused, ``None`` if it cannot be read.
         reason: Why it is refused.
     """
 
@@ -86,9 +92,12 @@ def _read(value: object) -> Posted:
         return Posted("", None, str(error))
     try:
         data = octets(value[1], "the description", 1, MOST_BYTES)
-        return Posted(value[0], read_description(data))
     except MessageError as error:
         return Posted(value[0], None, str(error))
+    try:
+        return Posted(value[0], read_description(data))
+    except MessageError as error:
+        return Posted(value[0], Description("", content_hash(data), b""), str(error))
 
 
 def _store(connection: Connection, posted: Posted, *, known: bool) -> PostedResult:
@@ -97,10 +106,15 @@ def _store(connection: Connection, posted: Posted, *, known: bool) -> PostedResu
             "unknown_node",
             "no certificate of this node is known for the gateway's site; present it",
         )
+    reason, fresh = posted.reason, False
     if posted.description is None:
-        return PostedResult("rejected", posted.reason)
-    try:
-        fresh = store_description(connection, posted.node, posted.description)
-    except MessageError as error:
-        return PostedResult("rejected", str(error))
+        return PostedResult("rejected", reason)
+    if reason is None:
+        try:
+            fresh = store_description(connection, posted.node, posted.description)
+        except MessageError as error:
+            reason = str(error)
+    if reason is not None:
+        refuse_description(posted.node, posted.description.hash, reason)
+        return PostedResult("rejected", reason)
     return PostedResult("stored" if fresh else "duplicate")

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 import numpy as np
-from cachetools import LRUCache
+from cachetools import FIFOCache, LRUCache
 from sqlalchemy import and_, delete, func, insert, select
 
 from eskin.errors import MessageError, StoreError
@@ -32,11 +31,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from sqlalchemy import Connection
 
-    from eskin.wire.frames import FrameSummary
-
 MOST_DESCRIPTIONS: Final = 20_000
 """Of a node: each costs a row that is never deleted."""
 _CACHE_BYTES: Final = 64 << 20
+_MOST_REFUSED: Final = 10_000
 _DECODED: Final = 16
 """Bytes of memory that a byte of a description takes when it is decoded, at most."""
 _BIOMETRIC: Final = (
@@ -112,54 +110,24 @@ class DescribedLayout:
         return {channel: each.unit for each in self.patches for channel in each.channels}
 
     @cached_property
-    def columns(self) -> NDArray[np.int64]:
-        """Number of each patch's columns."""
-        return np.array([len(each.taxels) for each in self.patches])
+    def facts(self) -> NDArray[np.int64]:
+        """Of each patch: number of columns, whether errors are shared, least and greatest skew."""
+        return np.array(
+            [
+                (
+                    len(each.taxels),
+                    bool(each.alpha),
+                    min(each.skew, default=0),
+                    max(each.skew, default=0),
+                )
+                for each in self.patches
+            ]
+        )
 
     @cached_property
-    def shares_errors(self) -> NDArray[np.bool_]:
-        """Whether each patch's samples have shared errors."""
-        return np.array([bool(each.alpha) for each in self.patches])
-
-    @cached_property
-    def least_skew(self) -> NDArray[np.int64]:
-        """Least skew of each patch's columns, ns."""
-        return np.array([min(each.skew, default=0) for each in self.patches])
-
-    @cached_property
-    def most_skew(self) -> NDArray[np.int64]:
-        """Greatest skew of each patch's columns, ns."""
-        return np.array([max(each.skew, default=0) for each in self.patches])
-
-    @cached_property
-    def ends(self) -> tuple[int, ...]:
-        """For each page, the number of the first patch after it."""
-        return tuple(accumulate(self.layout.pages))
-
-    def require_frame(self, frame: FrameSummary) -> None:
-        """Check that a frame fits, as `eskin.wire.frames.Frame.require_layout` does.
-
-        Raises:
-            MessageError: It does not.
-        """
-        if frame.page >= len(self.ends):
-            raise MessageError(f"page is {frame.page}; the layout has {len(self.ends)}")
-        records, end = frame.records, self.ends[frame.page]
-        patches = records["patch"]
-        if patches[0] < end - self.layout.pages[frame.page] or patches[-1] >= end:
-            raise MessageError(
-                f"patches {patches[0]} to {patches[-1]} are not all on page {frame.page}"
-            )
-        wrong = records["columns"] != self.columns[patches]
-        if wrong.any():
-            at = wrong.argmax()
-            raise MessageError(
-                f"patch {patches[at]} has {records['columns'][at]} columns, "
-                f"not {self.columns[patches[at]]}"
-            )
-        alone = (records["epoch"] > 0) & ~self.shares_errors[patches]
-        if alone.any():
-            raise MessageError(f"patch {patches[alone.argmax()]} has an epoch, but no shared error")
+    def page_ranges(self) -> tuple[range, ...]:
+        """For each page, the numbers of its patches."""
+        return tuple(map(self.layout.page_range, range(len(self.layout.pages))))
 
 
 class _Decoded(NamedTuple):
@@ -169,6 +137,7 @@ class _Decoded(NamedTuple):
 
 _patches: Final[LRUCache[bytes, _Decoded]] = LRUCache(_CACHE_BYTES, lambda each: each.size)
 _layouts: Final[LRUCache[bytes, _Decoded]] = LRUCache(_CACHE_BYTES, lambda each: each.size)
+_refused: Final[FIFOCache[tuple[str, bytes], str]] = FIFOCache(_MOST_REFUSED)
 _lock: Final = Lock()
 
 
@@ -239,6 +208,21 @@ def find_descriptions(
         else:
             report_damaged(descriptions.name, f"{node} {row['hash'].hex()}")
     return found
+
+
+def refuse_description(node: str, name: bytes, reason: str) -> None:
+    """Remember, until the process ends, that a description cannot be stored, and why.
+
+    Else a gateway would present it without end for the messages that need it.
+    """
+    with _lock:
+        _refused[node, name] = reason
+
+
+def find_refusal(node: str, names: Iterable[bytes]) -> str | None:
+    """Why one of a node's descriptions cannot be stored; ``None`` if all may yet come."""
+    with _lock:
+        return next((_refused[node, name] for name in names if (node, name) in _refused), None)
 
 
 def find_patch(connection: Connection, node: str, name: bytes) -> Patch:
