@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
+    from eskin.wire.frames import Frame, Statements
     from eskin.wire.messages import Message
 
 _LONGEST = 4096
@@ -76,7 +77,7 @@ def make(folder: Path) -> Target:
 
     one: list[Message] = [said.block(0), said.peak(1), said.gap(2), said.status(3), result(4, 1)]
     skins.describe(store, skins.HAND, *skins.PATCHES)
-    placed = [skins.frame(6), skins.frame(7, page=1), skins.statements(8)]
+    placed: list[Frame | Statements] = [skins.frame(6), skins.frame(7, page=1), skins.statements(8)]
     batches = [[[said.NODE, message.encode()]] for message in (*one, *placed)]
     batches.append([item for batch in batches for item in batch])
     wave = np.sin(np.arange(60) / 9.0)
