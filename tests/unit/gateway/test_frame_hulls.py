@@ -240,7 +240,9 @@ def test_senml_holds_channels_of_small_skins_and_patches_of_large_ones() -> None
     for name in "pad000", "pad001":
         (pack,) = large.on(f"senml/n/patches/{name}")
         records = dict(read_senml(orjson.dumps(pack).decode(), f"n/patches/{name}/"))
-        contacts.append((records["lo"], records["hi"], records["contact/lo"], records["contact/hi"]))
+        contacts.append(
+            (records["lo"], records["hi"], records["contact/lo"], records["contact/hi"])
+        )
     assert contacts == [(3500.0, 3600.0, 1.0, 1.0), (2950.0, 3050.0, 0.0, 1.0)]
 
 
