@@ -160,14 +160,14 @@ class SkinSection(Section):
         return {
             role: _read(
                 role,
-                kind,
+                section,
                 getattr(self, role),
                 id=role,
                 kind=role,
                 scenario=self.scenario,
                 sampling_Hz=self.sampling_hz,
             )
-            for role, kind in _AIR.items()
+            for role, section in _AIR.items()
             if getattr(self, role)
         }
 
@@ -177,7 +177,7 @@ class SkinSection(Section):
         return {role: Companion(sensor, ()) for role, sensor in self.air.items()}
 
 
-def _read(role: str, kind: type[Any], given: Table, **own: object) -> Any:
+def _read(role: str, section: type[Any], given: Table, /, **own: object) -> Any:
     """Read a data sheet.
 
     Raises:
@@ -186,7 +186,7 @@ def _read(role: str, kind: type[Any], given: Table, **own: object) -> Any:
     for key in own.keys() & given.keys():
         raise ValueError(f"{role}.{key} is set by the skin; leave it out")
     try:
-        return kind.model_validate(given | own)
+        return section.model_validate(given | own)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join([role, *map(str, first["loc"])])
