@@ -95,7 +95,9 @@ class SkinSection(Section):
                 f"stretch_ms = {self.stretch_ms:g} must be 1 to {MOST_ROWS} periods of sampling_hz "
                 f"= {self.sampling_hz:g}"
             )
-        _ = self.taxel, self.air
+        if self.taxel.adaptive or self.taxel.actuator_steps:
+            raise ValueError("pad.adaptive and pad.actuator_steps: a skin's pads are not adjusted")
+        _ = self.air
         self._require_sound()
         return self
 
