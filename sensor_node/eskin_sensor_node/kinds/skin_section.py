@@ -199,4 +199,8 @@ def _read(role: str, section: type[Any], given: Table, /, **own: object) -> Any:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join([role, *map(str, first["loc"])])
+        if first["type"] == "missing":
+            raise ValueError(f"{place} is missing; it has no default") from error
+        if first["type"] == "extra_forbidden":
+            raise ValueError(f"{place}: no such key; check its spelling") from error
         raise ValueError(f"{place} = {shown(first['input'])}: {first['msg']}") from error

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 FLAT = """
 description = "a press on a flat skin"
 duration_s = 4.0
+repeat = true
 [skin]
 shape = "flat"
 rows = {rows}
@@ -30,7 +31,7 @@ pitch_m = 5e-3
 crosstalk = 0.1
 [[event]]
 kind = "press"
-at = "t{at:02d}"
+at = "t{at}"
 at_s = 0.2
 duration_s = 3.0
 force_N = 2.0
@@ -39,13 +40,22 @@ radius_m = 9e-3
 SEED = 7
 
 
-def flat(folder: Path, rows: int, columns: int, *, faults: str = "", **skin: Any) -> NodeSettings:
+def flat(
+    folder: Path,
+    rows: int,
+    columns: int,
+    *,
+    node: str = "small-hand",
+    faults: str = "",
+    **skin: Any,
+) -> NodeSettings:
     """A flat skin of the small hand's pads."""
     path = folder / f"flat-{rows}-{columns}.toml"
     middle = rows // 2 * columns + columns // 2
-    path.write_text(FLAT.format(rows=rows, columns=columns, at=middle) + faults)
+    digits = max(2, len(str(rows * columns - 1)))
+    path.write_text(FLAT.format(rows=rows, columns=columns, at=f"{middle:0{digits}d}") + faults)
     section = Profile.read("small-hand").sections["skin"] | {"scenario": str(path)} | skin
-    return settings(folder, "small-hand", skin=section)
+    return settings(folder, "small-hand", node={"name": node}, skin=section)
 
 
 def columns_of(node: NodeSettings, *, seed: int = SEED, boot: int = 0, drift: int = 0) -> PadColumns:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_sensor_node.firmware.selftest import CERTAIN
+from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -155,31 +156,33 @@ def test_another_rate_changes_no_layout_and_fits_its_pages(small_hand: NodeSetti
 
 def test_nodes_of_one_skin_agree_and_know_less_at_their_seams(tmp_path: Path) -> None:
     def share(name: str, names: tuple[str, ...]) -> PadColumns:
-        return columns_of(flat(tmp_path, 16, 17, controllers=names) if name == "n" else
-                          node_settings(tmp_path, "small-hand", node={"name": name},
-                                        skin={"scenario": str(tmp_path / "flat-16-17.toml"),
-                                              "controllers": names}))  # fmt: skip
+        return columns_of(flat(tmp_path, 16, 17, node=name, controllers=names))
 
-    path = tmp_path / "flat-16-17.toml"
-    flat(tmp_path, 16, 17)
-    assert path.exists()
     names = ("n1", "n2", "n3", "n4")
     one = share("n1", ("n1",))
-    expected = whole(one, one.advance(SECOND))
+    expected = whole(one, one.advance(2 * SECOND))
     at = {name: k for k, name in enumerate(sorted(one.columns))}
-    seen: set[str] = set()
+    skin = flat(tmp_path, 16, 17).skin.skin
+    owner: dict[str, str] = {}
+    wider = np.zeros(len(at), np.bool_)
     for name in names:
         columns = share(name, names)
-        lo, hi, truth = whole(columns, columns.advance(SECOND))
+        owner |= dict.fromkeys(columns.columns, name)
+        lo, hi, truth = whole(columns, columns.advance(2 * SECOND))
         own = [at[taxel] for taxel in sorted(columns.columns)]
         assert truth.tobytes() == expected[2][:, own].tobytes()
         assert np.all((lo <= truth) & (truth <= hi))
-        # Less is known where a neighbour is another node's, and the same elsewhere.
-        wider = (lo < expected[0][:, own]) | (hi > expected[1][:, own])
         assert np.all((lo <= expected[0][:, own]) & (hi >= expected[1][:, own]))
-        assert 0 < np.count_nonzero(wider.any(axis=0)) < len(own)
-        seen |= set(columns.columns)
-    assert seen == set(one.columns)
+        wider[own] = np.any((lo < expected[0][:, own]) | (hi > expected[1][:, own]), axis=0)
+    assert owner.keys() == at.keys()
+    seams = {
+        taxel
+        for taxel in at
+        for other in skin.neighbours[skin.numbers[taxel]].tolist()
+        if other != NO_NEIGHBOUR and owner[skin.names[other]] != owner[taxel]
+    }
+    assert 0 < np.count_nonzero(wider)
+    assert {taxel for taxel, k in at.items() if wider[k]} <= seams
 
 
 FAULTS = """
