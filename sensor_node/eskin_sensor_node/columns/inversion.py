@@ -74,8 +74,9 @@ class PadColumnsInversion:
     def __init__(self, taxel: PadSection, companions: Mapping[str, Companion]) -> None:
         self._calibrated = taxel.firmware(data_sheet(taxel, companions), compiled_inversion())
         names = [quantity for quantity, _ in self._calibrated.quantities]
-        self._capacitance, self._pressure = 2 * names.index("capacitance"), 2 * names.index(
-            "pressure"
+        self._capacitance, self._pressure = (
+            2 * names.index("capacitance"),
+            2 * names.index("pressure"),
         )
         self._bounds: list[Any] = []
 
@@ -148,7 +149,7 @@ def least_width(taxel: PadSection) -> float:
     sheet = data_sheet(taxel) | {"permittivity_per_K": 0.0, "permittivity_per_percent": 0.0}
     sheet["relative_permittivity"] *= greatest
     calibrated = taxel.firmware(sheet, compiled_inversion())
-    codes = np.arange(1, (1 << taxel.adc_bits) - 1)
+    codes: Any = np.arange(1, (1 << taxel.adc_bits) - 1)
     bounds: list[Any] = [np.empty(codes.size) for _ in range(2 * len(calibrated.quantities))]
     calibrated.measure([codes], codes.size, bounds)
     lows, highs = calibrated.felt(bounds)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Self, TypeAlias, TypeVar
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
@@ -11,7 +11,7 @@ from eskin.errors import ScenarioError, shown
 from eskin.runtime.settings import Section
 from eskin_sensor_node.kinds.hygrometer.settings import HygrometerSection
 from eskin_sensor_node.kinds.pad.settings import PadSection
-from eskin_sensor_node.kinds.settings import Companion, Rate, period
+from eskin_sensor_node.kinds.settings import Companion, Rate, TaxelSection, period
 from eskin_sensor_node.kinds.thermometer.settings import ThermometerSection
 from eskin_sensor_node.timebase import BILLION
 from eskin_sensor_node.world.scenario import read_scenario
@@ -20,7 +20,6 @@ from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.world.skin import Skin
 
 MOST_TAXELS: Final = 20_000
@@ -35,6 +34,7 @@ _AIR: Final[Mapping[str, type[TaxelSection]]] = {
     _HYGROMETER: HygrometerSection,
 }
 Table: TypeAlias = "dict[str, Any]"
+Sheet = TypeVar("Sheet", bound=TaxelSection)
 
 
 class SkinSection(Section):
@@ -62,7 +62,8 @@ class SkinSection(Section):
         default={}, description="data sheet of each taxel: keys of a `[[taxel]]` of kind pad"
     )
     thermometer: Table = Field(
-        default={}, description="data sheet of a thermometer that all taxels read along; empty: none"
+        default={},
+        description="data sheet of a thermometer that all taxels read along; empty: none",
     )
     hygrometer: Table = Field(
         default={}, description="data sheet of a hygrometer that all taxels read along; empty: none"
@@ -186,7 +187,7 @@ class SkinSection(Section):
         return {role: Companion(sensor, ()) for role, sensor in self.air.items()}
 
 
-def _read(role: str, section: type[Any], given: Table, /, **own: object) -> Any:
+def _read(role: str, section: type[Sheet], given: Table, /, **own: object) -> Sheet:
     """Read a data sheet.
 
     Raises:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.tools.budget.design import Design
     from eskin_sensor_node.tools.budget.run import Progress
 
+
 @dataclass(frozen=True, slots=True)
 class Budget:
     """What a design does in one mode, over some seconds.

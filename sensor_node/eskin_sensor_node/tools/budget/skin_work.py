@@ -67,7 +67,8 @@ def skin_work(
     return counts._replace(
         cycles=cycles.most,
         fewest=cycles.least,
-        asleep=max(0, span - cycles.span(settings.machine.clock_hz)),
+        # A cycle's energy is what such a machine takes on top of its power at rest.
+        asleep=span,
         on=span,
         span=span,
     )

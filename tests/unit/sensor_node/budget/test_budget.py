@@ -14,8 +14,8 @@ from eskin_sensor_node.machine.power.harvest import Harvester, Layers, Touches, 
 from eskin_sensor_node.machine.power.loads import Loads, bounds
 from eskin_sensor_node.machine.power.supply import Supply
 from eskin_sensor_node.machine.work_counters import WorkCounters
-from eskin_sensor_node.settings import EnergySection
 from eskin_sensor_node.profile import profile_names
+from eskin_sensor_node.settings import EnergySection
 from eskin_sensor_node.tools.budget import Budget, Design, saving
 from eskin_sensor_node.tools.budget.design import MODES
 from hypothesis import example, given

@@ -58,7 +58,9 @@ def flat(
     return settings(folder, "small-hand", node={"name": node}, skin=section)
 
 
-def columns_of(node: NodeSettings, *, seed: int = SEED, boot: int = 0, drift: int = 0) -> PadColumns:
+def columns_of(
+    node: NodeSettings, *, seed: int = SEED, boot: int = 0, drift: int = 0
+) -> PadColumns:
     """The columns of a node's skin, with a clock at its start."""
     return build(node, seed, boot=boot, clock=clock_at(lambda: 0, drift=drift))
 

@@ -46,7 +46,7 @@ def test_every_sample_of_a_scenario_encloses_the_truth(small_hand: NodeSettings,
     assert lo.shape == (1000, 336)
     assert np.all((lo <= truth) & (truth <= hi))
     assert np.all(np.isfinite(lo) & np.isfinite(hi))
-    # What is pressed is told apart from what is not.
+    # What is pressed is distinguished from what is not.
     threshold = small_hand.skin.threshold_pa
     assert np.count_nonzero(lo > threshold) > 5000
     assert np.count_nonzero((truth <= threshold) & (hi > threshold)) < 0.02 * truth.size
@@ -181,7 +181,7 @@ def test_nodes_of_one_skin_agree_and_know_less_at_their_seams(tmp_path: Path) ->
         for other in skin.neighbours[skin.numbers[taxel]].tolist()
         if other != NO_NEIGHBOUR and owner[skin.names[other]] != owner[taxel]
     }
-    assert 0 < np.count_nonzero(wider)
+    assert np.count_nonzero(wider) > 0
     assert {taxel for taxel, k in at.items() if wider[k]} <= seams
 
 

@@ -1,4 +1,4 @@
-"""A skin's pressures are those of the firmware in plain Python, byte for byte, from the codes on."""
+"""A skin's pressures are those of the firmware in plain Python, byte for byte."""
 
 from __future__ import annotations
 
@@ -115,16 +115,17 @@ pads = st.fixed_dictionaries(
 @given(st.data(), pads, st.booleans(), st.sampled_from([4, 12]))
 @settings(max_examples=150, deadline=None)
 def test_pressures_are_the_firmware_s_to_the_byte(
-    data: st.DataObject, pad: dict[str, Any], air: bool, bits: int  # noqa: FBT001 - drawn
+    data: st.DataObject,
+    pad: dict[str, Any],
+    air: bool,  # noqa: FBT001 - drawn
+    bits: int,
 ) -> None:
     skin = section(air=air, adc_bits=bits, **pad)
     widths = {"current": bits} | dict.fromkeys(skin.air, 12)
     codes = {
         name: np.array(
             data.draw(
-                st.lists(
-                    of_range(width), min_size=TAXELS * SAMPLES, max_size=TAXELS * SAMPLES
-                )
+                st.lists(of_range(width), min_size=TAXELS * SAMPLES, max_size=TAXELS * SAMPLES)
             ),
             np.int64,
         ).reshape(TAXELS, SAMPLES)
@@ -161,7 +162,8 @@ def test_a_stretch_of_a_skin_is_the_firmware_s_of_the_codes_that_were_sensed(
         for name in columns.columns
     ]
     around = [[place[other] for other in names if other in place] for names in all_beside]
-    expected = by_firmware(node.skin, sensed.codes, [list(map(skin.numbers.get, n)) for n in all_beside], around)  # type: ignore[arg-type]  # fmt: skip
+    numbers = [[skin.numbers[other] for other in names] for names in all_beside]
+    expected = by_firmware(node.skin, sensed.codes, numbers, around)
     assert (place.keys() == set(skin.names)) is (share is None)
     assert lo.tobytes() == expected[0][order].T.tobytes()
     assert hi.tobytes() == expected[1][order].T.tobytes()

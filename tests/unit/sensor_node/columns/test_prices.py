@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pytest
 from eskin_sensor_node.firmware import inversion
@@ -31,7 +31,7 @@ KINDS = {
 class Counted(float):
     """A number that counts what is done with it."""
 
-    done: Counter[str] = Counter()
+    done: ClassVar[Counter[str]] = Counter()
     __hash__ = float.__hash__
 
 
