@@ -48,7 +48,7 @@ def parts(hertz: float) -> dict[str, float]:
     stage = Stage(read_scenario(skin.scenario), columns.columns)
     moments = skin.period * np.arange(skin.rows)
     everything = _seconds(_advance(_columns(settings)))
-    scenario = _seconds(lambda k: stage.stimulus((moments + k * skin.stretch) * 1e-9))
+    scenario = _seconds(lambda k: stage.stimulus(np.asarray((moments + k * skin.stretch) / 1e9)))
     sensed = _seconds(lambda k: columns.sense(moments + k * skin.stretch))
     stretches = list(columns.advance(20 * 10**9))
     coded = _seconds(lambda k: _pack(columns, stretches[k]))

@@ -64,9 +64,11 @@ To change gateway or cloud, or all processes at once, set variables before the s
 _TAXELS = """\
 ### `[[taxel]]`
 
-One table a sensing element, only in the file. Start from a packaged profile: {profiles}. A profile with a `[skin]` has
-none: `[skin.pad]`, `[skin.thermometer]` and `[skin.hygrometer]` take the keys of such a table, all but `id`, `kind`,
-`scenario`, `place`, `sampling_Hz`, `thermometer` and `hygrometer`, which the skin sets.
+One table a sensing element, only in the file. Start from a packaged profile: {profiles}.
+
+A profile with a `[skin]` has none. There, `[skin.pad]`, `[skin.thermometer]` and
+`[skin.hygrometer]` take the keys of such a table, all but `id`, `kind`, `scenario`, `place`,
+`sampling_Hz`, `thermometer` and `hygrometer`, which the skin sets.
 
 A key ends in its SI unit. `X_tolerance` is relative: the true part lies anywhere inside
 `X · [1 - tolerance, 1 + tolerance]`, and the firmware knows no more. `Q_prominence_UNIT` is the
