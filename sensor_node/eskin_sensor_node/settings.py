@@ -12,6 +12,7 @@ from eskin.identity import IdentityKind
 from eskin.runtime.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
 from eskin_sensor_node.kinds.registry import Taxel
 from eskin_sensor_node.kinds.settings import Companion, TaxelSection
+from eskin_sensor_node.kinds.skin_section import SkinSection
 from eskin_sensor_node.profile import Profile, profile_names
 from eskin_sensor_node.world.scenario.fit import Played
 
@@ -39,8 +40,8 @@ class NodeSection(Section):
     name: str = Field(description="the node's id: common name of its certificate")
     profile: str = Field(
         description="name of its design; without [[taxel]] tables, the packaged profile of that "
-        "name (fingertip, palm, forearm, hand, sole, sock) gives them; its [sampling] and [energy] "
-        "apply wherever the file has no value"
+        "name (fingertip, palm, forearm, hand, sole, sock, and with a skin paper-hand, small-hand) "
+        "gives them; its other sections apply wherever the file has no value"
     )
     description: str = Field(
         default="", max_length=200, description="one line for people; empty: the profile's"
@@ -188,13 +189,21 @@ class ClockSection(Section):
 
 
 class MachineSection(Section):
-    """The emulated microcontroller; by default as an STM32U575 (ST, DS13737)."""
+    """The emulated machine; by default a microcontroller as an STM32U575 (ST, DS13737)."""
 
+    processor: Literal["cortex-m33", "cortex-a53"] = Field(
+        default="cortex-m33",
+        description="what a skin's budget takes the cycles of each operation from; a Cortex-A53 "
+        "computes binary64 in hardware",
+    )
+    cores: int = Field(
+        default=1, ge=1, le=64, description="that share the work of a skin; other nodes use one"
+    )
     clock_hz: int = Field(
         default=160_000_000,
         ge=10**6,
         le=10**10,
-        description="cycles of its Cortex-M33 a second; a node that needs more does not start",
+        description="cycles of a core a second; a node that needs more does not start",
     )
     ram_bytes: int = Field(
         default=784 * 1024,
@@ -371,8 +380,9 @@ class NodeSettings(Settings):
     energy: EnergySection = EnergySection()
     renewal: NodeRenewalSection = NodeRenewalSection()
     log: LogSection = LogSection()
+    skin: SkinSection = SkinSection()
     taxel: tuple[Taxel, ...] = Field(
-        min_length=1,
+        default=(),
         max_length=100,
         description="the sensing elements; without them the packaged profile's",
     )
@@ -390,14 +400,29 @@ class NodeSettings(Settings):
         if not isinstance(node, dict) or node.get("profile") not in profile_names():
             return data
         profile = Profile.read(node["profile"])
-        filled = {"taxel": profile.taxels} | data
+        skin = data.get("skin")
+        own_skin = isinstance(skin, dict) and skin.get("scenario")
+        filled = {"taxel": [] if own_skin else profile.taxels} | data
         for name, section in profile.sections.items():
+            if name == "skin" and data.get("taxel"):
+                continue
             given = data.get(name, {})
             if isinstance(given, dict):
                 filled[name] = section | given
         if not node.get("description"):
             filled["node"] = node | {"description": profile.description}
         return filled
+
+    @model_validator(mode="after")
+    def _skin_or_taxels(self) -> Self:
+        if self.skin.present == bool(self.taxel):
+            raise ValueError("give either [[taxel]] tables or a [skin] with its scenario")
+        if self.skin.present and self.fleet.count:
+            raise ValueError("a fleet's nodes have [[taxel]] tables; a skin is one node's")
+        names = self.skin.controllers
+        if names and self.node.name not in names:
+            raise ValueError(f"skin.controllers = {names} does not name '{self.node.name}'")
+        return self
 
     @field_validator("taxel")
     @classmethod
