@@ -54,6 +54,8 @@ MOST_FRAMES: Final = 5000
 MOST_ROWS: Final = 2000
 """Most compacted rows that are decoded for an answer."""
 _AT_ONCE: Final = 128
+_COARSER: Final = 4
+"""Pictures may be so many times longer than asked for, if they are tiles."""
 _TILE_SAMPLES: Final = 16
 """Samples of a column in the smallest tile, at least."""
 
@@ -109,12 +111,13 @@ class PictureReader:
         self._grain: int | None = None if not grains or None in grains else max(grains)
 
     def choose(self, window: Window, points: int) -> Buckets:
-        """At most ``points`` pictures of a window: tiles if they are long enough, else as they fit.
+        """At most ``points`` pictures of a window, each 1.5 sampling periods long at least.
 
-        A picture lasts 1.5 sampling periods at least.
+        They are tiles if the window has a quarter as many, because to decode so long a window costs
+        more than it shows.
         """
         grain = self._grain
-        if grain is None or window.span >> grain < points:
+        if grain is None or window.span >> grain < -(-points // _COARSER):
             width = max(bucket_width(window.span, points), self._step(window))
             return Buckets(window.start, width, -(-window.span // width))
         level = self._level(window.span, points)
