@@ -26,9 +26,14 @@ from eskin.wire.messages.stored_bounds import read_bounds
 from eskin.wire.messages.warm_up import warm_up as warm_up_messages
 from eskin_cloud.rollup.aggregates import Aggregates
 from eskin_cloud.rollup.blocks import Buckets, fold
+from eskin_cloud.rollup.column_aggregates import pack as pack_tiles
+from eskin_cloud.rollup.column_aggregates import unpack as unpack_tiles
+from eskin_cloud.rollup.patch_folding import fold_runs
 from eskin_cloud.store.damage import RowHeader
 from eskin_cloud.store.descriptions import DescribedLayout
 from eskin_cloud.store.frame_row import fit_frame
+from eskin_cloud.store.patch_rows import decode_runs, encode_runs
+from eskin_cloud.store.patch_run import PatchRun
 from eskin_cloud.store.write.block_row import BlockRow
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
@@ -42,7 +47,8 @@ _MANY = 64
 def warm_up() -> None:
     """Take a block the whole way: read it, fold it into the pyramid, pack it, and read the pack.
 
-    One of ``f32`` is compressed as well, and read. A frame is read, and its samples are decoded.
+    One of ``f32`` is compressed as well, and read. A frame is read, and its samples are decoded,
+    compacted, and folded into tiles.
     """
     begun = time.monotonic()
     block = warm_up_messages()
@@ -78,4 +84,15 @@ def _warm_up_frames() -> None:
     frame = Frame(Position(1, 1), layout.content_hash, 0, 0, (0, 0), (grid,), (samples,))
     data = frame.encode()
     fit_frame(FrameSummary.decode(data), DescribedLayout.of(layout, (patch,)), data)
-    decode_samples(samples.samples, samples.sampling(grid))
+    read = decode_samples(samples.samples, samples.sampling(grid))
+    _warm_up_rows(patch, read)
+
+
+def _warm_up_rows(patch: Patch, values: Interval) -> None:
+    """Compact a frame, fold it into tiles, and read both."""
+    name = patch.content_hash
+    place = name, 1, 1, 0, 0, 0, 1, 0, b"", 0, (), 1.0
+    runs = decode_runs(encode_runs([PatchRun(*place, values.inf, values.sup)]))
+    folded = fold_runs(runs, {name: patch}, Buckets(0, 1, 1))
+    tiles = unpack_tiles(pack_tiles(folded.grouped(1)))
+    tiles.of(0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from tests.unit.cloud.test_queries import spy_on_decoding
 if TYPE_CHECKING:
     from eskin_cloud.query.comparison_segments import ComparisonSegment
     from eskin_cloud.store import Store
-    from sqlalchemy import RowMapping
+    from eskin_cloud.store.read.lookup import Channel
 
     from eskin.wire.messages import Block
 
@@ -47,8 +47,8 @@ def told(stretches: list[ComparisonSegment]) -> list[tuple[int, int, Verdict | N
     return [(s.start, s.end, s.answer) for s in stretches]
 
 
-def without_tiles(row: RowMapping) -> RowMapping:
-    return cast("RowMapping", {**row, "grain": None})
+def without_tiles(row: Channel) -> Channel:
+    return {**row, "grain": None}
 
 
 def ask_blocks(store: Store, window: Window) -> list[ComparisonSegment]:

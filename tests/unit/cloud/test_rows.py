@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from eskin_cloud.store import Store
-    from sqlalchemy import RowMapping
+    from eskin_cloud.store.read.lookup import Channel
 
 BLOCKS: Final = 6000
 SAMPLES: Final = 100
@@ -72,7 +72,7 @@ class Rows:
 
 
 @contextmanager
-def asked(store: Store) -> Iterator[tuple[Connection, RowMapping, Callable[[], int]]]:
+def asked(store: Store) -> Iterator[tuple[Connection, Channel, Callable[[], int]]]:
     with store.read() as connection, Rows(connection) as count:
         yield connection, find_channel(connection, NODE, CHANNEL), count
 
