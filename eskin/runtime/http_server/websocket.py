@@ -61,7 +61,7 @@ class GuardedWebSocket(CountedConnection, WebSocketsSansIOProtocol):
 
     @property
     def idle(self) -> bool:
-        """Never: whoever opened it wants what comes."""
+        """Never: the client that opened it wants what comes."""
         return False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:

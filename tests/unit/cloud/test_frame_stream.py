@@ -172,7 +172,7 @@ async def test_every_frame_comes_once_whatever_breaks_off(
         assert len(sequences) > total
 
 
-async def test_client_that_comes_back_too_late_is_told_how_much_it_missed(
+async def test_client_that_comes_back_too_late_learns_how_much_it_missed(
     tmp_path: Path, identities: Identities
 ) -> None:
     with standing(tmp_path, identities, live=LiveSection(backlog=6)) as stand:

@@ -51,7 +51,7 @@ async def bring(stand: Stand, site: Site, beats: int) -> None:
     stand.clock.turn(1.0)
 
 
-async def told(stand: Stand, *, sealed: bool, backlog: int) -> list[Any]:
+async def received(stand: Stand, *, sealed: bool, backlog: int) -> list[Any]:
     """What a stream tells until its first sign of life, cursors by the order of their appearance.
 
     Sequences, and times that follow the clock, are left out: what they say is as in the store.
@@ -89,9 +89,9 @@ async def test_what_is_sealed_shows_in_no_message(
     few, many = two
     await bring(few, site, 1)
     await bring(many, site, 9)
-    without = [await told(stand, sealed=False, backlog=backlog) for stand in two]
+    without = [await received(stand, sealed=False, backlog=backlog) for stand in two]
     assert without[0] == without[1]
     assert {each[0] for each in without[0]} >= {"lagging", "layout", "frame"}
     if backlog == 12:  # a client with the scope moves on past other messages in the two
-        known = [await told(stand, sealed=True, backlog=backlog) for stand in two]
+        known = [await received(stand, sealed=True, backlog=backlog) for stand in two]
         assert known[0] != known[1]

@@ -33,8 +33,8 @@ def described(stand: Stand) -> None:
 async def frames_of(stand: Stand, count: int, **options: Any) -> list[dict[str, Any]]:
     """The first frames of a stream."""
     found: list[dict[str, Any]] = []
-    async with asyncio.timeout(20), aclosing(listen(stand, **options)) as told:  # type: ignore[type-var]  # a generator
-        async for piece in told:
+    async with asyncio.timeout(20), aclosing(listen(stand, **options)) as pieces:  # type: ignore[type-var]  # a generator
+        async for piece in pieces:
             found += [each for each in events_of(piece) if each["event"] == "frame"]
             if len(found) >= count:
                 break

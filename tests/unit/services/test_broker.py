@@ -142,7 +142,8 @@ def test_node_writes_and_reads_under_its_own_name_alone(
     gateway.publish(MARK, b"")
     wait_until(lambda: (MARK, b"") in client.heard, "the mark arrives")
     wait_until(
-        lambda: len(gateway.heard) == len(own) and bool(node.heard and other_node.heard), "all arrive"
+        lambda: len(gateway.heard) == len(own) and bool(node.heard and other_node.heard),
+        "all arrive",
     )
     assert gateway.heard == [(topic, b"from fingertip") for topic in own]
     assert node.heard == [("eskin/v1/nodes/fingertip/acks", b"for fingertip")]
