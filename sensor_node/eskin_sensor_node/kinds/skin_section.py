@@ -60,7 +60,8 @@ class SkinSection(Section):
         default={}, description="data sheet of each taxel: keys of a `[[taxel]]` of kind pad"
     )
     thermometer: Table = Field(
-        default={}, description="data sheet of a thermometer that all taxels read along; empty: none"
+        default={},
+        description="data sheet of a thermometer that all taxels read along; empty: none",
     )
     hygrometer: Table = Field(
         default={}, description="data sheet of a hygrometer that all taxels read along; empty: none"
