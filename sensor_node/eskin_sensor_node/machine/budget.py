@@ -13,8 +13,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
+from eskin.wire.messages.cbor_map import MOST_BYTES
 from eskin_sensor_node.firmware.autoranging import MOST
 from eskin_sensor_node.firmware.taxel.pad import SLOTS
+from eskin_sensor_node.machine.processor import greatest_frames
 from eskin_sensor_node.machine.schedule import build_schedule
 
 if TYPE_CHECKING:
@@ -48,6 +50,10 @@ _CODE: Final = 2
 _RANGE: Final = 1
 _MEMORY: Final = SLOTS * (4 + 2 * _BOUND) + 3 * 16
 """Bytes in which a pad remembers what a sensor's codes mean: code, bounds, three arrays' heads."""
+_COLUMN: Final = 4 * 2 + 7 * _BOUND + 2 * 2
+"""Bytes of a skin's taxel: its neighbours, its window of the self-test, its place and verdict."""
+_DESCRIBED: Final = 24
+"""Bytes of a taxel in the description of its patch, at most."""
 _WIDTHS: Final = {"f64": 8, "f32": 4, "q16": 2}
 
 
@@ -86,6 +92,8 @@ class Budget:
 
 def ram_budget(settings: NodeSettings) -> Budget:
     """What a node needs."""
+    if settings.skin.present:
+        return _skin_budget(settings)
     sampling = settings.sampling
     blocks = [build_schedule(taxel, sampling.block_samples).block for taxel in settings.taxel]
     width = _WIDTHS[sampling.encoding]
@@ -100,6 +108,24 @@ def ram_budget(settings: NodeSettings) -> Budget:
         bounds=sum(2 * _BOUND * n * channels for n, _, channels in shapes),
         objects=sum(map(taxel_objects, settings.taxel)),
         messages=max(_messages(n, channels, width) for n, _, channels in shapes),
+        window=_FLIGHT * settings.broker.window,
+    )
+
+
+def _skin_budget(settings: NodeSettings) -> Budget:
+    """Of a skin: all samples of a stretch are measured at once, and its frames are written."""
+    skin = settings.skin
+    taxels, samples = skin.taxels, skin.taxels * skin.rows
+    inputs, quantities = 1 + len(skin.air), len(skin.taxel.units)
+    frames = sum(greatest_frames(taxels, skin.rows))
+    return Budget(
+        program=PROGRAM,
+        connection=CONNECTION,
+        codes=2 * samples * _CODE * inputs,
+        bounds=2 * _BOUND * samples * quantities,
+        objects=_TAXEL + _MEMORY * len(skin.air) + taxels * _COLUMN,
+        # One frame more while it is sealed, and the layout, which waits for who asks for it.
+        messages=frames + 2 * MOST_BYTES + taxels * _DESCRIBED,
         window=_FLIGHT * settings.broker.window,
     )
 
@@ -134,6 +160,13 @@ def require_ram(settings: NodeSettings) -> None:
     if budget.total <= limit:
         return
     parts = ", ".join(f"{name} {size}" for name, size in budget.parts().items())
+    if settings.skin.present:
+        raise SettingsError(
+            "machine.ram_bytes",
+            f"{limit} bytes do not hold this skin, which needs {budget.total} ({parts}); share its "
+            f"{settings.skin.taxels} taxels among skin.controllers, use a shorter skin.stretch_ms "
+            f"than {settings.skin.stretch_ms:g}, or a machine with more RAM",
+        )
     raise SettingsError(
         "machine.ram_bytes",
         f"{limit} bytes do not hold this node, which needs {budget.total} ({parts}); use fewer "

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
+from eskin.wire.messages.cbor_map import MOST_BYTES
 from eskin_sensor_node.kinds.registry import KINDS
-from eskin_sensor_node.machine.prices import BILLION, PRICES, inversion, message, passes
+from eskin_sensor_node.machine.prices import BILLION, PRICES, inversion, message, passes, stretch
 from eskin_sensor_node.machine.schedule import build_schedule
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 _HEAD: Final = 192
 """Bytes of a block besides its bounds, at most."""
 _WIDTHS: Final = {"f64": 8, "f32": 4, "q16": 2}
+_SAMPLE: Final = 7
+"""Bytes of a sample in a frame at most: two codes of three bytes, and a share of the rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +57,8 @@ def processor_load(settings: NodeSettings, around: Mapping[int, int]) -> Load:
         settings: The node's.
         around: Of each pad, by its number, how many of its neighbours the node measures.
     """
+    if settings.skin.present:
+        return _skin_load(settings)
     each = [
         _taxel_load(settings, taxel, around.get(number, 0))
         for number, taxel in enumerate(settings.taxel)
@@ -77,6 +82,28 @@ def _taxel_load(
     return rate * sample, rate * channels, rate * block / frame, rate * handled
 
 
+def _skin_load(settings: NodeSettings) -> Load:
+    """Of a skin, whose frames are as long as they may become."""
+    section, machine = settings.skin, settings.machine
+    taxels = section.taxels
+    found = stretch(
+        machine.processor,
+        section.taxel.chain,
+        taxels=taxels,
+        rows=section.rows,
+        neighbours=section.skin.neighbours.shape[1],
+        along=[each.chain for each in section.air.values()],
+        sizes=greatest_frames(taxels, section.rows),
+    )
+    return Load(*(round(each.most * BILLION / section.stretch) for each in found))
+
+
+def greatest_frames(taxels: int, rows: int) -> list[int]:
+    """Bytes of the frames of a stretch, at most."""
+    whole, rest = divmod(_SAMPLE * taxels * rows, MOST_BYTES)
+    return [MOST_BYTES] * whole + [rest]
+
+
 def _sampled(settings: NodeSettings, taxel: TaxelSection) -> tuple[int, float]:
     """Samples of a frame at least, and of a second; over its pauses, where it has some."""
     sampling = settings.sampling
@@ -95,10 +122,18 @@ def require_speed(settings: NodeSettings, around: Mapping[int, int]) -> None:
     Raises:
         SettingsError: It needs more cycles a second than there are.
     """
-    load, clock = processor_load(settings, around), settings.machine.clock_hz
-    if load.total <= clock:
+    machine = settings.machine
+    load, clock = processor_load(settings, around), machine.clock_hz
+    if load.total <= clock * (machine.cores if settings.skin.present else 1):
         return
     parts = ", ".join(f"{name} {cycles}" for name, cycles in load.parts().items())
+    if settings.skin.present:
+        raise SettingsError(
+            "machine.clock_hz",
+            f"{clock} cycles a second of {machine.cores} cores do not suffice for this skin, which "
+            f"needs up to {load.total} ({parts}); share its {settings.skin.taxels} taxels among "
+            "skin.controllers, use a lower skin.sampling_hz, or a faster machine",
+        )
     raise SettingsError(
         "machine.clock_hz",
         f"{clock} cycles a second do not suffice for this node, which needs up to {load.total} "
