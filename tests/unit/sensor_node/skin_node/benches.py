@@ -13,7 +13,6 @@ from eskin_sensor_node.skin_node.factory import build_skin_outbox
 from eskin_sensor_node.skin_node.node import SkinNode
 
 from eskin.wire.frames import Frame, Grid, Layout, Patch, Statements
-from eskin.wire.messages import Position
 from tests.unit.sensor_node.designs import SECOND, clock_at, settings, waiting
 from tests.unit.sensor_node.flashes import open_flash
 
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin_sensor_node.firmware.chip import StoredMessage
+
+    from eskin.wire.messages import Position
 
 STRETCH = SECOND // 10
 PERIOD = SECOND // 50

@@ -198,9 +198,11 @@ def test_stopped_node_sends_no_frames_and_states_the_gap_when_it_resumes(bench: 
 def test_stopped_node_stays_stopped_after_a_reset(bench: SkinBench) -> None:
     bench.run_to(1.0)
     state = apply(bench, mode="peaks", rate=25.0)
-    bench.node.at_start = lambda: bench.controls.restore(state)
+    restored = []
+    bench.node.at_start = lambda: restored.append(bench.controls.restore(state))
     bench.node.machine.reset(ResetCause.WATCHDOG)
     bench.run_to(2.0)
+    assert restored == [state]
     assert len(bench.frames()) == 20
     assert bench.controls.apply("reset", {}) == {"*": {"rate": 50.0, "mode": "samples"}}
     bench.run_to(3.0)
