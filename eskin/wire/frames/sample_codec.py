@@ -137,7 +137,7 @@ def encode_samples(values: Interval, sampling: Sampling, least_width: float) -> 
     cells = _cells(*sampling)
     exponent, offset = _scale(lo, hi, cells[0], finest_exponent(least_width))
     out = np.empty(sampling.limit + _PADDING, np.uint8)
-    size = _encode(lo, hi, cells, exponent, offset, out)
+    size = _encode(lo, hi, cells, exponent, offset, _FAR, out)
     return SampleCodes(exponent, offset, out[:size].tobytes())
 
 
@@ -207,10 +207,10 @@ def _quanta_down(value: float, exponent: int) -> int:
 
 
 @part
-def _within_reach(lo: float, hi: float) -> tuple[float, float]:
+def _within_reach(lo: float, hi: float, far: float) -> tuple[float, float]:
     return (
-        -np.inf if lo < -_FAR else min(lo, _FAR),
-        np.inf if hi > _FAR else max(hi, -_FAR),
+        -np.inf if lo < -far else min(lo, far),
+        np.inf if hi > far else max(hi, -far),
     )
 
 
@@ -224,7 +224,7 @@ def _scale(lo: Floats, hi: Floats, order: NDArray[np.int32], finest: int) -> tup
     """The finest exponent with which all codes fit, and the offset."""
     lowest, highest = np.inf, -np.inf
     for k in range(len(order)):
-        low, high = _within_reach(lo[order[k, 0]], hi[order[k, 0]])
+        low, high = _within_reach(lo[order[k, 0]], hi[order[k, 0]], _FAR)
         if low > -np.inf:
             lowest, highest = min(lowest, low), max(highest, low)
         if high < np.inf:
@@ -245,14 +245,15 @@ def _encode(
     cells: tuple[NDArray[np.int32], int],
     exponent: int,
     offset: int,
+    far: float,
     out: NDArray[np.uint8],
 ) -> int:
-    """Write codes; gives how many bytes they take."""
+    """Write codes; gives how many bytes they take. Bounds beyond ``far`` are unbounded."""
     order, starts = cells
     bases, widths = np.zeros(lo.size, np.int32), np.zeros(lo.size, np.int32)
     for k in range(len(order)):
         cell, before = order[k]
-        low, high = _within_reach(lo[cell], hi[cell])
+        low, high = _within_reach(lo[cell], hi[cell], far)
         if low > -np.inf:
             bases[cell] = _quanta_down(low, exponent) - offset
             widths[cell] = _NO_UPPER
