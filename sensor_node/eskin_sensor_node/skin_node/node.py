@@ -63,6 +63,7 @@ class SkinNode(BaseNode):
 
     def _boot_sampling(self) -> None:
         self.columns = self._build(self._outbox.boot)
+        self._layout = self.columns.layout.content_hash
         self._frame_writer = FrameWriter(self.columns.layout, self.columns.patches)
         patches = enumerate(self.columns.patches)
         self._patch_of = {taxel: number for number, patch in patches for taxel in patch.taxels}
@@ -108,15 +109,19 @@ class SkinNode(BaseNode):
 
     def _finish(self, stretch: Stretch) -> None:
         """Charge and store a stretch."""
-        known, ledger, clock = self._clock.known, self.machine.ledger, self._clock
+        clock, ledger = self._clock, self.machine.ledger
+        lasting = stretch.end - stretch.begin
         begin, end = clock.true_time(stretch.begin), clock.true_time(stretch.end)
-        frames = self._frame_writer.write(stretch, known, self._outbox.message_writer)
-        for record, samples, values in frames:
+        frames = self._frame_writer.write(stretch, clock.known, self._outbox.message_writer)
+        for record, sizes, values in frames:
             size = len(record.body)
-            ledger.charge_message(message(size, _ENCODING, samples), size)
+            ledger.charge_message(message(size, _ENCODING, record.samples), size)
             self._batch.take([record])
             position = Position(self._outbox.boot, record.sequence)
-            self._true.append(TrueFrame(position, begin, end, values))
+            true = TrueFrame(
+                position, self._layout, stretch.begin, lasting, begin, end, sizes, values
+            )
+            self._true.append(true)
         self._charge(stretch)
         self._batch.take(self._test(stretch))
 
