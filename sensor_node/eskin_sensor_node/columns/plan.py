@@ -147,19 +147,23 @@ def _shares(sizes: Sequence[int], parts: int) -> list[range]:
 
 
 def _pages(sizes: Sequence[int], rows: int) -> list[int]:
-    """How many patches each page has: as few pages as the greatest message allows.
+    """How many patches each page has, as many as the greatest message allows.
 
     Raises:
         SettingsError: A page cannot hold even one patch.
     """
-    for count in range(1, len(sizes) + 1):
-        shares = _shares(sizes, count)
-        limits = [frame_limit([sizes[k] for k in share], rows) for share in shares]
-        if all(shares) and max(limits) <= MOST_BYTES:
-            return [len(share) for share in shares]
-    raise SettingsError(
-        "skin.stretch_ms", f"a patch of {max(sizes)} taxels with {rows} samples each fits no frame"
-    )
+    pages: list[list[int]] = []
+    for size in sizes:
+        if not pages or frame_limit([*pages[-1], size], rows) > MOST_BYTES:
+            pages.append([])
+        pages[-1].append(size)
+    if max(frame_limit(page, rows) for page in pages) > MOST_BYTES:
+        raise SettingsError(
+            "skin.stretch_ms",
+            f"a patch of {max(sizes)} taxels with {rows} samples each fits no frame; use a shorter "
+            "stretch",
+        )
+    return [len(page) for page in pages]
 
 
 def _adjacency(
