@@ -10,7 +10,7 @@ import numpy as np
 from cachetools import LRUCache
 from eskin_cloud.store.damage import FrameHeader, is_intact_frame, is_intact_patch_row
 from eskin_cloud.store.descriptions import find_layout, find_patch
-from eskin_cloud.store.frame_row import FrameRow
+from eskin_cloud.store.frame_row import FrameRow, find_span
 from eskin_cloud.store.patch_rows import decode_runs
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 from eskin_cloud.store.slot import slot_of
@@ -229,7 +229,8 @@ class _Comparison:
     ) -> bool:
         """Whether a row's columns are those of its frame, and this is the one that was made."""
         data, digest = bytes(row["data"]), bytes(row["digest"])
-        own = FrameRow.of(self._node, summary, described, data, digest, cursor=0, now=0)
+        span = find_span(summary, described, data)
+        own = FrameRow.of(self._node, summary, span, data, digest, cursor=0, now=0)
         records = summary.records
         sizes = np.stack([records["patch"], records["samples"]], axis=1)
         return (
