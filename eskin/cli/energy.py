@@ -31,7 +31,8 @@ def energy(
     profile: Named = None, config: Config = None, seconds: Seconds = None, as_json: AsJson = False
 ) -> None:
     """Tell what a node spends and harvests in each mode, from its firmware really running."""
-    from eskin_sensor_node.tools.budget import SECONDS, Design
+    from eskin_sensor_node.tools.budget import Design
+    from eskin_sensor_node.tools.budget.design import SECONDS
 
     if (profile is None) == (config is None):
         raise SettingsError("--profile", "give either --profile NAME or --config FILE.toml")

@@ -163,7 +163,11 @@ def _pages(sizes: Sequence[int], rows: int) -> list[int]:
             f"a patch of {max(sizes)} taxels with {rows} samples each fits no frame; use a shorter "
             "stretch",
         )
-    return [len(page) for page in pages]
+    # As equal as they can be, if that fits, too.
+    even = [[sizes[k] for k in share] for share in _shares(sizes, len(pages))]
+    if max(frame_limit(page, rows) for page in even) > MOST_BYTES or not all(even):
+        even = pages
+    return [len(page) for page in even]
 
 
 def _adjacency(
