@@ -10,14 +10,15 @@ from eskin_sensor_node.firmware import states
 from eskin_sensor_node.firmware.gap_reasons import DEAD, STUCK, reason_text
 from eskin_sensor_node.firmware.schedule import Frame
 from eskin_sensor_node.machine.machine import NEVER
-from eskin_sensor_node.machine.prices import inversion, message
+from eskin_sensor_node.machine.prices import NONE
+from eskin_sensor_node.machine.prices import stretch as price_stretch
 from eskin_sensor_node.node.base import BaseNode
 from eskin_sensor_node.node.ground_truth import TrueFrame
 from eskin_sensor_node.node.self_test import SELF_TEST_WINDOW
 from eskin_sensor_node.skin_node.frames import FrameWriter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from eskin_sensor_node.columns.stretch import SkinColumns, Stretch
     from eskin_sensor_node.firmware.message_writer import Gap, Record
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
 _MOST_GAPS: Final = 500
 """In one message, which holds 64 KiB."""
-_ENCODING: Final = "q16"
-"""The encoding of blocks whose price is assumed for a frame's samples."""
 
 
 class SkinNode(BaseNode):
@@ -59,6 +58,7 @@ class SkinNode(BaseNode):
     ) -> None:
         super().__init__(settings, clock=clock, outbox=outbox, truth=truth, seed=seed)
         self._build = build
+        self._neighbours = settings.skin.skin.neighbours.shape[1]
         self._boot()
 
     def _boot_sampling(self) -> None:
@@ -113,27 +113,38 @@ class SkinNode(BaseNode):
         lasting = stretch.end - stretch.begin
         begin, end = clock.true_time(stretch.begin), clock.true_time(stretch.end)
         frames = self._frame_writer.write(stretch, clock.known, self._outbox.message_writer)
+        written = []
         for record, sizes, values in frames:
-            size = len(record.body)
-            ledger.charge_message(message(size, _ENCODING, record.samples), size)
+            written.append(len(record.body))
+            ledger.charge_message(NONE, len(record.body))
             self._batch.take([record])
             position = Position(self._outbox.boot, record.sequence)
             true = TrueFrame(
                 position, self._layout, stretch.begin, lasting, begin, end, sizes, values
             )
             self._true.append(true)
-        self._charge(stretch)
+        self._charge(stretch, written)
         self._batch.take(self._test(stretch))
 
-    def _charge(self, stretch: Stretch) -> None:
-        """Charge the conversions, and the way back to quantities; neighbours are left out."""
-        chain = self._settings.skin.taxel.chain
+    def _charge(self, stretch: Stretch, sizes: Sequence[int]) -> None:
+        """Charge a stretch; ``sizes``: bytes of its frames."""
+        skin, machine = self._settings.skin, self._settings.machine
         for number, grid in enumerate(stretch.grids):
-            inputs = sum(each.lo.shape[1] for each in stretch.patches if each.grid == number)
+            taxels = sum(each.lo.shape[1] for each in stretch.patches if each.grid == number)
+            cycles = price_stretch(
+                machine.processor,
+                skin.taxel.chain,
+                taxels=taxels,
+                rows=grid.rows,
+                neighbours=self._neighbours,
+                along=[each.chain for each in skin.air.values()],
+                sizes=sizes if number == 0 else (),
+            )
             start = stretch.begin + grid.delay
             frame = Frame(0, grid.first_row, start, 0, grid.rows, grid.period, closes=False)
-            cycles = inversion(chain, grid.rows * inputs, 0, {})
-            self.machine.ledger.charge_frame(frame, cycles=cycles, inputs=inputs)
+            self.machine.ledger.charge_frame(
+                frame, cycles=cycles.total, inputs=taxels + len(skin.air)
+            )
 
     def _test(self, stretch: Stretch) -> list[Record]:
         """After a window of the self-test, state which taxels are broken, and were in it."""
