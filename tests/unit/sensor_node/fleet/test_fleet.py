@@ -11,6 +11,7 @@ import pytest
 from eskin_cloud.store.damage import RowHeader
 from eskin_sensor_node.fleet.service import require_files
 from eskin_sensor_node.fleet.service import run as run_fleet
+from eskin_sensor_node.settings import FleetSection
 
 from eskin.demo.audit import audit
 from eskin.demo.layout import Layout
@@ -172,6 +173,8 @@ def test_too_many_nodes_for_the_system_are_refused(monkeypatch: pytest.MonkeyPat
 
 
 def test_skin_is_no_design_of_a_fleet(tmp_path: Path) -> None:
-    skins = settings(tmp_path, "paper-hand", fleet={"count": 3})
+    # As `eskin node --count` sets it.
+    alone = settings(tmp_path, "paper-hand")
+    skins = alone.model_copy(update={"fleet": FleetSection(count=3)})
     with pytest.raises(SettingsError, match=r"fleet\.count.*skin runs alone"):
         run_fleet(skins)
