@@ -193,8 +193,9 @@ class Partition:
                     if name not in descriptions:
                         self._write(_FORGET, self._member, name)
             for name, body in descriptions.items():
-                sealed = self._sealing.seal_last(_description(name), body)
-                self._write(_DESCRIBE, self._member, name, sealed)
+                if self.description(name) is None:
+                    sealed = self._sealing.seal_last(_description(name), body)
+                    self._write(_DESCRIBE, self._member, name, sealed)
             self.commit()
         except FlashError:
             self.roll_back()
@@ -204,7 +205,8 @@ class Partition:
     def descriptions(self) -> list[bytes]:
         """The hashes of all descriptions, in the order of their first storing."""
         query = "SELECT hash FROM description WHERE member = ? ORDER BY id"
-        return [row[0] for row in self.file.query(query, self._member)]
+        rows = self.file.query(query, self._member)
+        return [row[0] for row in rows if type(row[0]) is bytes]  # a damaged file may give anything
 
     def description(self, name: bytes) -> bytes | None:
         """The description of a hash; ``None`` where there is none, or where it does not open."""
