@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eskin.wire.frames.content_hash import content_hash
-from eskin.wire.frames.frame import Frame, Grid, PatchSamples, frame_limit
+from eskin.wire.frames.frame import Frame, Grid, PatchSamples
 from eskin.wire.frames.frame_summary import FrameSummary
 from eskin.wire.frames.layout import Controller, Layout, Seam
 from eskin.wire.frames.patch import Patch, Privacy
@@ -40,5 +40,4 @@ __all__ = [
     "content_hash",
     "decode_samples",
     "encode_samples",
-    "frame_limit",
 ]

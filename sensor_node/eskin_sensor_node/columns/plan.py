@@ -14,7 +14,8 @@ import numpy as np
 
 from eskin.contacts.components import label_components
 from eskin.errors import SettingsError
-from eskin.wire.frames import Controller, Layout, Patch, Seam, frame_limit
+from eskin.wire.frames import Controller, Layout, Patch, Seam
+from eskin.wire.frames.frame import frame_limit
 from eskin.wire.messages.cbor_map import MOST_BYTES
 from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 

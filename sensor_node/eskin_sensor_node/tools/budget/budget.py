@@ -120,10 +120,13 @@ def _sum(parts: dict[str, Interval]) -> Interval:
 def conditions(settings: NodeSettings) -> list[str]:
     """Conditions of the verdict, which no data sheet states, with their settings."""
     energy, often = settings.energy, f"{settings.energy.connection_interval_s:g} s"
+    link = f"a Bluetooth connection has an event every {often} (connection_interval_s)"
+    if settings.skin.present:
+        link = "the node is wired, its machine is never asleep, and it sends each sample"
     return [
         "every part lies inside the tolerances of [energy]",
         f"at most {energy.packet_loss:.0%} of all packets are lost and sent again (packet_loss)",
-        f"a Bluetooth connection has an event every {often} (connection_interval_s)",
+        link,
         f"there are at most {energy.handshakes_a_day:g} TLS handshakes a day (handshakes_a_day)",
         "flash is written once a message, erased as often as written, and powered down between",
         "the firmware is compiled, and takes the cycles that docs/node.md counts and assumes",

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from eskin.errors import SettingsError
 from eskin.interval import Interval
-from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples, frame_limit
+from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
+from eskin.wire.frames.frame import frame_limit
 from eskin.wire.messages import Position
 
 PRESSURE = Quantity("pressure", "Pa", 900.0, 3000.0)
