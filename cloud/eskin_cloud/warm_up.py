@@ -10,8 +10,15 @@ import numpy as np
 from eskin.interval import Interval
 from eskin.runtime.digest import digest
 from eskin.tube import Tube
-from eskin.wire.frames import Frame, Grid, PatchSamples, decode_samples
-from eskin.wire.frames.content_hash import HASH_BYTES
+from eskin.wire.frames import (
+    Frame,
+    FrameSummary,
+    Grid,
+    Layout,
+    Patch,
+    PatchSamples,
+    decode_samples,
+)
 from eskin.wire.messages import Block, Encoding, Position
 from eskin.wire.messages.compacted_block import Kept, Pack, pack
 from eskin.wire.messages.compression import decompress
@@ -20,6 +27,8 @@ from eskin.wire.messages.warm_up import warm_up as warm_up_messages
 from eskin_cloud.rollup.aggregates import Aggregates
 from eskin_cloud.rollup.blocks import Buckets, fold
 from eskin_cloud.store.damage import RowHeader
+from eskin_cloud.store.descriptions import DescribedLayout
+from eskin_cloud.store.frame_row import fit_frame
 from eskin_cloud.store.write.block_row import BlockRow
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
@@ -62,8 +71,11 @@ def _warm_up_compression(block: Block) -> None:
 
 
 def _warm_up_frames() -> None:
+    patch = Patch("t", "pressure", "Pa", ("t",), 1.0)
+    layout = Layout((patch.content_hash,), (1,))
     grid = Grid(0, 1, 0, 1, 1.0)
-    patch = PatchSamples.pack(Interval([[0.0]], [[1.0]]), 1.0, patch=0, grid=0, first_row=0)
-    frame = Frame(Position(1, 1), bytes(HASH_BYTES), 0, 0, (0, 0), (grid,), (patch,))
-    ParsedMessage.parse("t", frame.encode())
-    decode_samples(patch.samples, patch.sampling(grid))
+    samples = PatchSamples.pack(Interval([[0.0]], [[1.0]]), 1.0, patch=0, grid=0, first_row=0)
+    frame = Frame(Position(1, 1), layout.content_hash, 0, 0, (0, 0), (grid,), (samples,))
+    data = frame.encode()
+    fit_frame(FrameSummary.decode(data), DescribedLayout.of(layout, (patch,)), data)
+    decode_samples(samples.samples, samples.sampling(grid))

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 import numpy as np
-from cachetools import LRUCache
+from cachetools import FIFOCache, LRUCache
 from sqlalchemy import and_, delete, func, insert, select
 
 from eskin.errors import MessageError, StoreError
@@ -32,12 +31,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from sqlalchemy import Connection
 
-    from eskin.wire.frames import FrameSummary
-
 MOST_DESCRIPTIONS: Final = 20_000
 """Of a node: each costs a row that is never deleted."""
-_CACHE_BYTES: Final = 64 << 20
-_DECODED: Final = 16
+_CACHE_BYTES: Final = 128 << 20
+_MOST_REFUSED: Final = 10_000
+_DECODED: Final = 32
 """Bytes of memory that a byte of a description takes when it is decoded, at most."""
 _BIOMETRIC: Final = (
     "patch of biometric channels: sealed frames are not supported yet; send only public patches"
@@ -112,54 +110,24 @@ class DescribedLayout:
         return {channel: each.unit for each in self.patches for channel in each.channels}
 
     @cached_property
-    def columns(self) -> NDArray[np.int64]:
-        """Number of each patch's columns."""
-        return np.array([len(each.taxels) for each in self.patches])
+    def facts(self) -> NDArray[np.int64]:
+        """Of each patch: number of columns, whether errors are shared, least and greatest skew."""
+        return np.array(
+            [
+                (
+                    len(each.taxels),
+                    bool(each.alpha),
+                    min(each.skew, default=0),
+                    max(each.skew, default=0),
+                )
+                for each in self.patches
+            ]
+        )
 
     @cached_property
-    def shares_errors(self) -> NDArray[np.bool_]:
-        """Whether each patch's samples have shared errors."""
-        return np.array([bool(each.alpha) for each in self.patches])
-
-    @cached_property
-    def least_skew(self) -> NDArray[np.int64]:
-        """Least skew of each patch's columns, ns."""
-        return np.array([min(each.skew, default=0) for each in self.patches])
-
-    @cached_property
-    def most_skew(self) -> NDArray[np.int64]:
-        """Greatest skew of each patch's columns, ns."""
-        return np.array([max(each.skew, default=0) for each in self.patches])
-
-    @cached_property
-    def ends(self) -> tuple[int, ...]:
-        """For each page, the number of the first patch after it."""
-        return tuple(accumulate(self.layout.pages))
-
-    def require_frame(self, frame: FrameSummary) -> None:
-        """Check that a frame fits, as `eskin.wire.frames.Frame.require_layout` does.
-
-        Raises:
-            MessageError: It does not.
-        """
-        if frame.page >= len(self.ends):
-            raise MessageError(f"page is {frame.page}; the layout has {len(self.ends)}")
-        records, end = frame.records, self.ends[frame.page]
-        patches = records["patch"]
-        if patches[0] < end - self.layout.pages[frame.page] or patches[-1] >= end:
-            raise MessageError(
-                f"patches {patches[0]} to {patches[-1]} are not all on page {frame.page}"
-            )
-        wrong = records["columns"] != self.columns[patches]
-        if wrong.any():
-            at = wrong.argmax()
-            raise MessageError(
-                f"patch {patches[at]} has {records['columns'][at]} columns, "
-                f"not {self.columns[patches[at]]}"
-            )
-        alone = (records["epoch"] > 0) & ~self.shares_errors[patches]
-        if alone.any():
-            raise MessageError(f"patch {patches[alone.argmax()]} has an epoch, but no shared error")
+    def page_ranges(self) -> tuple[range, ...]:
+        """For each page, the numbers of its patches."""
+        return tuple(map(self.layout.page_range, range(len(self.layout.pages))))
 
 
 class _Decoded(NamedTuple):
@@ -169,6 +137,7 @@ class _Decoded(NamedTuple):
 
 _patches: Final[LRUCache[bytes, _Decoded]] = LRUCache(_CACHE_BYTES, lambda each: each.size)
 _layouts: Final[LRUCache[bytes, _Decoded]] = LRUCache(_CACHE_BYTES, lambda each: each.size)
+_refused: Final[FIFOCache[tuple[str, bytes], str]] = FIFOCache(_MOST_REFUSED)
 _lock: Final = Lock()
 
 
@@ -191,30 +160,35 @@ def read_description(data: bytes) -> Description:
     return Description(Kind(kind).name.lower(), content_hash(data), data)
 
 
-def store_description(connection: Connection, node: str, each: Description) -> bool:
-    """Store a description; returns whether it is new. A damaged row is replaced.
+def store_descriptions(
+    connection: Connection, node: str, presented: Sequence[Description]
+) -> list[str]:
+    """Store a node's descriptions, as far as it may have more. Damaged rows are replaced.
 
     Args:
         connection: The writer's, in a transaction.
-        node: The node that stated it.
-        each: The description.
+        node: The node that stated them.
+        presented: The descriptions.
 
-    Raises:
-        MessageError: The node has too many.
+    Returns:
+        For each ``stored``, ``duplicate`` or ``rejected``; the same for the same one.
     """
-    if find_descriptions(connection, node, [each.hash]):
-        return False
+    found = find_descriptions(connection, node, (each.hash for each in presented))
+    fresh = {each.hash: each for each in presented if each.hash not in found}
+    if not fresh:
+        return ["duplicate"] * len(presented)
     d, slot = descriptions.c, slot_of(node)
     here = and_(d.slot == slot, d.node == node)
+    connection.execute(delete(descriptions).where(here, d.hash.in_(fresh)))
     count = select(func.count()).select_from(descriptions).where(here)
-    if connection.execute(count).scalar_one() >= MOST_DESCRIPTIONS:
-        raise MessageError(
-            f"{node} has {MOST_DESCRIPTIONS} descriptions; use those that it has, or another node"
-        )
-    connection.execute(delete(descriptions).where(here, d.hash == each.hash))
-    row = {"slot": slot, "node": node, **each._asdict()}
-    connection.execute(insert(descriptions), row)
-    return True
+    room = max(0, MOST_DESCRIPTIONS - connection.execute(count).scalar_one())
+    rows = [{"slot": slot, "node": node, **each._asdict()} for each in fresh.values()]
+    if room:
+        connection.execute(insert(descriptions), rows[:room])
+    results = dict.fromkeys(found, "duplicate")
+    results |= dict.fromkeys(list(fresh)[:room], "stored")
+    results |= dict.fromkeys(list(fresh)[room:], "rejected")
+    return [results[each.hash] for each in presented]
 
 
 def find_descriptions(
@@ -239,6 +213,21 @@ def find_descriptions(
         else:
             report_damaged(descriptions.name, f"{node} {row['hash'].hex()}")
     return found
+
+
+def refuse_description(node: str, name: bytes, reason: str) -> None:
+    """Remember, until the process ends, that a description cannot be stored, and why.
+
+    Else a gateway would present it without end for the messages that need it.
+    """
+    with _lock:
+        _refused[node, name] = reason
+
+
+def find_refusal(node: str, names: Iterable[bytes]) -> str | None:
+    """Why one of a node's descriptions cannot be stored; ``None`` if all may yet come."""
+    with _lock:
+        return next((_refused[node, name] for name in names if (node, name) in _refused), None)
 
 
 def find_patch(connection: Connection, node: str, name: bytes) -> Patch:

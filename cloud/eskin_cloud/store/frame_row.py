@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn, Self
 
 import cbor2
 import numpy as np
 
 from eskin.errors import MessageError
+from eskin.kernels.jit import kernel
 from eskin.wire.frames import Grid, PatchSamples
 from eskin.wire.messages.cbor_map import ARRAY, opening
 from eskin.wire.timestamp import MOST_MOMENT
@@ -25,7 +26,6 @@ PATCH_BOUNDS: Final = np.dtype(
 )
 """An item of column ``bounds``: a patch's number in the layout, where its CBOR item stands in
 ``data``, and the hull of its samples; infinite where a sample is unknown on that side."""
-_NAMES: Final = list(PATCH_BOUNDS.names or ())
 _MAP_OF_8: Final = b"\xa8"
 
 
@@ -41,6 +41,22 @@ class FrameHead(NamedTuple):
     ticks: int
     time: tuple[int, int]
     grids: tuple[Grid, ...]
+
+
+class FittingFrame(NamedTuple):
+    """What is known of a frame once it was compared with its layout.
+
+    Attributes:
+        first: From its first moment to its first sample, ns.
+        last: The same to its last sample.
+        samples: How many it has.
+        bounds: Column ``bounds``.
+    """
+
+    first: int
+    last: int
+    samples: int
+    bounds: bytes
 
 
 class FrameRow(NamedTuple):
@@ -70,7 +86,7 @@ class FrameRow(NamedTuple):
         cls,
         node: str,
         frame: FrameSummary,
-        span: tuple[int, int],
+        fitting: FittingFrame,
         data: bytes,
         digest: bytes,
         *,
@@ -82,16 +98,16 @@ class FrameRow(NamedTuple):
         Args:
             node: The node.
             frame: The decoded frame.
-            span: As `find_span` gives it.
+            fitting: As `fit_frame` gives it.
             data: Its bytes.
             digest: Digest of ``data``.
             cursor: Its cursor in the feed.
             now: UTC ns.
         """
-        (boot, sequence), layout, page, _, (t_lo, t_hi), _, records = frame
+        (boot, sequence), layout, page, _, (t_lo, t_hi), _, _ = frame
+        first, last, samples, bounds = fitting
         middle, error = (t_lo + t_hi) // 2, (t_hi - t_lo + 1) // 2
-        t, t_end = middle + span[0], middle + span[1]
-        samples, bounds = int(records["samples"].sum()), _pack_bounds(records)
+        t, t_end = middle + first, middle + last
         head = FrameHeader(node, boot, sequence, layout, page, t, t_end, error, t_lo, t_hi,
                            samples, bounds, digest)  # fmt: skip
         return cls(slot_of(node), node, boot, sequence, cursor, layout, page, t, t_end, error,
@@ -136,37 +152,81 @@ def read_frame_head(data: bytes, bounds: NDArray[Any]) -> FrameHead:
     return FrameHead(fields[6], tuple(fields[7]), tuple(Grid(*grid) for grid in fields[8]))
 
 
-def find_span(frame: FrameSummary, described: DescribedLayout, data: bytes) -> tuple[int, int]:
-    """From a frame's first moment to its first and to its last sample, ns.
+def fit_frame(frame: FrameSummary, described: DescribedLayout, data: bytes) -> FittingFrame:
+    """Check that a frame fits its layout, as `eskin.wire.frames.Frame.require_layout` does.
 
     Args:
         frame: The decoded frame.
-        described: The layout that it fits.
+        described: The layout that it names.
         data: Its bytes.
 
     Raises:
-        MessageError: The last sample's time does not fit into 64 bit.
+        MessageError: It does not, or its last sample's time does not fit into 64 bit.
     """
-    records = frame.records
-    spans = []
+    if frame.page >= len(described.page_ranges):
+        raise MessageError(f"page is {frame.page}; the layout has {len(described.page_ranges)}")
+    records, page = frame.records, described.page_ranges[frame.page]
+    times = np.array([(g.delay, g.delay + g.period * (g.rows - 1)) for g in frame.grids])
+    bounds = np.empty(len(records), PATCH_BOUNDS)
+    at, first, last, samples = _fit(
+        records, described.facts, (page.start, page.stop), times, bounds
+    )
+    if at >= 0:
+        _refuse_patch(records[at], page, described)
     if records["strided"].any():
         strided = records[records["strided"] != 0]
-        spans += [_strided_span(frame, described, data, record) for record in strided]
-        records = records[records["strided"] == 0]
-    if len(records):
-        patches, grids = records["patch"], records["grid"]
-        begins = np.array([grid.delay for grid in frame.grids])
-        ends = np.array([grid.delay + grid.period * (grid.rows - 1) for grid in frame.grids])
-        first = begins[grids] + described.least_skew[patches]
-        last = ends[grids] + described.most_skew[patches]
-        spans.append((int(first.min()), int(last.max())))
-    first, last = min(each[0] for each in spans), max(each[1] for each in spans)
+        spans = [_strided_span(frame, described, data, record) for record in strided]
+        first = min(first, *(each[0] for each in spans))
+        last = max(last, *(each[1] for each in spans))
     if frame.time[1] + last > MOST_MOMENT:
         raise MessageError(
             f"last sample lies after the year 2262: field 7 is {list(frame.time)}, and it was "
             f"taken {last} ns later"
         )
-    return first, last
+    return FittingFrame(first, last, samples, bounds.tobytes())
+
+
+@kernel
+def _fit(
+    records: NDArray[Any],
+    facts: NDArray[np.int64],
+    page: tuple[int, int],
+    times: NDArray[np.int64],
+    bounds: NDArray[Any],
+) -> tuple[int, int, int, int]:
+    """The first patch that does not fit, or -1; first and last sample of patches without strides.
+
+    Fills ``bounds``. The last number is how many samples there are.
+    """
+    first, last, samples = np.int64(2**62), np.int64(-1), np.int64(0)
+    for k in range(len(records)):
+        record, bound = records[k], bounds[k]
+        patch = record.patch
+        if not page[0] <= patch < page[1]:
+            return k, 0, 0, 0
+        columns, shares_errors, least_skew, most_skew = facts[patch]
+        if record.columns != columns or (record.epoch > 0 and shares_errors == 0):
+            return k, 0, 0, 0
+        bound.patch, bound.offset, bound.length = patch, record.offset, record.length
+        bound.lo, bound.hi = record.lo, record.hi
+        samples += record.samples
+        if record.strided == 0:
+            first = min(first, times[record.grid, 0] + least_skew)
+            last = max(last, times[record.grid, 1] + most_skew)
+    return -1, int(first), int(last), int(samples)
+
+
+def _refuse_patch(record: Any, page: range, described: DescribedLayout) -> NoReturn:
+    """Raise an error that states why a patch does not fit."""
+    patch = int(record["patch"])
+    if patch not in page:
+        raise MessageError(
+            f"patch {patch} is not on this page, which has {page.start} to {page[-1]}"
+        )
+    columns = len(described.patches[patch].taxels)
+    if record["columns"] != columns:
+        raise MessageError(f"patch {patch} has {record['columns']} columns, not {columns}")
+    raise MessageError(f"patch {patch} has an epoch, but no shared error")
 
 
 def _strided_span(
@@ -185,10 +245,3 @@ def _read_item(data: bytes, place: Any) -> PatchSamples:
     """The samples whose item stands at the ``offset`` and has the ``length`` of a place."""
     begin = int(place["offset"])
     return PatchSamples.read(cbor2.loads(data[begin : begin + int(place["length"])]))
-
-
-def _pack_bounds(records: NDArray[Any]) -> bytes:
-    packed = np.empty(len(records), PATCH_BOUNDS)
-    for name in _NAMES:
-        packed[name] = records[name]
-    return packed.tobytes()

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from eskin.kernels.jit import kernel
+from eskin.kernels.jit import kernel, part
+from eskin.wire.frames.frame_summary import without_others
 from eskin.wire.frames.sample_codec import MOST_STRIDE, PADDING, decode_codes, order_cells
 from eskin.wire.messages.compiled_cbor import read_head, read_integer, read_string
 
@@ -57,6 +58,7 @@ def _enclose(
 ) -> None:
     first = 0
     cells, ordered = order_cells(0, 0, 0, np.zeros(0, np.uint8)), (0, 0)
+    column_of = _columns(cells[0], 1)
     for k in range(len(records)):
         record = records[k]
         columns = int(record.columns)
@@ -70,16 +72,26 @@ def _enclose(
         if record.strided:
             strides, _ = read_string(data, end + 2, 2)  # after the head of the options and a key
             cells = order_cells(rows, columns, first_row, data[strides : strides + columns])
-            ordered = (0, 0)
+            column_of = _columns(cells[0], columns)
+            cells, ordered = without_others(cells, rows * columns), (0, 0)
         elif ordered != (rows, columns):
             cells = order_cells(rows, columns, 0, np.zeros(columns, np.uint8))
-            ordered = (rows, columns)
-        low, high = np.full(rows * columns, -np.inf), np.full(rows * columns, np.inf)
+            column_of = _columns(cells[0], columns)
+            cells, ordered = without_others(cells, rows * columns), (rows, columns)
+        size = len(column_of)
+        low, high = np.full(size, -np.inf), np.full(size, np.inf)
         decode_codes(data, (codes, end), cells, (exponent, offset), low, high)
-        order = cells[0]
-        for n in range(len(order)):
-            cell = order[n, 0]
-            column = first + cell % columns
-            lo[column], hi[column] = min(lo[column], low[cell]), max(hi[column], high[cell])
+        for n in range(size):
+            column = first + column_of[n]
+            lo[column], hi[column] = min(lo[column], low[n]), max(hi[column], high[n])
             samples[column] += 1
         first += columns
+
+
+@part
+def _columns(order: NDArray[np.int32], columns: int) -> NDArray[np.int64]:
+    """The column of each cell."""
+    found = np.empty(len(order), np.int64)
+    for k in range(len(order)):
+        found[k] = order[k, 0] % columns
+    return found

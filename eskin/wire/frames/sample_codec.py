@@ -185,7 +185,10 @@ def order_cells(
     order = np.empty((rows * columns, 2), np.int32)
     last = np.full(columns, -1, np.int32)
     previous, first, later = -1, 0, starts
+    densest = (1 << strides.min()) - 1 if columns else 0
     for row in range(rows):
+        if (first_row + row) & densest:  # else few samples in many rows would take long
+            continue
         for column in range(columns):
             if (first_row + row) & ((1 << strides[column]) - 1):
                 continue

@@ -109,8 +109,6 @@ _TABLES: Final = (
         body BLOB NOT NULL,
         fingerprint BLOB NOT NULL UNIQUE
     ) STRICT""",
-)
-_TABLES_OF_FRAMES: Final = (
     # Patches and layouts. The hash is that of the body.
     """CREATE TABLE descriptions (
         node TEXT NOT NULL,
@@ -176,20 +174,20 @@ class DiskReserve:
 
 
 def create_tables(connection: sqlite3.Connection) -> None:
-    """Create the tables of a new file, or those that an older one lacks, in one transaction.
+    """Create the tables of a new file, in one transaction.
 
     Raises:
         SpoolError: The file has another version.
     """
     version: int = connection.execute("PRAGMA user_version").fetchone()[0]
-    if not 0 <= version <= VERSION:
+    if version not in {0, VERSION}:
         raise SpoolError(
             f"spool has version {version}, this gateway knows {VERSION}; "
             "run the gateway that made it, or choose another spool.path"
         )
-    if version < VERSION:
+    if version == 0:
         connection.execute("BEGIN IMMEDIATE")
-        for statement in (*(_TABLES if version == 0 else ()), *_TABLES_OF_FRAMES):
+        for statement in _TABLES:
             connection.execute(statement)
         connection.execute(f"PRAGMA user_version = {VERSION}")
         connection.execute("COMMIT")

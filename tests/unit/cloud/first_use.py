@@ -1,7 +1,8 @@
-"""``tests.unit.cloud.first_use STORE [warm]``: which compiled code is loaded by first blocks.
+"""``tests.unit.cloud.first_use STORE [warm]``: which compiled code is loaded by first messages.
 
-They are stored, folded, packed and asked for, in a process that did nothing of it before. Each name
-that had to be loaded then is printed; with "warm", of those that its warm-up had not loaded.
+Blocks are stored, folded, packed and asked for, and a frame is stored and one of its patches read,
+in a process that did nothing of it before. Each name that had to be loaded then is printed; with
+"warm", of those that its warm-up had not loaded.
 """
 
 from __future__ import annotations
@@ -16,15 +17,20 @@ from eskin_cloud.query.series import read_series
 from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import compact_page, find_compactable
+from eskin_cloud.store.frame_row import patch_record, read_frame_head, read_patch_bounds
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from eskin_cloud.warm_up import warm_up
 from numba.core.caching import Cache
+from sqlalchemy import select
 
+from eskin.wire.frames import decode_samples
 from eskin.wire.messages import Encoding
 from tests.unit.cloud.clouds import put_items
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block
+from tests.unit.cloud.skins import HAND, PATCHES, describe, frame
 
 _SPAN = 100 * DT
 _MANY = 40
@@ -33,6 +39,7 @@ _MANY = 40
 def main(place: Path, *, warm: bool) -> None:
     """Do it all, and print."""
     sent = [_encoded(number) for number in range(2 * _MANY)]
+    framed = frame(0, boot=2).encode()
     if warm:
         warm_up()
     look_up: Any = Cache.load_overload
@@ -43,6 +50,7 @@ def main(place: Path, *, warm: bool) -> None:
 
     with patch.object(Cache, "load_overload", told), Store(place) as store:
         _work(store, sent)
+        _store_frame(store, framed)
 
 
 def _encoded(number: int) -> bytes:
@@ -62,6 +70,18 @@ def _work(store: Store, sent: list[bytes]) -> None:
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
         read_series(connection, row, Window(START, START + 2 * _MANY * _SPAN), points=500)
+
+
+def _store_frame(store: Store, data: bytes) -> None:
+    describe(store, HAND, *PATCHES)
+    put_items(store, [ParsedMessage.parse(NODE, data)])
+    with store.read() as connection:
+        row = connection.execute(select(frames)).mappings().one()
+    bounds = read_patch_bounds(row["bounds"])
+    of_patch = patch_record(row["data"], bounds, 0)
+    assert of_patch is not None
+    grids = read_frame_head(row["data"], bounds).grids
+    decode_samples(of_patch.samples, of_patch.sampling(grids[of_patch.grid]))
 
 
 if __name__ == "__main__":

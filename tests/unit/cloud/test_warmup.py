@@ -16,7 +16,7 @@ def loaded(place: Path, *how: str) -> set[str]:
     return set(told.stdout.split())
 
 
-def test_first_blocks_load_nothing_after_the_warm_up(tmp_path: Path) -> None:
+def test_first_messages_load_nothing_after_the_warm_up(tmp_path: Path) -> None:
     cold = loaded(tmp_path / "cold.sqlite")
     assert {
         "_compress_all",
@@ -25,5 +25,7 @@ def test_first_blocks_load_nothing_after_the_warm_up(tmp_path: Path) -> None:
         "fold_pieces",
         "pack_run",
         "unpack_run",
+        "_scan",
+        "_fit",
     } <= cold
     assert loaded(tmp_path / "warm.sqlite", "warm") == set()

@@ -229,8 +229,8 @@ def test_senml_holds_channels_of_small_skins_and_patches_of_large_ones() -> None
     small = Published(SMALL, senml=True)
     small.add(SMALL.frame(1), 1.0)
     (pack,) = small.on("senml/n/p000c02.pressure")
-    told = dict(read_senml(orjson.dumps(pack).decode(), "n/p000c02.pressure/"))
-    assert (told["lo"], told["hi"]) == (1000.0, 1100.0)
+    records = dict(read_senml(orjson.dumps(pack).decode(), "n/p000c02.pressure/"))
+    assert (records["lo"], records["hi"]) == (1000.0, 1100.0)
     large = Published(LARGE, senml=True)
     large.add(LARGE.frame(1, {0: np.full(20, 3500.0), 1: np.full(20, 2950.0)}), 1.0)
     assert {topic for topic in large.topics if topic.startswith("senml")} == {
@@ -239,8 +239,10 @@ def test_senml_holds_channels_of_small_skins_and_patches_of_large_ones() -> None
     contacts = []
     for name in "pad000", "pad001":
         (pack,) = large.on(f"senml/n/patches/{name}")
-        told = dict(read_senml(orjson.dumps(pack).decode(), f"n/patches/{name}/"))
-        contacts.append((told["lo"], told["hi"], told["contact/lo"], told["contact/hi"]))
+        records = dict(read_senml(orjson.dumps(pack).decode(), f"n/patches/{name}/"))
+        contacts.append(
+            (records["lo"], records["hi"], records["contact/lo"], records["contact/hi"])
+        )
     assert contacts == [(3500.0, 3600.0, 1.0, 1.0), (2950.0, 3050.0, 0.0, 1.0)]
 
 

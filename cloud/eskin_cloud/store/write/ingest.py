@@ -16,9 +16,13 @@ from eskin.privacy import SealedMessage
 from eskin.wire.frames import FrameSummary, Statements
 from eskin.wire.messages import BlockSummary, Gap, Peak, Position, Result, Status
 from eskin_cloud.store.db_errors import explain, is_store_fault
-from eskin_cloud.store.descriptions import DescribedLayout, UnknownDescriptionError
+from eskin_cloud.store.descriptions import (
+    DescribedLayout,
+    UnknownDescriptionError,
+    find_refusal,
+)
 from eskin_cloud.store.feed_entry import FeedEntry
-from eskin_cloud.store.frame_row import FrameRow, find_span
+from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages
 from eskin_cloud.store.schema.tables import blocks, dead_letters, events
@@ -43,7 +47,7 @@ from eskin_cloud.store.write.missing_messages import (
     record_lost,
 )
 from eskin_cloud.store.write.pages import add_frames, page_key
-from eskin_cloud.store.write.parsed_message import ParsedMessage, is_node
+from eskin_cloud.store.write.parsed_message import WITHHELD, ParsedMessage, is_node
 from eskin_cloud.store.write.presence import (
     mark_online,
     record_lag,
@@ -407,7 +411,7 @@ def _ingest_placed(batch: _Batch, item: ParsedMessage, message: _Placed, gateway
     node, place = item.node, message.position
     described = _find_layout(batch, node, message.layout)
     if isinstance(described, UnknownDescriptionError):
-        return Receipt(UNKNOWN_LAYOUT, str(described), described.want[:MOST_WANTED])
+        return _ask_for_descriptions(batch, item, place, described, gateway)
     ranges = batch.cache.ranges(batch.connection, node, place.boot)
     if place.sequence in ranges:
         return _check_duplicate(batch, item, place, gateway)
@@ -417,36 +421,72 @@ def _ingest_placed(batch: _Batch, item: ParsedMessage, message: _Placed, gateway
         if isinstance(described, MessageError):
             raise described
         if isinstance(message, FrameSummary):
-            described.require_frame(message)
-            span = find_span(message, described, item.data)
+            _store_frame(batch, item, message, described)
         else:
-            require_patches(message, described)
+            _store_statements(batch, item, message, described)
     except MessageError as error:
         batch.refused.append((node, place))
         return _reject(batch, item, str(error), gateway)
-    batch.add_event(mark_online(batch.connection, batch.cache, node, place, now=batch.now))
-    record_layout(batch.connection, batch.cache, node, place, message.layout)
-    if isinstance(message, FrameSummary):
-        cursor = batch.cache.next_cursor(batch.connection)
-        batch.frames.append(
-            FrameRow.of(
-                *(node, message, span, item.data, item.digest), cursor=cursor, now=batch.now
-            )
-        )
-        batch.entries.append(
-            FeedEntry(
-                *(cursor, node, None, None, None, batch.now),
-                frame=item.data,
-                layout=message.layout,
-            )
-        )
-    else:
-        for row in statement_rows(node, message, described, item.data):
-            batch.add_event(row)
-        for gap in message.gaps:
-            record_lost(batch.connection, node, gap.lost)
     batch.cache.add(batch.connection, node, place.boot, place.sequence, item.digest)
     return _STORED
+
+
+def _ask_for_descriptions(
+    batch: _Batch,
+    item: ParsedMessage,
+    place: Position,
+    unknown: UnknownDescriptionError,
+    gateway: str,
+) -> Receipt:
+    """Ask for what a message is read by; reject the message where that is refused."""
+    reason = find_refusal(item.node, unknown.want)
+    if reason is None:
+        return Receipt(UNKNOWN_LAYOUT, str(unknown), unknown.want[:MOST_WANTED])
+    batch.refused.append((item.node, place))
+    # What the message holds is not known, so it may be biometric.
+    reason = f"a description is refused: {reason}{WITHHELD.format(len(item.data))}"
+    return _reject(batch, item._replace(data=b""), reason, gateway)
+
+
+def _store_frame(
+    batch: _Batch, item: ParsedMessage, frame: FrameSummary, described: DescribedLayout
+) -> None:
+    """Store a frame.
+
+    Raises:
+        MessageError: It does not fit its layout; nothing is stored.
+    """
+    fitting = fit_frame(frame, described, item.data)
+    _record_layout(batch, item.node, frame)
+    cursor = batch.cache.next_cursor(batch.connection)
+    row = FrameRow.of(
+        *(item.node, frame, fitting, item.data, item.digest), cursor=cursor, now=batch.now
+    )
+    batch.frames.append(row)
+    head = cursor, item.node, None, None, None, batch.now
+    batch.entries.append(FeedEntry(*head, frame=item.data, layout=frame.layout))
+
+
+def _store_statements(
+    batch: _Batch, item: ParsedMessage, said: Statements, described: DescribedLayout
+) -> None:
+    """Store statements.
+
+    Raises:
+        MessageError: They do not fit their layout; nothing is stored.
+    """
+    require_patches(said, described)
+    _record_layout(batch, item.node, said)
+    for row in statement_rows(item.node, said, described, item.data):
+        batch.add_event(row)
+    for gap in said.gaps:
+        record_lost(batch.connection, item.node, gap.lost)
+
+
+def _record_layout(batch: _Batch, node: str, message: _Placed) -> None:
+    place = message.position
+    batch.add_event(mark_online(batch.connection, batch.cache, node, place, now=batch.now))
+    record_layout(batch.connection, batch.cache, node, place, message.layout)
 
 
 def _find_layout(

@@ -12,6 +12,7 @@ from eskin_sensor_node.firmware import sample_codec as firmware
 from eskin.errors import MessageError
 from eskin.wire.frames import (
     Frame,
+    FrameSummary,
     Layout,
     Patch,
     SampleCodes,
@@ -41,7 +42,8 @@ def make(_: Path) -> Target:
 
 
 def check(data: bytes) -> None:
-    """Read it as all that it may be."""
+    """Read it as all that it may be; the compiled look at frames agrees."""
+    _check_summary(data)
     for kind in (Patch, Layout, Frame, Statements):
         try:
             message = kind.decode(data)
@@ -50,6 +52,22 @@ def check(data: bytes) -> None:
         assert message.encode() == data, "not the bytes that were read"
         if isinstance(message, Frame):
             _check_frame(message)
+
+
+def _check_summary(data: bytes) -> None:
+    try:
+        found = FrameSummary.decode(data)
+    except MessageError:
+        found = None
+    try:
+        frame = Frame.decode(data)
+    except MessageError:
+        assert found is None, "a frame was found that is none"
+        return
+    assert found is not None, "a frame was not found"
+    expected = FrameSummary.of(frame, len(data))
+    assert found[:6] == expected[:6]
+    assert found.records.tolist() == expected.records.tolist()
 
 
 def _check_frame(frame: Frame) -> None:

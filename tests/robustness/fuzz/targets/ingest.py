@@ -10,6 +10,8 @@ import numpy as np
 from eskin_cloud.ingest.batch import read_batch
 from eskin_cloud.ingest.errors import MalformedBatchError
 from eskin_cloud.store import Store
+from eskin_cloud.store.damage import require_intact_frame
+from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.tables import blocks
 from eskin_cloud.store.write.ingest import ingest
 from sqlalchemy import select
@@ -19,6 +21,7 @@ from eskin.wire.messages.compression import decompress
 from tests.robustness.fuzz.mutations.trees import mutate_tree
 from tests.robustness.fuzz.target import Target
 from tests.unit.cloud import messages as said
+from tests.unit.cloud import skins
 from tests.unit.gateway.messages import result
 
 if TYPE_CHECKING:
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
+    from eskin.wire.frames import Frame, Statements
     from eskin.wire.messages import Message
 
 _LONGEST = 4096
@@ -57,15 +61,24 @@ def make(folder: Path) -> Target:
         store.cache.save(connection)
         assert len(outcome.results) == len(items)
         for receipt in outcome.results:
-            assert receipt.result in {"stored", "duplicate", "rejected"}
-            assert (receipt.reason is not None) is (receipt.result == "rejected")
+            assert receipt.result in {"stored", "duplicate", "rejected", "unknown_layout"}
+            refused = receipt.result in {"rejected", "unknown_layout"}
+            assert (receipt.reason is not None) is refused
+            assert bool(receipt.want) is (receipt.result == "unknown_layout")
         for entry in outcome.entries:
             if entry.block is not None:
                 kept = select(blocks.c.data).where(blocks.c.cursor == entry.cursor)
                 assert decompress(connection.execute(kept).scalar_one()) == entry.block
+            if entry.frame is not None:
+                found = connection.execute(select(frames).where(frames.c.cursor == entry.cursor))
+                row = found.mappings().one()
+                require_intact_frame(row)
+                assert row["data"] == entry.frame
 
     one: list[Message] = [said.block(0), said.peak(1), said.gap(2), said.status(3), result(4, 1)]
-    batches = [[[said.NODE, message.encode()]] for message in one]
+    skins.describe(store, skins.HAND, *skins.PATCHES)
+    placed: list[Frame | Statements] = [skins.frame(6), skins.frame(7, page=1), skins.statements(8)]
+    batches = [[[said.NODE, message.encode()]] for message in (*one, *placed)]
     batches.append([item for batch in batches for item in batch])
     wave = np.sin(np.arange(60) / 9.0)
     long = said.block(5, wave, wave + 0.5, encoding=Encoding.F32)
