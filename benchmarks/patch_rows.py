@@ -1,7 +1,7 @@
-"""Bytes and speed of compacted frames: `python -m benchmarks.patch_rows`.
+"""Bytes and speed of compacted frames and their tiles: `python -m benchmarks.patch_rows`.
 
-Runs the packaged hand's firmware on its scenario as fast as it goes, frames its samples, and joins
-the frames of each patch.
+Runs the packaged hand's firmware on its scenario as fast as it goes, frames its samples, joins the
+frames of each patch, and builds tiles of them.
 """
 
 from __future__ import annotations
@@ -12,17 +12,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from eskin_cloud.rollup.blocks import Buckets
+from eskin_cloud.rollup.column_aggregates import joined, pack
+from eskin_cloud.rollup.patch_folding import fold_runs
 from eskin_cloud.store.patch_rows import decode_runs, encode_runs
 from eskin_cloud.store.patch_run import PatchRun
+from eskin_cloud.store.sample_grid import PATCH_CHUNK, STEP, patch_level
 
 from benchmarks.frames import Measured, measure
 from eskin.interval import Interval
-from eskin.wire.frames import Sampling, decode_samples, encode_samples
+from eskin.wire.frames import Patch, Sampling, decode_samples, encode_samples
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-_SECONDS: Final = 61
+_SECONDS: Final = 100
 _BILLION: Final = 1_000_000_000
 _STRETCH: Final = 100_000_000
 _COLUMNS: Final = 64
@@ -47,6 +51,28 @@ def runs_of(patch: Measured, seconds: int, period: int | None = None) -> list[Pa
     return runs
 
 
+def tile_bytes(patch: Measured) -> tuple[int, int, int]:
+    """Bytes of whole chunks of the lowest level and of the next one, and their samples."""
+    runs, columns = runs_of(patch, _SECONDS), patch.values.shape[1]
+    taxels = tuple(f"t{column}" for column in range(columns))
+    described = {bytes(32): Patch("patch", "pressure", patch.unit, taxels, patch.least_width)}
+    grain = patch_level(patch.period)
+    bits = grain + PATCH_CHUNK
+    first, last = (runs[0].t >> bits) + 1, runs[-1].t >> bits
+    chunks = [
+        fold_runs(runs, described, Buckets(n << bits, 1 << grain, 1 << PATCH_CHUNK))
+        for n in range(first, first + (last - first) // 4 * 4)
+    ]
+    if not chunks:
+        return 0, 0, 0
+    above = [
+        joined([each.grouped(grain + STEP) for each in chunks[k : k + 4]])
+        for k in range(0, len(chunks), 4)
+    ]
+    lowest, next_ = (sum(len(pack(each)) for each in level) for level in (chunks, above))
+    return lowest, next_, sum(int(each.pieces.n.sum()) for each in chunks)
+
+
 def milliseconds(work: Callable[[], object]) -> float:
     """The least time of some."""
     found = []
@@ -68,6 +94,9 @@ def main() -> None:
             size += len(encode_runs(runs))
             samples += sum(run.lo.size for run in runs)
         print(f"hand, rows of {seconds} s: {size / samples:.3f} bytes a sample")
+    lowest, next_, samples = map(sum, zip(*map(tile_bytes, patches), strict=True))
+    # Each level above that one has a quarter of it.
+    print(f"hand, tiles: {(lowest + next_ * 4 / 3) / samples:.3f} bytes a sample")
     pressure = next(each for each in patches if each.unit == "Pa")
     wide = Interval.concatenate([pressure.values] * 5, axis=1)[:, :_COLUMNS]
     for period in _PERIODS:

@@ -18,9 +18,11 @@ from eskin_cloud.api import (
     descriptions,
     events,
     export,
+    frames,
     gateways,
     health,
     ingest,
+    layouts,
     live,
     login,
     models,
@@ -48,7 +50,7 @@ def people_application(cloud: AppState) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     app = _application(cloud, "eskin cloud", secure=cloud.secure, refusal=HTTPStatus.UNAUTHORIZED)
     asked = nodes, gateways, commands, series, comparison, models, prediction, export, events, live
-    for resource in (*asked, storage, tokens, audit_log, subjects):
+    for resource in (*asked, layouts, frames, storage, tokens, audit_log, subjects):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     app.include_router(login.router)

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections import defaultdict
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Final
+from functools import partial
+from itertools import groupby
+from operator import itemgetter
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sqlalchemy import select
 
@@ -13,12 +17,25 @@ from eskin.privacy import is_biometric
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.clock_guard import ClockGuard
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.store.removal import RemovalReason, Sweep, remove, sweeps_of_erased
+from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
+from eskin_cloud.store.patch_compaction import Due, PageKey, compact_frames
+from eskin_cloud.store.removal import (
+    PatchSweep,
+    RemovalReason,
+    Sweep,
+    remove,
+    remove_damaged_frames,
+    remove_rows,
+    sweeps_of_erased,
+)
+from eskin_cloud.store.schema.frame_tables import pages
 from eskin_cloud.store.schema.tables import channels
 from eskin_cloud.store.write.clock_state import load_clock, save_clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from sqlalchemy import Connection
 
     from eskin_cloud.app_state import AppState
     from eskin_cloud.settings import RetentionSection
@@ -89,7 +106,42 @@ async def sweep(cloud: AppState, *, clock: Callable[[], int] | None = None) -> i
             removed = await _step(cloud, due)
             total += removed
             await asyncio.sleep(_PAUSE_S)
+    for each in await asyncio.to_thread(_due_patches, cloud, now):
+        total += await _sweep_patches(cloud, each)
     return total
+
+
+async def _sweep_patches(cloud: AppState, due: _DuePage) -> int:
+    """Remove what is too old of a page's patches; its frames become rows of them first."""
+    total, most, store = 0, cloud.settings.retention.at_once, cloud.store
+    ended = Due(-(2**63), -(2**63), max(each.before for each in due.patches))
+    for page in due.pages:
+        more = True
+        while more:
+            more = await asyncio.to_thread(compact_frames, store, page, ended)
+            await asyncio.sleep(_PAUSE_S)
+        if due.before is not None:
+            drop = partial(_drop_damaged, cloud, page, due.before)
+            total += await asyncio.wrap_future(store.write(drop))
+    for each in due.patches:
+        removed = most
+        while removed >= most:
+            work = partial(_remove_rows, cloud, each)
+            removed = await asyncio.wrap_future(store.write(work))
+            total += removed
+            if removed:
+                _report(cloud, each.node, each.patch, RemovalReason.AGE, removed)
+            await asyncio.sleep(_PAUSE_S)
+    return total
+
+
+def _remove_rows(cloud: AppState, due: PatchSweep, connection: Connection) -> int:
+    most = cloud.settings.retention.at_once
+    return remove_rows(connection, due, most=most, now=cloud.clock())
+
+
+def _drop_damaged(cloud: AppState, page: PageKey, before: int, connection: Connection) -> int:
+    return remove_damaged_frames(connection, cloud.store.cache, page, before)
 
 
 def kept_for(rules: RetentionSection, node: str, channel: str) -> float:
@@ -107,15 +159,13 @@ async def _step(cloud: AppState, due: Sweep) -> int:
     written = store.write(lambda c: remove(c, store.cache, due, most=most, now=cloud.clock()))
     removed = await asyncio.wrap_future(written)
     if removed:
-        cloud.metrics.removed.labels(due.reason.value).inc(removed)
-        log.info(
-            "removed: node=%s channel=%s reason=%s messages=%d",
-            due.node,
-            due.channel,
-            due.reason,
-            removed,
-        )
+        _report(cloud, due.node, due.channel, due.reason, removed)
     return removed
+
+
+def _report(cloud: AppState, node: str, channel: str, reason: RemovalReason, removed: int) -> None:
+    cloud.metrics.removed.labels(reason.value).inc(removed)
+    log.info("removed: node=%s channel=%s reason=%s messages=%d", node, channel, reason, removed)
 
 
 def _due(cloud: AppState, now: int) -> list[Sweep]:
@@ -126,4 +176,54 @@ def _due(cloud: AppState, now: int) -> list[Sweep]:
             days = kept_for(rules, node, channel)
             if days > 0:
                 found.append(Sweep(node, channel, RemovalReason.AGE, now - int(days * _DAY)))
+    return found
+
+
+class _DuePage(NamedTuple):
+    """What is removed of a node's patches.
+
+    Attributes:
+        pages: Pages whose frames may be too old.
+        before: Damaged frames that ended before it are removed, UTC ns; ``None`` if a patch is
+            kept for ever.
+        patches: What is removed of each patch.
+    """
+
+    pages: list[PageKey]
+    before: int | None
+    patches: list[PatchSweep]
+
+
+def _due_patches(cloud: AppState, now: int) -> list[_DuePage]:
+    """What is too old of each node's patches. A patch is kept as long as any of its channels."""
+    p, rules, found = pages.c, cloud.settings.retention, []
+    with cloud.store.read() as connection:
+        query = select(p.slot, p.node, p.layout, p.page, p.t_first)
+        rows = connection.execute(query.order_by(p.node, p.layout, p.page)).all()
+        for node, of_node in groupby(rows, itemgetter(1)):
+            mine = list(of_node)
+            channels_of: dict[str, dict[str, None]] = defaultdict(dict)
+            for layout in dict.fromkeys(row[2] for row in mine):
+                try:
+                    described = find_layout(connection, node, layout)
+                except UnknownDescriptionError:
+                    continue  # damaged, and reported
+                for patch in described.patches:
+                    channels_of[patch.patch_id] |= dict.fromkeys(patch.channels)
+            kept = {
+                patch: [kept_for(rules, node, channel) for channel in names]
+                for patch, names in channels_of.items()
+            }
+            sweeps = [
+                PatchSweep(node, patch, tuple(channels_of[patch]), now - int(max(days) * _DAY))
+                for patch, days in kept.items()
+                if min(days) > 0
+            ]
+            if not sweeps:
+                continue
+            last = max(each.before for each in sweeps)
+            old = [(r[0], r[1], r[2], r[3]) for r in mine if r[4] is not None and r[4] < last]
+            all_limited = len(sweeps) == len(kept)
+            before = min(each.before for each in sweeps) if all_limited else None
+            found.append(_DuePage(old, before, sweeps))
     return found

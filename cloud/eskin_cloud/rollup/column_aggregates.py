@@ -15,13 +15,16 @@ import numpy as np
 
 from eskin.errors import MessageError
 from eskin.wire.frames.column_codec import ColumnCodes, decode_columns, encode_columns
-from eskin.wire.frames.sample_codec import COARSEST, FINEST, MOST_COLUMNS
+from eskin.wire.frames.sample_codec import COARSEST, FINEST
 from eskin.wire.messages.cbor_map import integer, items, load_any, octets, row
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates
+from eskin_cloud.rollup.mean_rounding import divide_down, multiply_down
 from eskin_cloud.store.patch_rows import compress, decompress
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
 
     from eskin.interval import Floats
     from eskin_cloud.rollup.aggregates import Integers
@@ -31,27 +34,26 @@ _WHOLE: Final = _NAMES[:7]
 _MEAN_BITS: Final = 4
 _MOST_BYTES: Final = 2**24
 _HASH_BYTES: Final = 64
+_COLUMNS: Final = 2**15
+"""More channels than a node may have."""
 
 
 class ColumnAggregates(NamedTuple):
-    """Aggregates of all columns of a patch as one description has them.
+    """Aggregates of all columns of a patch.
 
     Attributes:
-        columns: How many there are.
+        names: Hashes of the descriptions by which the samples were read.
+        taxels: Of each column: those of the descriptions, each once.
         finest: Least exponent of a quantum.
         column: Of each entry, ascending.
         pieces: The entries; those of a column in order of time.
     """
 
-    columns: int
+    names: tuple[bytes, ...]
+    taxels: tuple[str, ...]
     finest: int
     column: Integers
     pieces: Aggregates
-
-    def of(self, column: int) -> Aggregates:
-        """The entries of one column."""
-        begin, end = np.searchsorted(self.column, (column, column + 1)).tolist()
-        return self.pieces[slice(begin, end)]
 
     def chosen(self, here: Any) -> ColumnAggregates:
         """The entries that a mask chooses."""
@@ -67,12 +69,26 @@ class ColumnAggregates(NamedTuple):
         return self._replace(column=self.column[first], pieces=pieces)
 
 
+def united(taxels: Iterable[Sequence[str]]) -> tuple[str, ...]:
+    """The taxels of several descriptions, each once."""
+    return tuple(dict.fromkeys(taxel for each in taxels for taxel in each))
+
+
 def joined(parts: Sequence[ColumnAggregates]) -> ColumnAggregates:
-    """The entries of several parts of one description, in order."""
-    column = np.concatenate([part.column for part in parts])
-    pieces = chained([part.pieces for part in parts])
+    """The entries of several parts, in order."""
+    parts = [part for part in parts if len(part.pieces)] or list(parts[:1])
+    taxels = united(part.taxels for part in parts)
+    number = {taxel: k for k, taxel in enumerate(taxels)}
+    columns = [np.array([number[taxel] for taxel in part.taxels])[part.column] for part in parts]
+    column, pieces = np.concatenate(columns), chained([part.pieces for part in parts])
     order = np.lexsort((pieces.first, column))
-    return parts[0]._replace(column=column[order], pieces=pieces[order])
+    return ColumnAggregates(
+        names=tuple(dict.fromkeys(name for part in parts for name in part.names)),
+        taxels=taxels,
+        finest=min(part.finest for part in parts),
+        column=column[order],
+        pieces=pieces[order],
+    )
 
 
 def chained(parts: Sequence[Aggregates]) -> Aggregates:
@@ -80,28 +96,28 @@ def chained(parts: Sequence[Aggregates]) -> Aggregates:
     return Aggregates(*(np.concatenate([getattr(part, name) for part in parts]) for name in _NAMES))
 
 
-def pack(sections: Mapping[bytes, ColumnAggregates]) -> bytes:
-    """Serialise and compress the aggregates of a chunk, by the hash of their description."""
-    return compress(cbor2.dumps([[name, *_section(each)] for name, each in sections.items()]))
+def pack(aggregates: ColumnAggregates) -> bytes:
+    """Serialise and compress the aggregates of a chunk."""
+    return compress(cbor2.dumps([list(aggregates.names), *_parts(aggregates)]))
 
 
-def unpack(data: bytes) -> dict[bytes, PackedAggregates]:
+def unpack(data: bytes) -> PackedAggregates:
     """Read what `pack` gave; the entries are decoded as they are asked for.
 
     Raises:
         MessageError: The bytes are something else.
     """
-    found = {}
-    for each in items(load_any(decompress(data, _MOST_BYTES), "tiles"), "tiles", 2**16):
-        name, *parts = row(each, "tiles of a description", 9)
-        found[octets(name, "hash", 1, _HASH_BYTES)] = _unpacked(parts)
-    return found
+    names, *parts = row(load_any(decompress(data, _MOST_BYTES), "tiles"), "tiles", 8)
+    listed = [octets(each, "hash", 1, _HASH_BYTES) for each in items(names, "hashes", _COLUMNS)]
+    return _unpacked(tuple(listed), parts)
 
 
 class PackedAggregates(NamedTuple):
     """Aggregates of a chunk whose bounds are still encoded.
 
     Attributes:
+        names: Hashes of the descriptions by which the samples were read; their taxels, each once,
+            are the columns.
         finest: Least exponent of a quantum.
         kind: Of each column, which times are its own.
         start: Of each column, the time of its first sample.
@@ -112,6 +128,7 @@ class PackedAggregates(NamedTuple):
         means: The means.
     """
 
+    names: tuple[bytes, ...]
     finest: int
     kind: Integers
     start: Integers
@@ -136,8 +153,11 @@ class PackedAggregates(NamedTuple):
             return EMPTY
         return self._entries([column], counts)
 
-    def all(self) -> ColumnAggregates:
+    def all(self, taxels: tuple[str, ...]) -> ColumnAggregates:
         """The entries of all columns.
+
+        Args:
+            taxels: Of each column.
 
         Raises:
             MessageError: Codes are not those of any entries.
@@ -145,7 +165,7 @@ class PackedAggregates(NamedTuple):
         counts = self.counts
         column = np.repeat(np.arange(self.kind.size), counts)
         pieces = self._entries(range(self.kind.size), counts)
-        return ColumnAggregates(self.kind.size, self.finest, column, pieces)
+        return ColumnAggregates(self.names, taxels, self.finest, column, pieces)
 
     def bounds(self) -> tuple[Integers, Integers, Floats, Floats]:
         """Column, time of the first sample, and hull of each entry.
@@ -160,6 +180,8 @@ class PackedAggregates(NamedTuple):
 
     def _places(self, columns: Sequence[int]) -> Integers:
         """Where the times of some columns' entries stand."""
+        if self.begins.size == 2:  # all columns are sampled together
+            return np.tile(np.arange(self.begins[1]), len(columns))
         kinds = self.kind[list(columns)].tolist()
         return np.concatenate([np.arange(self.begins[k], self.begins[k + 1]) for k in kinds])
 
@@ -171,60 +193,64 @@ class PackedAggregates(NamedTuple):
         lo, hi = decode_columns(self.hulls, counts, columns)
         low, high = decode_columns(self.means, counts, columns)
         n, coverage = whole[2], whole[7].view(np.float64)
-        sums = np.nextafter(n * low, -np.inf), np.nextafter(n * high, np.inf)
-        return Aggregates(*whole[:7], lo, hi, sums[0], sums[1], coverage)
+        sums = multiply_down(n, low), -multiply_down(n, -high)
+        return Aggregates(*[*whole[:7], lo, hi, *sums, coverage])
 
 
-def _section(each: ColumnAggregates) -> list[object]:
-    counts = np.bincount(each.column, minlength=each.columns)
+def _parts(each: ColumnAggregates) -> list[object]:
+    counts = np.bincount(each.column, minlength=len(each.taxels))
     begins = np.cumsum(counts) - counts
     pieces = each.pieces
     times = np.stack([*(getattr(pieces, name) for name in _WHOLE), pieces.coverage.view(np.int64)])
-    start = np.zeros(each.columns, np.int64)
+    start = np.zeros(counts.size, np.int64)
     some = counts > 0
     start[some] = pieces.first[begins[some]]
     times[:2] -= start[each.column]
     kinds: dict[bytes, int] = {}
-    kind, distinct = [], []
+    kind: list[int] = []
+    distinct: list[Integers] = []
     for begin, count in zip(begins.tolist(), counts.tolist(), strict=True):
         mine = times[:, begin : begin + count]
         number = kinds.setdefault(mine.tobytes(), len(kinds))
         if number == len(distinct):
             distinct.append(mine)
         kind.append(number)
-    low = np.nextafter(pieces.sum_lo / pieces.n, -np.inf)
-    high = np.nextafter(pieces.sum_hi / pieces.n, np.inf)
+    finer = max(each.finest - _MEAN_BITS, FINEST)
+    low = divide_down(pieces.sum_lo, pieces.n, finer)
+    high = -divide_down(-pieces.sum_hi, pieces.n, finer)
     return [
         each.finest,
-        bytes(kind),
+        np.array(kind, np.int64).tobytes(),
         start.tobytes(),
         [mine.shape[1] for mine in distinct],
         _planes(np.diff(np.concatenate(distinct, axis=1), axis=1, prepend=0)),
         _codes(encode_columns(pieces.lo, pieces.hi, counts, each.finest)),
-        _codes(encode_columns(low, high, counts, max(each.finest - _MEAN_BITS, FINEST))),
-        each.columns,
+        _codes(encode_columns(low, high, counts, finer)),
     ]
 
 
-def _unpacked(parts: list[object]) -> PackedAggregates:
-    finest, kind, start, sizes, planes, hulls, means, columns = parts
-    count = integer(columns, "columns", 1, MOST_COLUMNS)
-    kinds = np.frombuffer(octets(kind, "kinds", count, count), np.uint8).astype(np.int64)
-    listed = [integer(each, "size", 0, 2**20) for each in items(sizes, "sizes", MOST_COLUMNS)]
+def _unpacked(names: tuple[bytes, ...], parts: list[object]) -> PackedAggregates:
+    finest, kind, start, sizes, planes, hulls, means = parts
+    kinds = _integers(kind)
+    listed = [integer(each, "size", 0, 2**20) for each in items(sizes, "sizes", _COLUMNS)]
     begins = np.concatenate([[0], np.cumsum(np.array(listed, np.int64))])
     total = int(begins[-1])
     data = octets(planes, "times", 64 * total, 64 * total)
-    if kinds.max() >= len(listed):
+    starts = _integers(start)
+    if not kinds.size or kinds.min() < 0 or kinds.max() >= len(listed):
         raise MessageError("a column has times that are not there")
+    if starts.size != kinds.size:
+        raise MessageError(f"{kinds.size} columns have {starts.size} starts")
     numbers = np.frombuffer(data, np.uint8).reshape(8, -1).T.copy().view(np.int64)
     return PackedAggregates(
+        names=names,
         finest=integer(finest, "exponent", FINEST, COARSEST),
         kind=kinds,
-        start=np.frombuffer(octets(start, "starts", 8 * count, 8 * count), np.int64),
+        start=starts,
         begins=begins,
         times=np.cumsum(numbers.reshape(8, total), axis=1),
-        hulls=_decoded(hulls, count),
-        means=_decoded(means, count),
+        hulls=_decoded(hulls),
+        means=_decoded(means),
     )
 
 
@@ -232,15 +258,19 @@ def _codes(encoded: ColumnCodes) -> list[object]:
     return [*(each.tobytes() for each in encoded[:3]), encoded.codes]
 
 
-def _decoded(value: object, columns: int) -> ColumnCodes:
+def _decoded(value: object) -> ColumnCodes:
     *arrays, codes = row(value, "codes", 4)
-    size = 8 * columns
-    exponents, offsets, sizes = (
-        np.frombuffer(octets(each, "codes", size, size), np.int64) for each in arrays
-    )
+    exponents, offsets, sizes = (_integers(each) for each in arrays)
     return ColumnCodes(exponents, offsets, sizes, octets(codes, "codes", 0, _MOST_BYTES))
 
 
-def _planes(numbers: Integers) -> bytes:
+def _integers(value: object) -> Integers:
+    data = octets(value, "numbers of columns", 0, 8 * _COLUMNS)
+    if len(data) % 8:
+        raise MessageError(f"numbers of columns have {len(data)} bytes")
+    return np.frombuffer(data, np.int64)
+
+
+def _planes(numbers: NDArray[Any]) -> bytes:
     """The bytes of numbers, those of one weight together: most are zero."""
     return np.ascontiguousarray(numbers).view(np.uint8).reshape(-1, 8).T.tobytes()

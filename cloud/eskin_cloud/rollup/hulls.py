@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 from eskin.wire.timestamp import MOST_MOMENT, SECOND
 from eskin_cloud.rollup.blocks import Buckets, read_buckets
 from eskin_cloud.rollup.reading import TileRange, read_range
+from eskin_cloud.store.read.patch_columns import is_column
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import STEP, TOP
 
@@ -36,7 +37,9 @@ def read_hulls(
         buckets = Buckets(window.start, width, -(-window.span // width))
         return read_buckets(connection, channel, buckets.window, buckets), buckets
     level = grain
-    while level + STEP <= TOP and window.span >> (level + STEP) >= max(2 * points, 2 * _TILES):
+    # A chunk of a patch has all columns, and fewer tiles: of these twice as few are read.
+    least = max(points, _TILES) * (1 if is_column(channel) else 2)
+    while level + STEP <= TOP and window.span >> (level + STEP) >= least:
         level += STEP
     first, last = window.start >> level, (window.end - 1) >> level
     each = -(-(last + 1 - first) // points)

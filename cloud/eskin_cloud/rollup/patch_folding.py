@@ -8,10 +8,10 @@ import numpy as np
 
 from eskin.wire.frames.sample_codec import MOST_STRIDE, finest_exponent
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates
-from eskin_cloud.rollup.column_aggregates import ColumnAggregates, chained
+from eskin_cloud.rollup.column_aggregates import ColumnAggregates, chained, united
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -38,52 +38,108 @@ class _Samples(NamedTuple):
     cells: Integers | None
 
 
-def fold_runs(runs: Sequence[PatchRun], patch: Patch, buckets: Buckets) -> ColumnAggregates:
+def fold_runs(
+    runs: Sequence[PatchRun], patches: Mapping[bytes, Patch], buckets: Buckets
+) -> ColumnAggregates:
     """One entry for each column and bucket with samples.
 
     Args:
-        runs: With this description, in order of time, boot and sequence.
-        patch: The description by which they are read.
+        runs: Runs of a patch, at least one.
+        patches: The descriptions by which they are read, by hash.
         buckets: Samples outside of them are left out.
     """
-    columns = len(patch.taxels)
-    lo, hi = (
-        np.ascontiguousarray(np.concatenate([getattr(run, side) for run in runs]).T)
-        for side in ("lo", "hi")
-    )
-    strides = np.array([list(run.strides or bytes(columns)) for run in runs])
-    alike: dict[tuple[bytes, int], _Samples] = {}
-    found = []
-    for column in range(columns):
-        skew = patch.skew[column] if patch.skew else 0
-        key = strides[:, column].tobytes(), skew
+    names = tuple(dict.fromkeys(run.patch for run in runs))
+    taxels = united(patches[name].taxels for name in names)
+    table = _tabulate(runs, {name: patches[name] for name in names}, taxels)
+    found, alike = [], dict[bytes, _Samples]()
+    for column in range(len(taxels)):
+        key = table.steps[:, column].tobytes() + table.skew[:, column].tobytes()
         if key not in alike:
-            alike[key] = _locate(runs, 1 << strides[:, column], skew, buckets)
-        pieces = _fold(alike[key], (lo[column], hi[column]), buckets)
-        found.append(pieces)
-    number = np.repeat(np.arange(columns), [len(pieces) for pieces in found])
-    finest = finest_exponent(patch.least_width)
-    return ColumnAggregates(columns, finest, number, chained(found))
+            alike[key] = _locate(table, column, buckets)
+        found.append(_fold(alike[key], (table.lo[column], table.hi[column]), buckets))
+    return ColumnAggregates(
+        names=names,
+        taxels=taxels,
+        finest=min(finest_exponent(patches[name].least_width) for name in names),
+        column=np.repeat(np.arange(len(taxels)), [len(pieces) for pieces in found]),
+        pieces=chained(found),
+    )
 
 
-def _locate(runs: Sequence[PatchRun], steps: Integers, skew: int, buckets: Buckets) -> _Samples:
+class _Table(NamedTuple):
+    """Runs of a patch as arrays.
+
+    Attributes:
+        order: Boot and sequence, shape ``(2, runs)``.
+        t: Middle of each first row's time.
+        dt: Period.
+        first_row: Number of the first row.
+        rows: How many.
+        error: Time error.
+        coverage: Coverage.
+        steps: From sample to sample in rows, 0 without samples, shape ``(runs, columns)``.
+        skew: Of each run and column.
+        lo: Lower bounds, shape ``(columns, all rows)``.
+        hi: Upper bounds.
+    """
+
+    order: Integers
+    t: Integers
+    dt: Integers
+    first_row: Integers
+    rows: Integers
+    error: Integers
+    coverage: Floats
+    steps: Integers
+    skew: Integers
+    lo: Floats
+    hi: Floats
+
+
+def _tabulate(
+    runs: Sequence[PatchRun], patches: Mapping[bytes, Patch], taxels: Sequence[str]
+) -> _Table:
     rows = np.array([run.lo.shape[0] for run in runs])
-    numbers = np.array([(run.t, run.dt, run.first_row % 2**MOST_STRIDE, run.error) for run in runs])
+    shape = len(taxels), int(rows.sum())
+    lo, hi = np.full(shape, -np.inf), np.full(shape, np.inf)
+    steps = np.zeros((len(runs), len(taxels)), np.int64)
+    skew = np.zeros_like(steps)
+    for name, patch in patches.items():
+        mine = np.array([run.patch == name for run in runs])
+        columns = np.array([taxels.index(taxel) for taxel in patch.taxels])
+        cells = np.ix_(columns, np.flatnonzero(np.repeat(mine, rows)))
+        lo[cells] = np.concatenate([run.lo for run in runs if run.patch == name]).T
+        hi[cells] = np.concatenate([run.hi for run in runs if run.patch == name]).T
+        even = bytes(columns.size)
+        strides = np.array([list(run.strides or even) for run in runs if run.patch == name])
+        steps[np.ix_(mine, columns)] = 1 << strides
+        skew[np.ix_(mine, columns)] = patch.skew or (0,) * columns.size
+    numbers = np.array([
+        (run.boot, run.sequence, run.t, run.dt, run.first_row % 2**MOST_STRIDE, run.error)
+        for run in runs
+    ]).T  # fmt: skip
     coverage = np.array([run.coverage for run in runs])
-    window = buckets.window
-    first = -numbers[:, 2] % steps
-    t, dt = numbers[:, 0] + first * numbers[:, 1] + skew, numbers[:, 1] * steps
-    n = -((first - rows) // steps)
+    t, dt, first_row, error = numbers[2:]
+    return _Table(numbers[:2], t, dt, first_row, rows, error, coverage, steps, skew, lo, hi)
+
+
+def _locate(table: _Table, column: int, buckets: Buckets) -> _Samples:
+    """Find a column's samples, in order of the runs' times, boots and sequences."""
+    window, steps = buckets.window, np.maximum(table.steps[:, column], 1)
+    first = -table.first_row % steps
+    t, dt = table.t + first * table.dt + table.skew[:, column], table.dt * steps
+    n = -((first - table.rows) // steps)
     begin = np.maximum(0, -((t - window.start) // dt))
     end = np.minimum(n, (window.end - 1 - t) // dt + 1)
-    here = begin < end
-    place, n = np.cumsum(rows) - rows + first + begin * steps, end - begin
+    place, n = np.cumsum(table.rows) - table.rows + first + begin * steps, end - begin
+    order = np.lexsort((table.order[1], table.order[0], t))
+    here = order[((begin < end) & (table.steps[:, column] > 0))[order]]
     cells = None
-    if np.any(steps > 1):  # samples do not follow each other
-        cells = _series(place[here], steps[here], n[here])
-        place = np.cumsum(np.where(here, n, 0)) - n
-    of_runs = np.stack([t + begin * dt, dt, n, place, numbers[:, 3]], axis=1)[here]
-    return _Samples(np.ascontiguousarray(of_runs), t[here], coverage[here], cells)
+    if here.size and (np.any(steps[here] > 1) or np.any(np.diff(here) != 1)):
+        cells = _series(place[here], steps[here], n[here])  # they do not follow each other
+        place[here] = np.cumsum(n[here]) - n[here]
+    runs = np.stack([t + begin * dt, dt, n, place, table.error], axis=1)[here]
+    return _Samples(np.ascontiguousarray(runs), t[here], table.coverage[here], cells)
 
 
 def _fold(samples: _Samples, bounds: tuple[Floats, Floats], buckets: Buckets) -> Aggregates:

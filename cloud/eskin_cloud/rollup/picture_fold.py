@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -37,12 +37,18 @@ class PictureHulls(NamedTuple):
         hi: Greatest upper bound; ``-inf`` without samples.
         peak: Greatest lower bound.
         n: Number of samples.
+        gap: Whether a channel is unknown at some time of a picture.
+        last: Time of each channel's last sample so far, UTC ns.
+        dt: Its period, ns; 0 before the first sample.
     """
 
     lo: Floats
     hi: Floats
     peak: Floats
     n: NDArray[np.int32]
+    gap: NDArray[np.bool_]
+    last: Integers
+    dt: Integers
 
     @classmethod
     def empty(cls, pictures: int, channels: int) -> PictureHulls:
@@ -53,6 +59,9 @@ class PictureHulls(NamedTuple):
             np.full(shape, -np.inf),
             np.full(shape, -np.inf),
             np.zeros(shape, np.int32),
+            np.zeros(shape, np.bool_),
+            np.zeros(channels, np.int64),
+            np.zeros(channels, np.int64),
         )
 
 
@@ -149,18 +158,84 @@ def _fold(
     out: PictureHulls,
 ) -> None:
     """Add a matrix of samples: ``when`` is the first row's time, the period, and its number."""
+    channels, skews = places
+    _follow(shape, when, strides, places, grid, (out.last, out.dt, out.gap))
+    # An array that is taken out of a tuple in a loop costs more there than a sample.
+    low, high = bounds
+    least, most, peak, number = out.lo, out.hi, out.peak, out.n
+    for row in range(shape[0]):
+        behind = when[0] + row * when[1] - grid[0]
+        picture, begin = np.int64(-1), np.int64(0)
+        for column in range(shape[1]):
+            channel = channels[column]
+            if channel < 0:
+                continue
+            if strides.size and (when[2] + row) & ((1 << np.int64(strides[column])) - 1):
+                continue
+            late = behind + skews[column]
+            if picture < 0 or late < begin or late >= begin + grid[1]:  # division is slow
+                picture = late // grid[1] if late >= 0 else np.int64(-1)
+                begin = picture * grid[1]
+            if 0 <= picture < len(least):
+                cell = row * shape[1] + column
+                least[picture, channel] = lesser(low[cell], least[picture, channel])
+                most[picture, channel] = greater(high[cell], most[picture, channel])
+                peak[picture, channel] = greater(low[cell], peak[picture, channel])
+                number[picture, channel] += 1
+
+
+@part
+def _follow(
+    shape: tuple[int, int],
+    when: tuple[int, int, int],
+    strides: Bytes,
+    places: tuple[Integers, Integers],
+    grid: tuple[int, int],
+    known: tuple[Integers, Integers, NDArray[np.bool_]],
+) -> None:
+    """Mark gaps before the samples of a matrix, and remember the last of each column."""
+    channels, skews = places
+    latest, periods, gap = known
     for column in range(shape[1]):
-        channel = places[0][column]
+        channel = channels[column]
         if channel < 0:
             continue
-        step = 1 << np.int64(strides[column]) if strides.size else 1
-        for row in range(-when[2] % step, shape[0], step):
-            behind = when[0] + row * when[1] + places[1][column] - grid[0]
-            picture = behind // grid[1]
-            if behind < 0 or picture >= len(out.lo):
+        first, final, dt = np.int64(0), shape[0] - 1, when[1]
+        if strides.size and strides[column]:
+            step: Any = 1 << np.int64(strides[column])
+            first = -when[2] % step
+            if first >= shape[0]:
                 continue
-            cell = row * shape[1] + column
-            out.lo[picture, channel] = lesser(bounds[0][cell], out.lo[picture, channel])
-            out.hi[picture, channel] = greater(bounds[1][cell], out.hi[picture, channel])
-            out.peak[picture, channel] = greater(bounds[0][cell], out.peak[picture, channel])
-            out.n[picture, channel] += 1
+            final, dt = first + (final - first) // step * step, dt * step
+        begin = when[0] + skews[column] + first * when[1]
+        end = when[0] + skews[column] + final * when[1]
+        before = periods[channel]
+        if not before:
+            _mark(grid[0], begin, channel, grid, gap)
+        elif begin - latest[channel] > before + before // 2:
+            _mark(latest[channel] + before, begin, channel, grid, gap)
+        if not before or end >= latest[channel]:
+            latest[channel], periods[channel] = end, dt
+
+
+@part
+def _mark(
+    start: int, end: int, channel: int, grid: tuple[int, int], gap: NDArray[np.bool_]
+) -> None:
+    """Mark the pictures that overlap a range of time."""
+    first = max((start - grid[0]) // grid[1], 0)
+    for picture in range(first, min((end - 1 - grid[0]) // grid[1] + 1, len(gap))):
+        gap[picture, channel] = True
+
+
+@kernel
+def close_gaps(grid: tuple[int, int], out: PictureHulls) -> None:
+    """Mark what lies after the last sample of each channel, once all are added."""
+    latest, periods, gap = out.last, out.dt, out.gap
+    end = grid[0] + grid[1] * len(gap)
+    for channel in range(latest.size):
+        before = periods[channel]
+        if not before:
+            _mark(grid[0], end, channel, grid, gap)
+        elif end - latest[channel] > before + before // 2:
+            _mark(latest[channel] + before, end, channel, grid, gap)

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from sqlalchemy import bindparam, select
 
 from eskin.wire.timestamp import MOST_MOMENT
+from eskin_cloud.rollup import patch_tiles
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
 from eskin_cloud.rollup.blocks import Buckets, read_buckets, read_folded
+from eskin_cloud.rollup.ranges import Range, coarsened, merged, refined, without
 from eskin_cloud.store.damage import is_intact_tile
+from eskin_cloud.store.read.patch_columns import is_column
 from eskin_cloud.store.read.window import Window
-from eskin_cloud.store.sample_grid import CHUNK, STEP
+from eskin_cloud.store.sample_grid import CHUNK, PATCH_CHUNK, STEP
 from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from sqlalchemy import Connection
 
     from eskin_cloud.rollup.aggregates import Integers
@@ -67,10 +68,11 @@ def read_range(connection: Connection, channel: Channel, stretch: TileRange) -> 
     """
     opened = find_unbuilt(connection, channel, stretch.range)
     region, found = [(stretch.first, stretch.end)], []
+    chunk = PATCH_CHUNK if is_column(channel) else CHUNK
     for level in range(stretch.level, channel["grain"] - 1, -STEP):
         holes = coarsened(opened, level)
         found.append(read_tiles(connection, channel, level, without(region, holes)))
-        if not holes or level <= channel["grain"] + CHUNK:
+        if not holes or level <= channel["grain"] + chunk:
             break
         region = refined(holes, STEP)
     count = stretch.end - stretch.first
@@ -81,6 +83,8 @@ def read_range(connection: Connection, channel: Channel, stretch: TileRange) -> 
 
 def find_unbuilt(connection: Connection, channel: Channel, within: Range) -> list[Range]:
     """The ranges in which blocks must be read instead of tiles, UTC ns."""
+    if is_column(channel):
+        return patch_tiles.find_unbuilt(connection, channel, within)
     built, bits = channel["built"], channel["grain"] + CHUNK
     if built is None:
         return [within]
@@ -98,6 +102,8 @@ def read_tiles(
 
     Blocks are read instead of damaged chunks.
     """
+    if is_column(channel):
+        return patch_tiles.read_tiles(connection, channel, level, ranges)
     chunks = [n for first, end in coarsened(ranges, CHUNK) for n in range(first, end)]
     if not chunks:
         return EMPTY
@@ -143,48 +149,3 @@ def _inside(pieces: Aggregates, numbers: Integers, ranges: list[Range]) -> Aggre
     if len(places) == 1:
         return pieces[slice(*places[0])]
     return pieces[np.concatenate([np.arange(*place) for place in places])]
-
-
-Range: TypeAlias = tuple[int, int]
-
-
-def merged(ranges: Iterable[Range]) -> list[Range]:
-    """Sort ranges, and merge those that touch."""
-    found: list[Range] = []
-    for first, end in sorted(ranges):
-        if first >= end:
-            continue
-        if found and first <= found[-1][1]:
-            found[-1] = found[-1][0], max(found[-1][1], end)
-        else:
-            found.append((first, end))
-    return found
-
-
-def without(ranges: Iterable[Range], holes: Iterable[Range]) -> list[Range]:
-    """Ranges without ``holes``; both sorted and disjoint."""
-    left: list[Range] = []
-    waiting = list(holes)[::-1]
-    for first, end in ranges:
-        begin = first
-        while waiting and waiting[-1][0] < end:
-            hole = waiting[-1]
-            if hole[0] > begin:
-                left.append((begin, hole[0]))
-            begin = max(begin, hole[1])
-            if hole[1] > end:
-                break
-            waiting.pop()
-        if begin < end:
-            left.append((begin, end))
-    return left
-
-
-def coarsened(ranges: Iterable[Range], bits: int) -> list[Range]:
-    """The ranges in units ``2^bits`` times larger that cover all of these."""
-    return merged((first >> bits, -(-end >> bits)) for first, end in ranges)
-
-
-def refined(ranges: Iterable[Range], bits: int) -> list[Range]:
-    """The same ranges in units ``2^bits`` times smaller."""
-    return [(first << bits, end << bits) for first, end in ranges]

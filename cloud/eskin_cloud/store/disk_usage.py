@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from sqlalchemy import func, select, text
 
 from eskin.errors import StoreError
+from eskin_cloud.store.schema.frame_tables import pages, patches
 from eskin_cloud.store.schema.tables import channels
 
 if TYPE_CHECKING:
@@ -47,7 +48,10 @@ def measure_disk(store: Store) -> DiskUse:
     """Measure a store; ``free`` is 0 on PostgreSQL, which does not state it."""
     try:
         with store.read() as connection:
-            samples = connection.execute(select(func.sum(channels.c.samples))).scalar_one() or 0
+            samples = sum(
+                connection.execute(select(func.sum(table.c.samples))).scalar_one() or 0
+                for table in (channels, pages, patches)
+            )
             if connection.dialect.name == "postgresql":
                 size = "SELECT pg_database_size(current_database())"
                 return DiskUse(connection.execute(text(size)).scalar_one(), 0, int(samples))

@@ -62,15 +62,25 @@ class Due(NamedTuple):
     Attributes:
         received: Those received until then, UTC ns.
         settled: Of those received until then, UTC ns, also too few for a row.
+        ended: Of those whose samples ended before it, UTC ns, all, whenever they came.
     """
 
     received: int
     settled: int
+    ended: int = -(2**63)
 
     @classmethod
     def after(cls, now: int, age: int) -> Due:
         """Frames of an age in ns."""
         return cls(now - age, now - max(age, _SETTLED))
+
+    def includes(self, head: RowMapping) -> bool:
+        """Whether a frame is compacted, if enough follow it."""
+        return bool(head["received"] <= self.received or head["t_end"] < self.ended)
+
+    def includes_few(self, heads: Sequence[RowMapping]) -> bool:
+        """Whether frames are compacted though they do not fill a row."""
+        return all(head["received"] <= self.settled or head["t_end"] < self.ended for head in heads)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +120,7 @@ def find_compactable_frames(store: Store, due: Due) -> list[PageKey]:
         found = []
         for *key, since in connection.execute(query).all():
             first = _heads(connection, (key[0], key[1], key[2], key[3]), since, 1)
-            if first and first[0]["received"] <= due.received:
+            if first and due.includes(first[0]):
                 found.append((key[0], key[1], key[2], key[3]))
     return found
 
@@ -156,8 +166,8 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
         return None  # damaged, and reported: its frames stay
     since = totals.compacted
     heads = _heads(connection, page, since, _FRAMES + 1)
-    many = described.layout.pages[page[3]]
-    count = _count(heads, due, _SAMPLES * many)
+    numbers = described.layout.page_range(page[3])
+    count = _count(heads, due, _SAMPLES * len(numbers))
     if not count:
         return None
     until = heads[count]["t"] if count < len(heads) else heads[count - 1]["t"] + 1
@@ -170,9 +180,8 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
     if until == since and not gone:
         return None
     runs: dict[int, list[PatchRun]] = defaultdict(list)
-    first = described.ends[page[3]] - many
     if gone:
-        for number, run in runs_of_frames(gone, described, range(first, first + many)):
+        for number, run in runs_of_frames(gone, described, numbers):
             runs[number].append(run)
     return CompactedFrames(
         page=page,
@@ -196,17 +205,13 @@ def _count(heads: Sequence[RowMapping], due: Due, samples: int) -> int:
     for k, head in enumerate(heads):
         if k and (head["t"] - end > _GAP or k == _FRAMES or found >= MOST_CELLS // 2):
             return k
-        if head["received"] > due.received:
-            return k if _is_settled(heads[:k], due) else 0
+        if not due.includes(head):
+            return k if due.includes_few(heads[:k]) else 0
         end, found = max(end, head["t_end"]), found + head["samples"]
         span = end - heads[0]["t"]
         if span >= SHORTEST and (found >= samples or span >= _LONGEST):
             return k + 1
-    return len(heads) if _is_settled(heads, due) else 0
-
-
-def _is_settled(heads: Sequence[RowMapping], due: Due) -> bool:
-    return all(head["received"] <= due.settled for head in heads)
+    return len(heads) if due.includes_few(heads) else 0
 
 
 def _is_intact(row: RowMapping) -> bool:

@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import delete, func, insert, select, tuple_, update
+from sqlalchemy import and_, delete, func, insert, select, tuple_, update
 
 from eskin_cloud.store.compacted_rows import split_blocks
 from eskin_cloud.store.damage import DamagedRowError
+from eskin_cloud.store.patch_totals import Place, subtract_rows
 from eskin_cloud.store.sample_grid import SampleGrid
+from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
 from eskin_cloud.store.schema.sealed_tables import is_of_erased_subject, removals, sealed_messages
 from eskin_cloud.store.schema.tables import blocks, channels, events
 from eskin_cloud.store.write.bulk_insert import insert_many
@@ -79,6 +81,92 @@ def remove(connection: Connection, cache: WriteCache, sweep: Sweep, *, most: int
     if gone:
         _record_removal(connection, sweep, gone, now)
     return gone
+
+
+@dataclass(frozen=True, slots=True)
+class PatchSweep:
+    """What to remove of a patch, because of its age.
+
+    Attributes:
+        node: The node.
+        patch: The patch.
+        channels: Its channels, whose events are removed, too.
+        before: Rows that ended before it are removed, UTC ns.
+    """
+
+    node: str
+    patch: str
+    channels: tuple[str, ...]
+    before: int
+
+
+def remove_rows(connection: Connection, sweep: PatchSweep, *, most: int, now: int) -> int:
+    """Remove some compacted rows and events of a patch; returns the number of messages.
+
+    It is below ``most`` at the end. A row is removed as a whole, so it may exceed ``most``.
+
+    Args:
+        connection: The writer's, in a transaction.
+        sweep: What to remove.
+        most: Limit of messages.
+        now: UTC ns.
+    """
+    place, r, e = Place(sweep.node, sweep.patch), patch_rows.c, events.c
+    columns = (r.t, r.boot, r.sequence, r.t_end, r.samples, r.frames)
+    query = select(*columns, func.length(r.data).label("size")).where(place.within(patch_rows))
+    query = query.where(r.t < sweep.before, r.t_end + r.error < sweep.before)
+    rows, gone = [], 0
+    for row in connection.execute(query.order_by(r.t).limit(most)).mappings().all():
+        if gone >= most:
+            break
+        rows.append(row)
+        gone += row["frames"]
+    if rows:
+        keys = [(row["t"], row["boot"], row["sequence"]) for row in rows]
+        these = tuple_(r.t, r.boot, r.sequence).in_(keys)
+        connection.execute(delete(patch_rows).where(place.within(patch_rows), these))
+        subtract_rows(connection, place, rows)
+    if gone < most:
+        old = select(e.cursor).where(e.node == sweep.node, e.channel.in_(sweep.channels))
+        old = old.where(e.t_lo < sweep.before, e.t_hi < sweep.before).limit(most - gone)
+        cursors = connection.execute(old).scalars().all()
+        if cursors:
+            here = (e.node == sweep.node) & e.cursor.in_(cursors)
+            gone += connection.execute(delete(events).where(here)).rowcount
+    if gone:
+        as_channel = Sweep(sweep.node, sweep.patch, RemovalReason.AGE, sweep.before)
+        _record_removal(connection, as_channel, gone, now)
+    return gone
+
+
+def remove_damaged_frames(
+    connection: Connection, cache: WriteCache, page: tuple[int, str, bytes, int], before: int
+) -> int:
+    """Remove frames that could not be compacted; returns their number.
+
+    Args:
+        connection: The writer's, in a transaction.
+        cache: The writer's.
+        page: Slot, node, layout and number of the page.
+        before: Those that ended before it are removed, UTC ns; the page is compacted up to it.
+    """
+    f, row = frames.c, cache.row(connection, pages, *page)
+    if row is None or row["compacted"] is None:
+        return 0
+    here = and_(f.slot == page[0], f.node == page[1], f.page == page[3], f.layout == page[2])
+    old = here & (f.t < min(before, row["compacted"])) & (f.t_end + f.error < before)
+    counted = select(func.count(), func.sum(f.samples), func.sum(func.length(f.data))).where(old)
+    count, samples, size = connection.execute(counted).one()
+    if count:
+        connection.execute(delete(frames).where(old))
+        row["frames"] -= count
+        row["samples"] -= samples
+        row["bytes"] -= size
+        row["t_first"] = connection.execute(select(func.min(f.t)).where(here)).scalar_one()
+        if row["t_first"] is None:
+            row["t_last"] = None
+        cache.change(pages, *page)
+    return int(count)
 
 
 def sweeps_of_erased(connection: Connection) -> list[Sweep]:

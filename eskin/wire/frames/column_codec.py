@@ -222,8 +222,8 @@ def _decode_all(
     order, begin = _order_longest(counts), 0
     for column in chosen:
         end = begin + counts[column]
-        within, scale = (begins[column], ends[column]), (exponents[column], offsets[column])
         cells = order[: counts[column]], min(counts[column], 1)
+        within, scale = (begins[column], ends[column]), (exponents[column], offsets[column])
         fault, place = decode_codes(data, within, cells, scale, lo[begin:end], hi[begin:end])
         if fault:
             return fault, place

@@ -18,6 +18,7 @@ UNSAYABLE: Final = (
     r"^(model|other): .* of the same unit$",
     r"^parameter: ",  # each model has its own
     r"^cursor: ",  # opaque
+    r"^(quantity|points): ",  # by the node's layout
     r"^\S+( is .*)?; allowed: ",  # a command's arguments, by its name
 )
 """Refusals of what fits the description: a schema speaks of one parameter at a time."""

@@ -146,9 +146,7 @@ def pairs_of(connection: Any, skin: Skin) -> list[tuple[Any, Any]]:
 
 @_SLOWLY
 @given(skin=skins(), window=windows, points=st.sampled_from([1, 3, 10, 1000]))
-def test_series_are_those_of_blocks(
-    store: Store, skin: Skin, window: Window, points: int
-) -> None:
+def test_series_are_those_of_blocks(store: Store, skin: Skin, window: Window, points: int) -> None:
     fill(store, skin)
     with store.read() as connection:
         for framed, blocked in pairs_of(connection, skin):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from eskin_cloud.store import patch_compaction
 from eskin_cloud.store.damage import is_intact_patch_row
+from eskin_cloud.store.disk_usage import measure_disk
 from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.patch_rows import decode_runs
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows, patches
@@ -174,6 +175,14 @@ def test_only_old_frames_are_compacted(store: Store, clock: Clock) -> None:
     compact_all(store, due)
     assert count(store, frames) == 10
     require_totals(store)
+
+
+def test_disk_use_counts_the_samples_of_frames_and_rows(store: Store) -> None:
+    describe(store, HAND, *PATCHES)
+    put(store, *(said(k) for k in range(150)))
+    assert measure_disk(store).samples == 150 * 16
+    compact_all(store, ALL)
+    assert measure_disk(store).samples == 150 * 16
 
 
 def test_copies_of_compacted_frames_are_duplicates(store: Store) -> None:

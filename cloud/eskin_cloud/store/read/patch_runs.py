@@ -16,6 +16,7 @@ from eskin_cloud.store.patch_run import PatchRun
 from eskin_cloud.store.read.window import Window, before
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows, patches
+from eskin_cloud.store.schema.tables import nodes
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
@@ -99,6 +100,18 @@ def read_pages(connection: Connection, node: str) -> list[RowMapping]:
     return sorted(found, key=lambda row: (row["t_last"] is None, -(row["t_last"] or 0)))
 
 
+def find_layouts(connection: Connection, node: str) -> list[DescribedLayout]:
+    """The layouts that a node's frames are read by, from the latest on.
+
+    Raises:
+        UnknownDescriptionError: One is damaged in the store.
+    """
+    latest = connection.execute(select(nodes.c.layout).where(nodes.c.node == node)).scalar()
+    names = [] if latest is None else [bytes(latest)]
+    names += [bytes(row["layout"]) for row in read_pages(connection, node)]
+    return [find_layout(connection, node, name) for name in dict.fromkeys(names)]
+
+
 def read_patch(connection: Connection, node: str, patch_id: str) -> RowMapping | None:
     """The totals of a patch's compacted rows; ``None`` if it has none."""
     key = {"slot": slot_of(node), "node": node, "patch": patch_id}
@@ -115,10 +128,9 @@ def find_patch_pages(connection: Connection, node: str, patch_id: str) -> list[P
     found = []
     for row in read_pages(connection, node):
         described = find_layout(connection, node, bytes(row["layout"]))
-        end = described.ends[row["page"]]
         found += [
             PatchPage(described, row["page"], number, row)
-            for number in range(end - described.layout.pages[row["page"]], end)
+            for number in described.layout.page_range(row["page"])
             if described.patches[number].patch_id == patch_id
         ]
     return found
