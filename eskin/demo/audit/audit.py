@@ -86,8 +86,7 @@ def audit(
         with engine.begin() as connection:
             with collect_damaged_rows() as damaged:
                 channels, framed = _audit(layout, seen.truths, connection, progress)
-                complete = {node: found.complete for node, found in framed.items()}
-                delivered = deliveries(seen, connection, complete)
+                delivered = deliveries(seen, connection, framed)
             doubled = {node: found.doubled for node, found in framed.items()}
             return Audit(channels, delivered, seen.letters, doubled, [str(row) for row in damaged])
     finally:

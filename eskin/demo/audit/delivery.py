@@ -16,6 +16,7 @@ from eskin_cloud.store.write.duplicates import find_digest
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from sqlalchemy import and_, exists, select
 
+from eskin.demo.audit.frames import removed_frames
 from eskin.demo.audit.sealed import sealed_positions
 from eskin.errors import AuditError
 from eskin.privacy import SealedMessage, is_sealed
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
+    from eskin.demo.audit.frames import StoredFrames
     from eskin.demo.layout import Layout
 
 _WAITING: Final = (
@@ -150,23 +152,23 @@ class UnderWay:
 
 
 def deliveries(
-    seen: UnderWay, connection: Connection, framed: Mapping[str, Iterable[Position]]
+    seen: UnderWay, connection: Connection, framed: Mapping[str, StoredFrames]
 ) -> list[Delivery]:
     """Look for every block and frame that the nodes made, in what was seen and in the store.
 
     Args:
         seen: What was seen.
         connection: Reads the store.
-        framed: Positions of the frames that the store holds as a whole, by node.
+        framed: What the store holds of each node's frames.
     """
-    return [_delivery(node, seen, connection, framed.get(node, ())) for node in seen.made]
+    return [_delivery(node, seen, connection, framed.get(node)) for node in seen.made]
 
 
 def _delivery(
-    node: str, seen: UnderWay, connection: Connection, framed: Iterable[Position]
+    node: str, seen: UnderWay, connection: Connection, framed: StoredFrames | None
 ) -> Delivery:
     stored = _stored(node, connection)
-    for position in framed:
+    for position in framed.complete if framed is not None else ():
         stored.span(position.boot, position.sequence, position.sequence)
     lost, sighted = _lost(node, connection), _sighted(node, connection)
     waiting = seen.waiting[node]
@@ -190,7 +192,10 @@ def _delivery(
             gone.append(position)
         else:
             missing.append(position)
-    excused = _removed(node, gone, seen.truths[node], connection)
+    path = seen.truths[node]
+    excused = _removed(node, gone, path, connection)
+    parts = {} if framed is None else framed.parts
+    excused |= removed_frames(path, connection, node, gone, parts)
     missing += [position for position in gone if position not in excused]
     return Delivery(
         node=node,

@@ -10,9 +10,11 @@ import numpy as np
 from cachetools import LRUCache
 from eskin_cloud.store.damage import FrameHeader, is_intact_frame, is_intact_patch_row
 from eskin_cloud.store.descriptions import find_layout, find_patch
-from eskin_cloud.store.frame_row import FrameRow, find_span
+from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.patch_rows import decode_runs
+from eskin_cloud.store.removal import RemovalReason
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
+from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.slot import slot_of
 from eskin_sensor_node.node.ground_truth import GroundTruth, TrueFrame
 from sqlalchemy import func, select, tuple_
@@ -24,7 +26,7 @@ from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin.wire.messages import Position
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from eskin_cloud.store.descriptions import DescribedLayout
@@ -50,11 +52,13 @@ class StoredFrames(NamedTuple):
     Attributes:
         patches: One entry a patch.
         complete: Positions of frames of which all patches are stored.
+        parts: How many patches are stored of each frame that was compacted.
         doubled: Positions of frames of which a patch is stored twice.
     """
 
     patches: list[ChannelAudit]
     complete: set[Position]
+    parts: Mapping[Position, int]
     doubled: list[Position]
 
 
@@ -89,6 +93,40 @@ def audit_frames(
         found.compare_patches(rows)
         progress(len(rows))
     return found.result()
+
+
+def removed_frames(
+    path: Path,
+    connection: Connection,
+    node: str,
+    gone: Sequence[Position],
+    parts: Mapping[Position, int],
+) -> set[Position]:
+    """Which frames of those that the cloud has no more as a whole were removed by their age.
+
+    Args:
+        path: Of the truth.
+        connection: Reads the store.
+        node: The node.
+        gone: The frames.
+        parts: How many of their patches are stored.
+    """
+    r = removals.c
+    query = select(r.channel, r.messages, r.before)
+    query = query.where(r.node == node, r.reason == RemovalReason.AGE)
+    records = {patch: (messages, before) for patch, messages, before in connection.execute(query)}
+    found: set[Position] = set()
+    counts: Counter[str] = Counter()
+    for position, truth in GroundTruth.read_frames(path, gone, node=node).items():
+        patches = find_layout(connection, node, truth.layout).patches
+        names = [patches[number].patch_id for number in truth.sizes[:, 0].tolist()]
+        removed = [name for name in names if truth.end < records.get(name, (0, truth.end))[1]]
+        if len(removed) + parts.get(position, 0) >= len(names):
+            found.add(position)
+            counts.update(removed)
+    # Removal excuses no more than it removed, and which ones cannot be known.
+    fits = all(count <= records[name][0] for name, count in counts.items())
+    return found if fits else set()
 
 
 @dataclass(slots=True)
@@ -188,7 +226,8 @@ class _Comparison:
         # Compaction moves a frame as a whole.
         doubled = self._whole & self._parts.keys()
         doubled |= {place for place, count in parts if count > self._patches[place]}
-        return StoredFrames(list(entries.values()), self._whole | complete, sorted(doubled))
+        whole = self._whole | complete
+        return StoredFrames(list(entries.values()), whole, self._parts, sorted(doubled))
 
     def _sums_of(self, layout: bytes) -> _Sums:
         if layout not in self._sums:
@@ -229,8 +268,8 @@ class _Comparison:
     ) -> bool:
         """Whether a row's columns are those of its frame, and this is the one that was made."""
         data, digest = bytes(row["data"]), bytes(row["digest"])
-        span = find_span(summary, described, data)
-        own = FrameRow.of(self._node, summary, span, data, digest, cursor=0, now=0)
+        fitting = fit_frame(summary, described, data)
+        own = FrameRow.of(self._node, summary, fitting, data, digest, cursor=0, now=0)
         records = summary.records
         sizes = np.stack([records["patch"], records["samples"]], axis=1)
         return (

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 from eskin_cloud.store import Store
 from eskin_cloud.store.damage import FrameHeader
 from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
+from eskin_cloud.store.removal import PatchSweep, remove_rows
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from sqlalchemy import delete, insert, select, update
@@ -169,6 +171,22 @@ def test_missing_row_of_one_patch_is_found(demo: Demo) -> None:
     found = demo.audit()
     assert not found.passes
     assert len(found.deliveries[0].missing) == count
+
+
+def test_what_was_removed_by_age_has_not_vanished(demo: Demo) -> None:
+    demo.compact()
+    now = START + 3600 * SECOND
+    for patch in PATCHES[:2]:
+        sweep = PatchSweep(NODE, patch.patch_id, patch.channels, now)
+        demo.change(partial(remove_rows, sweep=sweep, most=10**6, now=now))
+    found = demo.audit()
+    assert found.passes
+    (delivery,) = found.deliveries
+    # All frames of the first page; a row holds those of many seconds.
+    assert delivery.removed == STRETCHES - WAITING // 2
+    assert delivery.stored + delivery.removed + delivery.waiting == delivery.made
+    demo.change(lambda db: db.execute(delete(patch_rows).where(patch_rows.c.patch == "thumb")))
+    assert not demo.audit().passes
 
 
 def test_frame_that_is_stored_twice_is_found(demo: Demo) -> None:
