@@ -4,6 +4,8 @@ import type {
   SegmentItem, SeriesAnswer, StorageAnswer, TaxelItem,
 } from "./contract";
 import { ApiError, isAbort } from "./error";
+import type { ContactsDocument } from "../skin/contacts";
+import type { LayoutDocument } from "../skin/layout";
 
 export type Query = Readonly<Record<string, string | number | bigint | readonly string[] | null | undefined>>;
 
@@ -22,6 +24,14 @@ export interface EventQuery {
   readonly end?: Instant | undefined;
   readonly limit?: number | undefined;
   readonly cursor?: string | undefined;
+}
+
+/** Pictures of a window of the past. */
+export interface FilmQuery {
+  readonly start: Instant;
+  readonly end: Instant;
+  readonly points: number;
+  readonly quantity: string;
 }
 
 /** What a model predicts: which, from when on, and with which parameters (NAME:LO:HI). */
@@ -83,12 +93,29 @@ export class Client {
     return this.get(address("/storage"), signal);
   }
 
-  channels(node: string, signal: AbortSignal): Promise<ChannelItem[]> {
-    return this.all<ChannelItem>(`/nodes/${part(node)}/channels`, {}, signal).then((list) => list.items);
+  /** Channels of a node: all, or those whose names contain a text. */
+  channels(node: string, signal: AbortSignal, text?: string): Promise<ChannelItem[]> {
+    return this.all<ChannelItem>(`/nodes/${part(node)}/channels`, { text }, signal).then((list) => list.items);
   }
 
   taxels(node: string, signal: AbortSignal): Promise<TaxelItem[]> {
     return this.all<TaxelItem>(`/nodes/${part(node)}/taxels`, {}, signal).then((list) => list.items);
+  }
+
+  /** What the frames of a node are read by, named by its hash. */
+  layout(node: string, hash: string, signal: AbortSignal): Promise<LayoutDocument> {
+    return this.get(address(`/nodes/${part(node)}/layouts/${part(hash)}`), signal);
+  }
+
+  /** Pictures of a node's skin, at most `points`, as a CBOR sequence of frames. */
+  async frames(node: string, query: FilmQuery, signal: AbortSignal): Promise<Uint8Array> {
+    const answer = await this.send(address(`/nodes/${part(node)}/frames`, { ...query }), "application/cbor-seq", signal);
+    return new Uint8Array(await answer.arrayBuffer());
+  }
+
+  /** Contacts of a node in a window, at most so many statements. */
+  contacts(node: string, window: { start: Instant; end: Instant; points: number }, signal: AbortSignal): Promise<ContactsDocument[]> {
+    return this.all<ContactsDocument>("/contacts", { node, ...window }, signal).then((list) => list.items);
   }
 
   state(node: string, signal: AbortSignal): Promise<NodeState> {
@@ -188,9 +215,14 @@ export class Client {
   }
 
   private async get<Answer>(path: string, signal: AbortSignal): Promise<Answer> {
+    const answer = await this.send(path, "application/json", signal);
+    return (await answer.json()) as Answer;
+  }
+
+  private async send(path: string, accept: string, signal: AbortSignal): Promise<Response> {
     let answer: Response;
     try {
-      const headers = { Accept: "application/json" };
+      const headers = { Accept: accept };
       answer = await this.options.fetch(path, { headers, credentials: "same-origin", signal });
     } catch (error) {
       if (isAbort(error)) throw error;
@@ -201,6 +233,6 @@ export class Client {
       throw new ApiError("The session is over. Sign in again.", 401);
     }
     if (!answer.ok) throw await ApiError.fromAnswer(answer, path);
-    return (await answer.json()) as Answer;
+    return answer;
   }
 }

@@ -9,7 +9,8 @@ import type {
 export type Health = NodeDocument["health"];
 export type Verdict = EnergyDocument["self_sustaining"];
 
-export type NodeItem = NodeDocument;
+/** A node; `layout` is the hash by which its frames are read, or null where it sends none. */
+export type NodeItem = NodeDocument & { readonly layout?: string | null };
 export type EnergyJson = EnergyDocument;
 export type FaultJson = FaultDocument;
 export type LagJson = LagDocument;
