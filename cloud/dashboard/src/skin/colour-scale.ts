@@ -2,9 +2,9 @@
 export const LEVELS = 96;
 /** Against a threshold: so much room above it, to begin with. */
 const ROOM = 6;
-const STEPS = [1, 2, 5, 10];
+const STEPS = [1, 1.5, 2, 3, 4, 5, 6, 8, 10];
 
-/** The least of 1, 2, 5 × 10^n that a value does not exceed. */
+/** The least round number that a value does not exceed. */
 export function niceAbove(value: number): number {
   const power = 10 ** Math.floor(Math.log10(value));
   return (STEPS.find((step) => step * power >= value * (1 - 1e-9)) ?? 10) * power;

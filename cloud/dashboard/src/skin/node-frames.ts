@@ -78,16 +78,18 @@ export class NodeFrames {
     this.loading = new AbortController();
     const { signal } = this.loading;
     const { client, node, onLayout, onFailure } = this.options;
+    let layout: LayoutDocument;
     try {
-      const layout = await client.layout(node, hash, signal);
-      if (this.hash !== hash) return;
-      this.layout = layout;
-      this.stretches.clear();
-      onLayout(layout);
+      layout = await client.layout(node, hash, signal);
     } catch (error) {
       if (isAbort(error)) return;
       onFailure(messageOf(error));
       this.timer = setTimeout(() => void this.load(hash), RETRY_MS);
+      return;
     }
+    if (this.hash !== hash) return;
+    this.layout = layout;
+    this.stretches.clear();
+    onLayout(layout);
   }
 }

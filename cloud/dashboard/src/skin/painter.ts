@@ -25,7 +25,11 @@ export interface SkinColours {
   readonly missing: string;
   readonly certain: string;
   readonly possible: string;
+  /** Of the skin's own edge. */
+  readonly rim: string;
 }
+
+type Marks = Record<Exclude<keyof SkinColours, "values">, number>;
 
 /** A dashed line is drawn for so many CSS pixels, then left out for as many. */
 const DASH = 3;
@@ -43,7 +47,7 @@ export class Painter {
   private readonly image: ImageData;
   private readonly pixels: Uint32Array;
   private values: Uint32Array;
-  private marks: Record<"ground" | "missing" | "certain" | "possible", number>;
+  private marks: Marks;
   private readonly dash: number;
 
   constructor(private readonly context: CanvasRenderingContext2D, private readonly raster: Raster, ratio: number, colours: SkinColours) {
@@ -114,7 +118,10 @@ export class Painter {
     for (let i = starts[k]!; i < middle; i += 1) pixels[own[i]!] = plain;
     for (let i = middle; i < end; i += 1) pixels[own[i]!] = stripe;
     const verdict = verdicts[k]!;
-    if (verdict < POSSIBLE) return;
+    if (verdict < POSSIBLE) {
+      for (let edge = edgeStarts[k]!; edge < edgeStarts[k + 1]!; edge += 1) if (beyond[edge]! < 0) pixels[edges[edge]!] = marks.rim;
+      return;
+    }
     for (let edge = edgeStarts[k]!; edge < edgeStarts[k + 1]!; edge += 1) {
       const other = beyond[edge]!;
       if (other >= 0 && verdicts[other]! >= verdict) continue;
@@ -125,7 +132,7 @@ export class Painter {
   }
 }
 
-function marksOf(colours: SkinColours): Record<"ground" | "missing" | "certain" | "possible", number> {
-  const { ground, missing, certain, possible } = colours;
-  return { ground: pixel(ground), missing: pixel(missing), certain: pixel(certain), possible: pixel(possible) };
+function marksOf(colours: SkinColours): Marks {
+  const { ground, missing, certain, possible, rim } = colours;
+  return { ground: pixel(ground), missing: pixel(missing), certain: pixel(certain), possible: pixel(possible), rim: pixel(rim) };
 }

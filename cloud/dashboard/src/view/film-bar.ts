@@ -116,16 +116,17 @@ export class FilmBar {
     for (const [index, { x }] of shown.entries()) {
       const until = Math.min(shown[index + 1]?.x ?? x + step, x + 2 * step);
       const left = Math.floor(((x - range.x0) / (range.x1 - range.x0)) * width);
-      const right = Math.max(left + 1, Math.ceil(((until - range.x0) / (range.x1 - range.x0)) * width));
+      const right = Math.max(left + 1, Math.floor(((until - range.x0) / (range.x1 - range.x0)) * width));
       const { lo, hi } = sums[index]!;
       if (hi <= 0) continue;
-      const [low, high] = [Math.ceil(toY(lo)), Number.isFinite(hi) ? Math.floor(toY(hi)) : 0];
+      const bounded = Number.isFinite(hi);
+      const [low, high] = [Math.ceil(toY(lo)), bounded ? Math.floor(toY(hi)) : 0];
       pen.fillStyle = palette.colour("certain-fill");
       pen.fillRect(left, low, right - left, height - low);
-      pen.fillStyle = palette.colour("certain");
+      pen.fillStyle = bounded ? palette.colour("certain") : palette.hatch(pen, "certain", Math.round(6 * ratio));
       pen.fillRect(left, high, right - left, Math.max(ratio, low - high));
     }
-    setText(this.most, sums.some(({ hi }) => hi > 0) ? `force up to ${formatInterval({ lo: top, hi: top }, "N")}` : "no contact in this window");
+    setText(this.most, sums.some(({ hi }) => hi > 0) ? `sum of forces ${formatInterval({ lo: -Infinity, hi: top }, "N")}` : "no contact in this window");
   }
 
   private instantAt(clientX: number): number | null {

@@ -1,5 +1,5 @@
 import { ColourScale } from "../skin/colour-scale";
-import { boundsOf, type ContactsAt, forceText } from "../skin/contacts";
+import { boundsOf, type ContactsAt, type CoreDocument, forceText } from "../skin/contacts";
 import type { Skin } from "../skin/layout";
 import { Painter, type SkinColours } from "../skin/painter";
 import { type Raster, rasterise, taxelAt, taxelBeside, taxelsWithin } from "../skin/raster";
@@ -9,6 +9,8 @@ import { element, setText } from "./element";
 /** A drag of fewer CSS pixels is a click. */
 const LEAST_DRAG = 5;
 const MOST_LABELS = 12;
+/** No label is farther from the middle of its contact, in CSS pixels. */
+const MOST_APART = 60;
 const ARROWS: Readonly<Record<string, readonly [number, number]>> = {
   ArrowLeft: [-1, 0],
   ArrowRight: [1, 0],
@@ -28,15 +30,21 @@ export interface SkinCanvasOptions {
   readonly onResize: () => void;
 }
 
-function readColours(): SkinColours {
+/** Reads the colours from the style sheet, each as `#rrggbb`. */
+function readColours(pen: CanvasRenderingContext2D): SkinColours {
   const style = getComputedStyle(document.documentElement);
-  const of = (name: string): string => style.getPropertyValue(name).trim();
+  const whole = (colour: string): string => {
+    pen.fillStyle = colour;
+    return String(pen.fillStyle);
+  };
+  const of = (name: string): string => whole(style.getPropertyValue(name).trim());
   return {
-    values: of("--skin-values").split(/\s+/),
+    values: style.getPropertyValue("--skin-values").trim().split(/\s+/).map(whole),
     ground: of("--chart-plot"),
     missing: of("--chart-missing"),
     certain: of("--chart-certain"),
     possible: of("--chart-possible"),
+    rim: of("--control"),
   };
 }
 
@@ -106,7 +114,7 @@ export class SkinCanvas {
   }
 
   recolour(): void {
-    this.painter?.recolour(readColours());
+    this.painter?.recolour(readColours(this.context));
   }
 
   /** Writes the force of each contact beside it. */
@@ -126,8 +134,9 @@ export class SkinCanvas {
       // Beside the contact, not on it; within the picture.
       const wide = this.raster!.width / this.ratio;
       const flips = at[0] > 0.72 * wide;
+      const apart = Math.round(this.radiusOf(core)) + 6;
       label.classList.toggle("left", flips);
-      label.style.transform = `translate(${Math.round(at[0])}px, ${Math.round(at[1])}px) translate(${flips ? "calc(-100% - 14px)" : "14px"}, -50%)`;
+      label.style.transform = `translate(${Math.round(at[0])}px, ${Math.round(at[1])}px) translate(${flips ? `calc(-100% - ${apart}px)` : `${apart}px`}, -50%)`;
     }
   }
 
@@ -156,6 +165,13 @@ export class SkinCanvas {
     return [column / this.ratio, row / this.ratio];
   }
 
+  /** How far a contact at most reaches from its middle, if it is round, in CSS pixels. */
+  private radiusOf({ area }: CoreDocument): number {
+    const { raster, ratio } = this;
+    const [x0, x1] = [raster!.place(0, 0)[0], raster!.place(1, 0)[0]];
+    return Math.min(MOST_APART, (Math.sqrt((area[1] ?? area[0] ?? 0) / Math.PI) * (x1 - x0)) / ratio);
+  }
+
   /** Fits the canvas to the room that there is. */
   private fit(): void {
     if (this.skin === null || this.root.clientWidth === 0) return;
@@ -172,7 +188,7 @@ export class SkinCanvas {
     const plate = this.canvas.parentElement!;
     plate.style.width = `${raster.width / ratio}px`;
     plate.style.height = `${raster.height / ratio}px`;
-    this.painter = new Painter(this.context, raster, ratio, readColours());
+    this.painter = new Painter(this.context, raster, ratio, readColours(this.context));
     this.placeRings();
     this.options.onResize();
   }

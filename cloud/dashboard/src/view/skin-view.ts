@@ -458,7 +458,7 @@ export class SkinView {
     while (this.list.children.length > cores.length) this.list.lastElementChild!.remove();
     for (const [index, core] of cores.entries()) {
       const item = this.list.children[index] as HTMLElement | undefined;
-      const text = [forceText(core), `${formatInterval(boundsOf(core.area), "m2")}`];
+      const text = [forceText(core), `${formatCount(boundsOf(core.cells))} taxels`];
       if (item === undefined) this.list.append(element("li", {}, element("b", {}, text[0]), element("span", {}, text[1])));
       else for (const [part, words] of text.entries()) setText(item.children[part] as HTMLElement, words);
     }
