@@ -346,11 +346,13 @@ class SkinCloud:
     def _channels(self, request: Request) -> Response:
         world = self._world(request)
         wanted = request.query_params.get("quantity")
+        text = request.query_params.get("text", "").lower()
         items = [
             _channel(f"{taxel}.{one.quantity}", one, self.start, self.end)
             for one in world.recorded
             if wanted in (None, one.quantity)
             for taxel in world.taxels
+            if text in f"{taxel}.{one.quantity}".lower()
         ]
         start = int(request.query_params.get("cursor", 0))
         limit = int(request.query_params.get("limit", 500))

@@ -1,7 +1,7 @@
 /** The position stops this many ns before the end: the last sample holds until there. */
 const LAST = 1;
-/** After a jump of time (a node's restart, a suspended tab) so many stretches may be waiting; more are skipped. */
-const MOST_STRETCHES = 8;
+/** So many stretches may be waiting; if more are (frames were left out, a tab was asleep), all but the last are skipped. */
+const MOST_STRETCHES = 3;
 
 /**
  * Plays the samples of stretches at their own period. A stretch begins to play as soon as it is there, so what is

@@ -114,14 +114,16 @@ export class Stretches {
   }
 
   /**
-   * Up to which instant pictures are complete, or null without any. A page that is more than one stretch behind
-   * the others is not waited for: it is missing.
+   * Up to which instant pictures are complete, or null without any. A page is not waited for when another one has
+   * two stretches that it has not: it is missing.
    */
   get complete(): number | null {
-    const { end, length } = this;
-    if (end === null) return null;
-    let complete = end;
-    for (const page of this.pages.values()) if (page.end > end - 1.5 * length) complete = Math.min(complete, page.end);
+    let newest: Page | null = null;
+    for (const page of this.pages.values()) if (newest === null || page.end > newest.end) newest = page;
+    if (newest === null) return null;
+    const before = newest.stretches.at(-2)?.begin ?? -Infinity;
+    let complete = newest.end;
+    for (const page of this.pages.values()) if (page.end > before) complete = Math.min(complete, page.end);
     return complete;
   }
 

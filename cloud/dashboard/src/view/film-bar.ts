@@ -123,8 +123,11 @@ export class FilmBar {
       const [low, high] = [Math.ceil(toY(lo)), bounded ? Math.floor(toY(hi)) : 0];
       pen.fillStyle = palette.colour("certain-fill");
       pen.fillRect(left, low, right - left, height - low);
-      pen.fillStyle = bounded ? palette.colour("certain") : palette.hatch(pen, "certain", Math.round(6 * ratio));
-      pen.fillRect(left, high, right - left, Math.max(ratio, low - high));
+      pen.fillStyle = palette.hatch(pen, "certain", Math.round(6 * ratio));
+      pen.fillRect(left, high, right - left, low - high);
+      pen.fillStyle = palette.colour("certain");
+      pen.fillRect(left, low, right - left, ratio);
+      if (bounded) pen.fillRect(left, high, right - left, ratio);
     }
     setText(this.most, sums.some(({ hi }) => hi > 0) ? `sum of forces ${formatInterval({ lo: -Infinity, hi: top }, "N")}` : "no contact in this window");
   }

@@ -89,6 +89,8 @@ export class SkinView {
   private timer: ReturnType<typeof setTimeout> | null = null;
   private loading = new AbortController();
   private failure = "";
+  /** For which length (ns) of the live window the contacts before it were asked for. */
+  private filledSpan: number | null = null;
   private skipped = 0;
   private skippedAt = -Infinity;
   private visible = true;
@@ -156,6 +158,8 @@ export class SkinView {
       if (before.kind === "history") this.playback.stop();
       this.playing = false;
       this.position = null;
+      this.failure = "";
+      if (before.kind === "history") this.filledSpan = null;
     } else this.enterPast();
   }
 
@@ -199,11 +203,13 @@ export class SkinView {
     if (!this.visible) return;
     const begin = performance.now();
     const texts = this.texts.due(at);
-    const position = this.view.kind === "live" ? this.moveLive(at) : this.movePast(at);
+    const live = this.view.kind === "live";
+    if (this.view.kind === "live" && this.filledSpan !== this.view.span) this.fillLive();
+    const position = live ? this.moveLive(at) : this.movePast(at);
     this.movedAt = at;
     this.draw(position, begin);
     this.film.showPosition(position, this.range(), texts);
-    this.film.showPlaying(this.view.kind === "live" || this.playing, this.view.kind === "live");
+    this.film.showPlaying(live || this.playing, live);
     if (texts) this.write(position, at);
   }
 
@@ -352,14 +358,25 @@ export class SkinView {
     this.timer = setTimeout(() => void this.loadContacts(range), SETTLE_MS);
   }
 
+  /** Asks for the contacts before those that the stream brings, once for each length of the live window. */
+  private fillLive(): void {
+    const range = this.range();
+    if (range === null || this.view.kind !== "live") return;
+    this.filledSpan = this.view.span;
+    void this.loadContacts(range);
+  }
+
   private async loadContacts(range: Range): Promise<void> {
+    const live = this.view.kind === "live";
     this.loading.abort();
     this.loading = new AbortController();
     const { client, timeline } = this.options.context;
     const window = { start: timeline.toInstant(range.x0), end: timeline.toInstant(Math.ceil(range.x1)), points: CONTACT_POINTS };
     try {
       const found = await client.contacts(this.options.node, window, this.loading.signal);
-      this.past.replace(found.map((one) => contactsAt(one, timeline)));
+      const read = found.map((one) => contactsAt(one, timeline));
+      if (live) for (const one of read) this.options.frames.contacts.put(one);
+      else this.past.replace(read);
       this.drawnStrip = "";
     } catch (error) {
       this.fail(error);
@@ -417,7 +434,7 @@ export class SkinView {
     if (!this.canvas.paint(picture, this.scale)) return;
     this.drawn = name;
     this.pictures += 1;
-    this.shownContacts = position === null || skin.threshold === null ? null : this.contactsAt(position);
+    this.shownContacts = position === null || Number.isNaN(picture.newest) ? null : this.contactsAt(position);
     this.canvas.label(this.shownContacts);
     this.root.dataset["pictures"] = String(this.pictures);
     if (Number.isNaN(picture.newest)) return;
@@ -458,7 +475,7 @@ export class SkinView {
     while (this.list.children.length > cores.length) this.list.lastElementChild!.remove();
     for (const [index, core] of cores.entries()) {
       const item = this.list.children[index] as HTMLElement | undefined;
-      const text = [forceText(core), `${formatCount(boundsOf(core.cells))} taxels`];
+      const text = [forceText(core), `${formatCount(boundsOf(core.cells))} ${core.cells[1] === 1 ? "taxel" : "taxels"}`];
       if (item === undefined) this.list.append(element("li", {}, element("b", {}, text[0]), element("span", {}, text[1])));
       else for (const [part, words] of text.entries()) setText(item.children[part] as HTMLElement, words);
     }
