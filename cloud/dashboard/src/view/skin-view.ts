@@ -25,7 +25,7 @@ const STALE_STRETCHES = 4;
 /** A statement of contacts holds for so long, in ns, if its stretch is shorter. */
 const LEAST_REACH = 2e8;
 const SETTLE_MS = 250;
-const CONTACT_POINTS = 300;
+const CONTACT_POINTS = 100;
 /** A film shows about so many pictures a second. */
 const FILM_RATE = 30;
 /** What screen readers are given changes this often at most, in ms. */
