@@ -13,8 +13,10 @@ from eskin_cloud.api import (
     commands,
     comparison,
     confirmed,
+    contacts,
     dashboard,
     deliveries,
+    descriptions,
     events,
     export,
     gateways,
@@ -47,7 +49,7 @@ def people_application(cloud: AppState) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     app = _application(cloud, "eskin cloud", secure=cloud.secure, refusal=HTTPStatus.UNAUTHORIZED)
     asked = nodes, gateways, commands, series, comparison, models, prediction, export, events, live
-    for resource in (*asked, storage, tokens, audit_log, subjects):
+    for resource in (*asked, contacts, storage, tokens, audit_log, subjects):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     app.include_router(login.router)
@@ -70,7 +72,7 @@ def gateway_application(cloud: AppState) -> FastAPI:
         refusal=HTTPStatus.FORBIDDEN,
         least_status=300,
     )
-    for resource in (ingest, certificates, confirmed, deliveries, notices):
+    for resource in (ingest, certificates, descriptions, confirmed, deliveries, notices):
         app.include_router(resource.router, prefix=API)
     return app
 
