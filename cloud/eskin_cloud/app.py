@@ -19,9 +19,11 @@ from eskin_cloud.api import (
     descriptions,
     events,
     export,
+    frames,
     gateways,
     health,
     ingest,
+    layouts,
     live,
     login,
     models,
@@ -49,7 +51,8 @@ def people_application(cloud: AppState) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     app = _application(cloud, "eskin cloud", secure=cloud.secure, refusal=HTTPStatus.UNAUTHORIZED)
     asked = nodes, gateways, commands, series, comparison, models, prediction, export, events, live
-    for resource in (*asked, contacts, storage, tokens, audit_log, subjects):
+    parts = layouts, frames, contacts, storage, tokens, audit_log, subjects
+    for resource in (*asked, *parts):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     app.include_router(login.router)

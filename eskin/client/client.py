@@ -10,6 +10,7 @@ import pyarrow as pa
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from eskin.client.frames import Frames
 from eskin.client.http import API, HttpClient
 from eskin.client.queries import Queries, written_moments
 from eskin.client.tubes import joined, read_tubes
@@ -107,6 +108,49 @@ class Client(Queries):
             CloudError: As `nodes`.
         """
         return list(self._pages.items(f"{API}/nodes/{node}/channels"))
+
+    def layout(self, node: str, layout: str | None = None) -> dict[str, Any]:
+        """What a node's frames are read by: its patches, where their taxels are, and neighbours.
+
+        Args:
+            node: Such as ``hand``.
+            layout: Hash of a layout, such as `Frames.layout`; else the latest one is read.
+
+        Raises:
+            CloudError: As `nodes`.
+        """
+        path = f"{API}/nodes/{node}/" + ("layout" if layout is None else f"layouts/{layout}")
+        found: dict[str, Any] = self._pages.get(path, accept="application/json").json()
+        return found
+
+    def frames(
+        self,
+        node: str,
+        *,
+        start: Moment | None = None,
+        end: Moment | None = None,
+        points: int = 100,
+        quantity: str | None = None,
+    ) -> Frames:
+        """Pictures of a node's skin; a window that is left out is the last minute of data.
+
+        A picture lasts 1.5 sampling periods at least, so a short window has fewer than ``points``.
+
+        Args:
+            node: Such as ``hand``.
+            start: Included.
+            end: Excluded.
+            points: Most pictures.
+            quantity: Such as ``pressure``; else that of the layout's first patch.
+
+        Raises:
+            QueryError: A moment without a time zone.
+            CloudError: As `nodes`; also where the window has too many frames for one answer.
+        """
+        params: dict[str, Any] = written_moments(start=start, end=end) | {"points": points}
+        params |= {} if quantity is None else {"quantity": quantity}
+        answer = self._pages.get(f"{API}/nodes/{node}/frames", params, accept=_ARROW)
+        return Frames.read(answer.content)
 
     def series(
         self,

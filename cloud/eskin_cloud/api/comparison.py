@@ -68,8 +68,7 @@ def get_comparison(
         window = _window(cloud, rows, query) if query.cursor is None else resumed(query.cursor)
         with _sides(cloud, access, connection, rows, window) as sides:
             found, following = _paged(_stretches(*sides, window, query), window, query.limit)
-    coverage = _coverage(sides)
-    return as_json(page([describe_comparison_segment(each, coverage) for each in found], following))
+    return as_json(page([describe_comparison_segment(each) for each in found], following))
 
 
 @router.get(
@@ -90,7 +89,7 @@ def get_comparison_time(
         with _sides(cloud, access, connection, rows, window) as sides:
             found = total_comparison(_stretches(*sides, window, query))
     unit = sides[0].channel["unit"]
-    return describe_comparison_totals(found, window, unit, _coverage(sides))
+    return describe_comparison_totals(found, window, unit)
 
 
 def _rows(
@@ -151,7 +150,3 @@ def _paged(
     found = list(islice(listed, limit))
     following = next(listed, None)
     return found, None if following is None else write_cursor(following.start, window.end)
-
-
-def _coverage(sides: tuple[ChannelSource, ChannelSource]) -> float:
-    return float(min(side.channel["coverage"] for side in sides))

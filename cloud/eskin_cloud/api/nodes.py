@@ -38,6 +38,19 @@ class ListQuery(BaseModel):
     cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
 
 
+class ChannelsQuery(ListQuery):
+    """Parameters of a list of channels."""
+
+    quantity: str | None = Field(
+        default=None, max_length=31, description="whose channels are listed, such as pressure"
+    )
+    text: str | None = Field(
+        default=None,
+        max_length=63,
+        description="what a channel's name contains, in upper or lower case",
+    )
+
+
 @router.get("/nodes", response_model=PageDocument[NodeDocument], responses=REFUSALS)
 def get_nodes(cloud: CloudState, access: Reader, query: Annotated[ListQuery, Query()]) -> Response:
     """List the nodes, by name."""
@@ -78,12 +91,14 @@ def get_node(
     responses=REFUSALS_OF_PLACE,
 )
 def get_channels(
-    cloud: CloudState, access: Reader, node: str, query: Annotated[ListQuery, Query()]
+    cloud: CloudState, access: Reader, node: str, query: Annotated[ChannelsQuery, Query()]
 ) -> Response:
-    """List a node's channels, by name."""
+    """List a node's channels, by name; all, or those of a quantity, or whose name has a text."""
     with cloud.store.read() as connection:
         find_node(connection, node)
-        rows, following = list_channels(connection, node, query.cursor)
+        rows, following = list_channels(
+            connection, node, query.cursor, quantity=query.quantity, text=query.text
+        )
         gone = list_removed(connection, node)
         counted = not access.uncounted(connection, [node])
     items = [describe_channel(row, gone.get(row["channel"]), counted=counted) for row in rows]

@@ -148,7 +148,7 @@ def get_anomalies(
             prediction = _prediction(query, known, origin)
             runs = merge(find_anomalies(source, known, window, prediction))
             found, following = paged(_not_impossible(runs), window, query.limit, prediction.origin)
-    return as_json(page([describe_segment(run, known) for run in found], following))
+    return as_json(page([describe_segment(run) for run in found], following))
 
 
 @router.get(

@@ -133,7 +133,7 @@ def get_threshold(
         with opened(cloud, access, connection, row, window) as (source, known):
             segments = find_segments(source, known, window, query.question)
             found, following = paged(segments, window, query.limit)
-    return as_json(page([describe_segment(segment, known) for segment in found], following))
+    return as_json(page([describe_segment(segment) for segment in found], following))
 
 
 @router.get("/series/{node}/{channel}/time", responses=REFUSALS_OF_PLACE)

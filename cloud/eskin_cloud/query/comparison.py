@@ -60,13 +60,18 @@ def _level(
     """The verdicts of a level's tiles; undecided ones are resolved by lower levels."""
     first, end = window.start >> level, ((window.end - 1) >> level) + 1
     grids = tuple(read_grid(side, level, first, end) for side in sides)
+    coverage = min(grid.coverage for grid in grids)
     for fate, begin, stop, samples in classify(*grids):
         start, over = (first + begin) << level, (first + stop) << level
         part = Window(max(start, window.start), min(over, window.end))
         if fate is TileVerdict.ABOVE:
-            yield ComparisonSegment(part.start, part.end, Verdict.CERTAIN, samples=samples)
+            yield ComparisonSegment(
+                part.start, part.end, Verdict.CERTAIN, samples=samples, coverage=coverage
+            )
         elif fate is TileVerdict.NOT_ABOVE:
-            yield ComparisonSegment(part.start, part.end, Verdict.IMPOSSIBLE, samples=samples)
+            yield ComparisonSegment(
+                part.start, part.end, Verdict.IMPOSSIBLE, samples=samples, coverage=coverage
+            )
         elif fate is TileVerdict.EMPTY:
             yield from _of_gap(sides, part)
         elif fate is TileVerdict.CHANGED or level == grain:

@@ -33,6 +33,7 @@ class ComparisonSegment:
         slots: Most changes of the answer, plus one.
         shared: Samples of both that may be valid at the start and before.
         samples: Most samples of both that were compared.
+        coverage: The least of these.
     """
 
     start: int
@@ -41,12 +42,14 @@ class ComparisonSegment:
     slots: int = 1
     shared: int = 2
     samples: int = 0
+    coverage: float = 1.0
 
     def grow(self, following: ComparisonSegment) -> None:
         """Append the next segment, which has the same verdict."""
         self.end = following.end
         self.slots += following.slots + 1 - following.shared
         self.samples += following.samples
+        self.coverage = min(self.coverage, following.coverage)
 
 
 def merge(stretches: Iterable[ComparisonSegment]) -> Iterator[ComparisonSegment]:
@@ -94,11 +97,14 @@ class Comparison:
             counts += np.maximum([rows[0], rows[1], rows[2] - total[first[cut]]], 0)
         starts, stops = self.edges[cut].tolist(), self.edges[ends].tolist()
         answers = self.answers[cut].tolist()
+        coverage = min(float(side.pieces.coverage.min(initial=1.0)) for side in self.sides)
         for start, end, answer, *row in zip(starts, stops, answers, *counts.tolist(), strict=True):
             if answer == _UNKNOWN:
                 yield ComparisonSegment(start, end, None)
             else:
-                yield ComparisonSegment(start, end, Verdict(answer), row[0] - 1, row[1], row[2])
+                yield ComparisonSegment(
+                    start, end, Verdict(answer), row[0] - 1, row[1], row[2], coverage
+                )
 
     def straddling(self, number: int) -> NDArray[np.bool_]:
         """Which entries of a side must be decoded."""
@@ -144,17 +150,20 @@ class ComparisonTotals:
         unknown: Time in which a channel is unknown, ns.
         entries: Least and greatest number of entries; each gap starts a new count.
         samples: Most samples of both that were compared.
+        coverage: The least of these.
     """
 
     time: tuple[int, int]
     unknown: int
     entries: tuple[int, int]
     samples: int
+    coverage: float
 
 
 def total_comparison(stretches: Iterable[ComparisonSegment]) -> ComparisonTotals:
     """Total merged segments in order of time."""
     spent, unknown, samples, entries = [0, 0, 0], 0, 0, EntryCount()
+    coverage = 1.0
     for stretch in stretches:
         if stretch.answer is None:
             unknown += stretch.end - stretch.start
@@ -163,8 +172,13 @@ def total_comparison(stretches: Iterable[ComparisonSegment]) -> ComparisonTotals
             spent[stretch.answer] += stretch.end - stretch.start
             entries.add(stretch.answer, stretch.slots)
         samples += stretch.samples
+        coverage = min(coverage, stretch.coverage)
     entries.part()
     sure = spent[Verdict.CERTAIN]
     return ComparisonTotals(
-        (sure, sure + spent[Verdict.POSSIBLE]), unknown, (entries.least, entries.most), samples
+        time=(sure, sure + spent[Verdict.POSSIBLE]),
+        unknown=unknown,
+        entries=(entries.least, entries.most),
+        samples=samples,
+        coverage=coverage,
     )

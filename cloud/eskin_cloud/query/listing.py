@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import func, or_, select
 
 from eskin.privacy.biometric import BIOMETRIC, MARK
 from eskin_cloud.query.cursors import read_texts, write_cursor
 from eskin_cloud.store.damage import are_countable
+from eskin_cloud.store.read.patch_columns import describe_columns
+from eskin_cloud.store.read.patch_runs import find_layouts
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import channels, nodes
@@ -17,6 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sqlalchemy import Column, ColumnElement, Connection, RowMapping
+
+    from eskin.wire.frames import Patch
+    from eskin_cloud.store.read.lookup import Channel
 
 _PAGE: Final = 1000
 
@@ -33,14 +38,63 @@ def list_nodes(
 
 
 def list_channels(
-    connection: Connection, node: str, cursor: str | None
-) -> tuple[Sequence[RowMapping], str | None]:
+    connection: Connection,
+    node: str,
+    cursor: str | None,
+    *,
+    quantity: str | None = None,
+    text: str | None = None,
+) -> tuple[list[Channel], str | None]:
     """One page of a node's channels, by name, and the cursor of the next.
+
+    Args:
+        connection: In a read transaction.
+        node: The node.
+        cursor: The cursor of an earlier page.
+        quantity: Whose channels are listed; else those of all.
+        text: What a channel's name contains, in upper or lower case.
 
     Raises:
         QueryError: The cursor is invalid.
     """
-    return _page(connection, channels.c.channel, cursor, channels.c.node == node)
+    c = channels.c.channel
+    here = [channels.c.node == node]
+    here += [] if quantity is None else [c.endswith(f".{quantity}", autoescape=True)]
+    here += [] if text is None else [func.lower(c).contains(text.lower(), autoescape=True)]
+    listed, following = _page(connection, c, cursor, *here)
+    after = "" if cursor is None else read_texts(cursor, 1)[0]
+    found: dict[str, Channel | None] = {row["channel"]: row for row in listed}
+    end = None if following is None else read_texts(following, 1)[0]
+    columns = _columns(connection, node)
+    for name in columns:
+        chosen = after < name and (end is None or name <= end)
+        if quantity is not None:
+            chosen &= name.endswith(f".{quantity}")
+        if chosen and (text is None or text.lower() in name.lower()):
+            found.setdefault(name, None)
+    names = sorted(found)
+    if len(names) > _PAGE:
+        names, following = names[:_PAGE], write_cursor(names[_PAGE - 1])
+    patches: dict[str, list[dict[str, Any]]] = {}
+    page: list[Channel] = []
+    for name in names:
+        row = found[name]
+        if row is None:
+            patch, column = columns[name]
+            if patch.patch_id not in patches:
+                patches[patch.patch_id] = describe_columns(connection, node, patch)
+            row = patches[patch.patch_id][column]
+        page.append(row)
+    return page, following
+
+
+def _columns(connection: Connection, node: str) -> dict[str, tuple[Patch, int]]:
+    """The channels of a node's frames: of each the latest description, and its column."""
+    return {
+        channel: (described.patches[number], column)
+        for described in reversed(find_layouts(connection, node))
+        for channel, (number, column) in described.places.items()
+    }
 
 
 def count_channels(connection: Connection, names: Sequence[str]) -> dict[str, int | None]:
@@ -49,7 +103,13 @@ def count_channels(connection: Connection, names: Sequence[str]) -> dict[str, in
         return dict.fromkeys(names)
     query = select(channels.c.node, func.count()).where(channels.c.node.in_(names))
     counted = connection.execute(query.group_by(channels.c.node))
-    return {**dict.fromkeys(names, 0), **{row[0]: row[1] for row in counted}}
+    found = {**dict.fromkeys(names, 0), **{row[0]: row[1] for row in counted}}
+    with_layout = select(nodes.c.node).where(nodes.c.node.in_(names), nodes.c.layout.is_not(None))
+    for node in connection.execute(with_layout).scalars().all():
+        here = channels.c.node == node
+        others = connection.execute(select(channels.c.channel).where(here)).scalars()
+        found[node] = len(set(others) | set(_columns(connection, node)))
+    return found
 
 
 def sealed_nodes(connection: Connection, names: Sequence[str] | None = None) -> set[str]:

@@ -42,6 +42,7 @@ class Occupancy:
             samples' intervals; each gap starts a new count.
         n: Number of samples in the window.
         error: The greatest of their time errors, ns.
+        coverage: The least of theirs.
     """
 
     time: tuple[int, int]
@@ -50,6 +51,7 @@ class Occupancy:
     entries: tuple[int, int]
     n: int
     error: int
+    coverage: float
 
 
 def measure_occupancy(
@@ -70,13 +72,14 @@ def total_occupancy(runs: Iterable[Segment], window: Window, behind: int | None)
     """
     samples, entries, occupancy_bounds = [0, 0, 0], EntryCount(), OccupancyBounds()
     last: Segment | None = None
-    error = 0
+    error, coverage = 0, 1.0
     for run in chain(runs, [None]):
         if last is not None:
             end = window.end if run is None else run.start
             occupancy_bounds.add(last, end, behind if run is None else run.start - run.error)
             samples[last.answer] += last.n
             error = max(error, last.error)
+            coverage = min(coverage, last.coverage)
             entries.add(last.answer, last.n)
             if run is not None and not last.reaches(run):
                 entries.part()
@@ -92,6 +95,7 @@ def total_occupancy(runs: Iterable[Segment], window: Window, behind: int | None)
         entries=(entries.least, entries.most),
         n=sum(samples),
         error=error,
+        coverage=coverage,
     )
 
 

@@ -43,6 +43,7 @@ class Segment:
         n: Number of samples.
         held: Total validity of all but the last sample, ns: each until the next, a period at most.
         error: Greatest distance of a sample's true time from its stated time, ns.
+        coverage: The least of its samples'.
     """
 
     start: int
@@ -52,6 +53,7 @@ class Segment:
     n: int
     held: int
     error: int
+    coverage: float = 1.0
 
     def reaches(self, following: Segment) -> bool:
         """Whether no gap lies between this segment and the next."""
@@ -62,6 +64,7 @@ class Segment:
         self.held += min(max(following.start - self.end, 0), self.dt) + following.held
         self.n += following.n
         self.error = max(self.error, following.error)
+        self.coverage = min(self.coverage, following.coverage)
         self.end, self.dt = following.end, following.dt
 
 
@@ -125,7 +128,7 @@ def _of_blocks(
         if first <= last:
             span = (last - first) * dt
             begin, n = t + first * dt, last - first + 1
-            yield Segment(begin, begin + span, answer, dt, n, span, row["error"])
+            yield Segment(begin, begin + span, answer, dt, n, span, row["error"], row["coverage"])
 
 
 def _clusters(
@@ -179,7 +182,10 @@ def parted(pieces: Aggregates, answers: NDArray[np.int8]) -> Iterator[Segment]:
 
 def as_runs(pieces: Aggregates, answers: Iterable[int]) -> Iterator[Segment]:
     """A segment for each entry."""
-    columns = (pieces.first, pieces.last, pieces.dt, pieces.n, pieces.held, pieces.error)
+    columns = (
+        *(pieces.first, pieces.last, pieces.dt, pieces.n, pieces.held, pieces.error),
+        pieces.coverage,
+    )
     rows = zip(*(column.tolist() for column in columns), strict=True)
     for (first, last, *rest), answer in zip(rows, answers, strict=True):
         yield Segment(first, last, Verdict(int(answer)), *rest)

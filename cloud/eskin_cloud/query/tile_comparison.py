@@ -43,6 +43,7 @@ class TileBounds:
         lo: Least lower bound of a tile and its neighbours.
         hi: Greatest upper bound.
         n: Samples in each tile, and in the neighbours of the first and the last.
+        coverage: The least of all these samples.
     """
 
     good: NDArray[np.bool_]
@@ -51,6 +52,7 @@ class TileBounds:
     lo: Floats
     hi: Floats
     n: Integers
+    coverage: float
 
 
 def read_grid(source: ChannelSource, level: int, first: int, end: int) -> TileBounds:
@@ -83,6 +85,7 @@ def read_grid(source: ChannelSource, level: int, first: int, end: int) -> TileBo
         lo=np.minimum(np.minimum(lo[:-2], lo[1:-1]), lo[2:]),
         hi=np.maximum(np.maximum(hi[:-2], hi[1:-1]), hi[2:]),
         n=n,
+        coverage=float(pieces.coverage.min(initial=1.0)),
     )
 
 

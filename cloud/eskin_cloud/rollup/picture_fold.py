@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin.wire.frames.frame_scan import Records
-    from eskin_cloud.store.read.patch_run import PatchRun
+    from eskin_cloud.store.patch_run import PatchRun
 
     Integers: TypeAlias = NDArray[np.int64]
     Bytes: TypeAlias = NDArray[np.uint8]
@@ -37,12 +37,18 @@ class PictureHulls(NamedTuple):
         hi: Greatest upper bound; ``-inf`` without samples.
         peak: Greatest lower bound.
         n: Number of samples.
+        gap: Whether a channel is unknown at some time of a picture.
+        last: Time of each channel's last sample so far, UTC ns.
+        dt: Its period, ns; 0 before the first sample.
     """
 
     lo: Floats
     hi: Floats
     peak: Floats
     n: NDArray[np.int32]
+    gap: NDArray[np.bool_]
+    last: Integers
+    dt: Integers
 
     @classmethod
     def empty(cls, pictures: int, channels: int) -> PictureHulls:
@@ -53,6 +59,9 @@ class PictureHulls(NamedTuple):
             np.full(shape, -np.inf),
             np.full(shape, -np.inf),
             np.zeros(shape, np.int32),
+            np.zeros(shape, np.bool_),
+            np.zeros(channels, np.int64),
+            np.zeros(channels, np.int64),
         )
 
 
@@ -153,14 +162,47 @@ def _fold(
         channel = places[0][column]
         if channel < 0:
             continue
-        step = 1 << np.int64(strides[column]) if strides.size else 1
-        for row in range(-when[2] % step, shape[0], step):
-            behind = when[0] + row * when[1] + places[1][column] - grid[0]
-            picture = behind // grid[1]
-            if behind < 0 or picture >= len(out.lo):
-                continue
-            cell = row * shape[1] + column
-            out.lo[picture, channel] = lesser(bounds[0][cell], out.lo[picture, channel])
-            out.hi[picture, channel] = greater(bounds[1][cell], out.hi[picture, channel])
-            out.peak[picture, channel] = greater(bounds[0][cell], out.peak[picture, channel])
-            out.n[picture, channel] += 1
+        step: Any = 1 << np.int64(strides[column]) if strides.size else 1
+        first = -when[2] % step
+        if first >= shape[0]:
+            continue
+        t, dt = when[0] + first * when[1] + places[1][column], step * when[1]
+        _reach(t, channel, grid, out)
+        for row in range(first, shape[0], step):
+            picture = (t - grid[0]) // grid[1]
+            if 0 <= picture < len(out.lo):
+                cell = row * shape[1] + column
+                out.lo[picture, channel] = lesser(bounds[0][cell], out.lo[picture, channel])
+                out.hi[picture, channel] = greater(bounds[1][cell], out.hi[picture, channel])
+                out.peak[picture, channel] = greater(bounds[0][cell], out.peak[picture, channel])
+                out.n[picture, channel] += 1
+            t += dt
+        if not out.dt[channel] or t - dt >= out.last[channel]:
+            out.last[channel], out.dt[channel] = t - dt, dt
+
+
+@part
+def _reach(t: int, channel: int, grid: tuple[int, int], out: PictureHulls) -> None:
+    """Mark what lies between a channel's last sample and a time, if there is a gap."""
+    if not out.dt[channel]:
+        _mark(grid[0], t, channel, grid, out)
+    else:
+        last, before = out.last[channel], out.dt[channel]
+        if t - last > before + before // 2:
+            _mark(last + before, t, channel, grid, out)
+
+
+@part
+def _mark(start: int, end: int, channel: int, grid: tuple[int, int], out: PictureHulls) -> None:
+    """Mark the pictures that overlap a range of time."""
+    first = max((start - grid[0]) // grid[1], 0)
+    for picture in range(first, min((end - 1 - grid[0]) // grid[1] + 1, len(out.gap))):
+        out.gap[picture, channel] = True
+
+
+@kernel
+def close_gaps(grid: tuple[int, int], out: PictureHulls) -> None:
+    """Mark what lies after the last sample of each channel, once all are added."""
+    end = grid[0] + grid[1] * len(out.gap)
+    for channel in range(out.last.size):
+        _reach(end, channel, grid, out)

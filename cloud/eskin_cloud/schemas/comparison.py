@@ -44,22 +44,20 @@ class ComparisonTotalsDocument(BaseModel):
     coverage: float
 
 
-def describe_comparison_segment(
-    segment: ComparisonSegment, coverage: float
-) -> ComparisonSegmentDocument:
-    """A stretch that is known; ``coverage`` is the least of a sample's."""
+def describe_comparison_segment(segment: ComparisonSegment) -> ComparisonSegmentDocument:
+    """A stretch that is known."""
     verdict = verdict_of(segment.answer)
     return {
         "id": f"{segment.start}-{segment.end}-{verdict}",
         "start": format_timestamp(segment.start),
         "end": format_timestamp(segment.end),
         "verdict": verdict,
-        "coverage": union_coverage(coverage, n=segment.samples),
+        "coverage": union_coverage(segment.coverage, n=segment.samples),
     }
 
 
 def describe_comparison_totals(
-    found: ComparisonTotals, window: Window, unit: str, coverage: float
+    found: ComparisonTotals, window: Window, unit: str
 ) -> ComparisonTotalsDocument:
     """For how long and how often; seconds are rounded outward."""
     least, most = found.time
@@ -70,5 +68,5 @@ def describe_comparison_totals(
         time_s={"lo": seconds(least, -math.inf), "hi": seconds(most, math.inf)},
         unknown_s=seconds(found.unknown, math.inf),
         entries={"lo": found.entries[0], "hi": found.entries[1]},
-        coverage=union_coverage(coverage, n=found.samples),
+        coverage=union_coverage(found.coverage, n=found.samples),
     )

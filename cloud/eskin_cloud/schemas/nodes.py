@@ -107,6 +107,7 @@ class NodeDocument(TypedDict):
     energy: EnergyDocument | None
     faults: list[FaultDocument] | None
     channels: int | None
+    layout: str | None
     lag: LagDocument | None
     clock: ClockDocument | None
     missing: MissingDocument | None
@@ -127,7 +128,12 @@ class RemovedDocument(TypedDict):
 
 
 class ChannelDocument(TypedDict):
-    """A channel; ``bytes`` is what its blocks take, without indices and hulls; of sealed: null."""
+    """A channel; ``bytes`` is what its blocks take, without indices and hulls; of sealed: null.
+
+    ``patch`` is the patch of a channel of frames; its ``blocks``, ``samples``, ``bytes`` and
+    ``bounds`` are null, because a frame holds many channels, and ``first`` and ``last`` are those
+    of its page.
+    """
 
     id: str
     taxel: str
@@ -142,6 +148,7 @@ class ChannelDocument(TypedDict):
     last: Moment | None
     bounds: IntervalDocument | None
     biometric: bool
+    patch: str | None
     removed: RemovedDocument | None
 
 
@@ -176,6 +183,7 @@ def describe_node(
         "energy": _energy(row),
         "faults": None if row["faults"] is None else json.loads(row["faults"]),
         "channels": channels,
+        "layout": None if row["layout"] is None else bytes(row["layout"]).hex(),
         "lag": lag(row) if counted else None,
         "clock": _clock(row, clock_error_s),
         "missing": _missing(holes),
@@ -193,6 +201,8 @@ def describe_channel(
     taxel, _, quantity = row["channel"].partition(".")
     biometric = is_biometric(row["channel"])
     hidden = biometric and not counted
+    patch: str | None = row.get("patch")
+    uncounted = hidden or patch is not None
     return {
         "id": row["channel"],
         "taxel": taxel,
@@ -200,13 +210,14 @@ def describe_channel(
         "unit": row["unit"],
         "coverage": row["coverage"],
         "dt": row["dt"],
-        "blocks": None if hidden else row["blocks"],
-        "samples": None if hidden else row["samples"],
-        "bytes": None if biometric or not counted else row["bytes"],
+        "blocks": None if uncounted else row["blocks"],
+        "samples": None if uncounted else row["samples"],
+        "bytes": None if biometric or not counted or patch is not None else row["bytes"],
         "first": None if hidden else moment(row["t_first"]),
         "last": None if hidden else moment(row["t_last"]),
         "bounds": interval(row["lo"], row["hi"]),
         "biometric": biometric,
+        "patch": patch,
         "removed": None
         if removed is None or hidden
         else {"messages": removed[0], "before": format_timestamp(removed[1])},

@@ -104,11 +104,10 @@ def verdict_of(answer: Verdict | None) -> Literal["certain", "possible"]:
     return "certain" if answer is Verdict.CERTAIN else "possible"
 
 
-def describe_segment(segment: Segment, channel: Row) -> SegmentDocument:
+def describe_segment(segment: Segment) -> SegmentDocument:
     """A segment of a threshold's answer.
 
-    Its coverage is the union bound over its samples, at the least coverage that any block of the
-    channel claims.
+    Its coverage is the union bound over its samples, at the least coverage of them.
     """
     verdict = verdict_of(segment.answer)
     return {
@@ -116,7 +115,7 @@ def describe_segment(segment: Segment, channel: Row) -> SegmentDocument:
         "start": format_timestamp(segment.start),
         "end": format_timestamp(segment.end),
         "verdict": verdict,
-        "coverage": union_coverage(channel["coverage"], n=segment.n),
+        "coverage": union_coverage(segment.coverage, n=segment.n),
         "time_error": segment.error,
     }
 
@@ -132,6 +131,6 @@ def describe_occupancy(found: Occupancy, window: Window, channel: Row) -> Occupa
         unknown_s=seconds(found.unknown, math.inf),
         samples={"lo": found.samples[0], "hi": found.samples[1]},
         entries={"lo": found.entries[0], "hi": found.entries[1]},
-        coverage=union_coverage(channel["coverage"], n=found.n),
+        coverage=union_coverage(found.coverage, n=found.n),
         time_error=found.error,
     )

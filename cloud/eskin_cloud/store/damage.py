@@ -30,6 +30,7 @@ _MOST: Final = 100_000
 
 _HEADER: Final = Struct("<10q8s3d")
 _FRAME_HEADER: Final = Struct("<9q8s")
+_PATCH_ROW_HEADER: Final = Struct("<7q3d8s")
 
 
 class RowHeader(NamedTuple):
@@ -112,6 +113,47 @@ class FrameHeader(NamedTuple):
         try:
             packed = _FRAME_HEADER.pack(*self[1:3], *self[4:11], self.digest)
             return checksum(b"".join((f"{self.node} ".encode(), packed, self.layout, self.bounds)))
+        except (StructError, TypeError):
+            return None
+
+
+class PatchRowHeader(NamedTuple):
+    """The columns that describe a compacted row's ``data``, and the digest of ``data``.
+
+    Attributes:
+        node: As in `schema.frame_tables.patch_rows`, like all others.
+    """
+
+    node: str
+    patch: str
+    t: int
+    boot: int
+    sequence: int
+    t_end: int
+    error: int
+    frames: int
+    samples: int
+    lo: float
+    hi: float
+    coverage: float
+    hash: bytes
+    digest: bytes
+
+    @classmethod
+    def of(cls, row: Mapping[str, Any] | RowMapping) -> Self:
+        """The header of a row."""
+        return cls(*(row[name] for name in cls._fields))
+
+    @property
+    def place(self) -> DamagedRow:
+        """The row's first frame."""
+        return DamagedRow(self.node, self.boot, self.sequence, self.frames)
+
+    def checksum(self) -> int | None:
+        """The value of column ``head``; ``None`` if a damaged column has another type."""
+        try:
+            packed = _PATCH_ROW_HEADER.pack(*self[2:12], self.digest)
+            return checksum(b"".join((f"{self.node} {self.patch} ".encode(), packed, self.hash)))
         except (StructError, TypeError):
             return None
 
@@ -246,6 +288,19 @@ def is_intact_frame_header(head: FrameHeader, own: int) -> bool:
     if head.checksum() == own:
         return True
     report_damaged("frames", head.place)
+    return False
+
+
+def is_intact_patch_row(row: Mapping[str, Any] | RowMapping) -> bool:
+    """Whether a compacted row is intact; a damaged one is reported.
+
+    Args:
+        row: With the columns of `PatchRowHeader`, ``head`` and ``data``.
+    """
+    head = PatchRowHeader.of(row)
+    if digest_of(row["data"]) == head.digest and head.checksum() == row["head"]:
+        return True
+    report_damaged("patch_rows", head.place)
     return False
 
 

@@ -12,9 +12,25 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 import numpy as np
 
 from eskin.errors import MessageError
-from eskin.kernels.intrinsics import from_bits
 from eskin.kernels.jit import kernel, part
-from eskin.wire.frames.sample_codec import _PADDING, _decode, _order
+from eskin.wire.frames.frame import MOST_GRIDS
+from eskin.wire.frames.sample_codec import (
+    MOST_COLUMNS,
+    MOST_STRIDE,
+    PADDING,
+    decode_codes,
+    order_cells,
+)
+from eskin.wire.messages.compiled_cbor import (
+    NOWHERE,
+    read_count,
+    read_head,
+    read_integer,
+    read_key,
+    read_pair,
+    read_real,
+    read_string,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,9 +41,6 @@ if TYPE_CHECKING:
 
     Integers: TypeAlias = NDArray[np.int64]
     Bytes: TypeAlias = NDArray[np.uint8]
-
-_MOST_GRIDS: Final = 16
-_WIDE_ROWS: Final = 2**16
 
 
 class Part(IntEnum):
@@ -108,7 +121,7 @@ def scan_frames(frames: Sequence[bytes], wanted: NDArray[np.bool_]) -> Records:
     """
     sizes = np.fromiter(map(len, frames), np.int64, len(frames))
     starts = np.concatenate([[0], np.cumsum(sizes)])
-    data = np.frombuffer(b"".join([*frames, bytes(_PADDING)]), np.uint8)
+    data = np.frombuffer(b"".join([*frames, bytes(PADDING)]), np.uint8)
     room = len(frames) * int(np.count_nonzero(wanted))
     whole, coverage = np.empty((room, _PARTS), np.int64), np.empty(room)
     count, cells = _scan(data, starts, wanted, whole, coverage)
@@ -121,31 +134,6 @@ def scan_frames(frames: Sequence[bytes], wanted: NDArray[np.bool_]) -> Records:
     return Records(data, whole, coverage, lo, hi)
 
 
-@part
-def _head(data: Bytes, at: int) -> tuple[Any, Any]:
-    """The argument of a CBOR item's head, and where what follows it begins."""
-    short = np.int64(data[at] & 31)
-    if short < 24:
-        return short, at + 1
-    size = 1 << (short - 24)
-    value = np.int64(0)
-    for k in range(at + 1, at + 1 + size):
-        value = (value << 8) | np.int64(data[k])
-    return value, at + 1 + size
-
-
-@part
-def _integer(data: Bytes, at: int) -> tuple[Any, Any]:
-    value, after = _head(data, at)
-    return (-1 - value if data[at] >> 5 == 1 else value), after
-
-
-@part
-def _skip_octets(data: Bytes, at: int) -> Any:
-    size, begin = _head(data, at)
-    return begin + size
-
-
 @kernel
 def _scan(
     data: Bytes, starts: Integers, wanted: NDArray[np.bool_], whole: Integers, coverage: Floats
@@ -154,7 +142,7 @@ def _scan(
     last = wanted.size - 1
     while last >= 0 and not wanted[last]:
         last -= 1
-    grids, surely = np.empty((_MOST_GRIDS, 4), np.int64), np.empty(_MOST_GRIDS)
+    grids, surely = np.empty((MOST_GRIDS, 4), np.int64), np.empty(MOST_GRIDS)
     head, row = np.empty(4, np.int64), np.empty(_PARTS, np.int64)
     count = cells = 0
     for frame in range(starts.size - 1):
@@ -175,75 +163,68 @@ def _scan(
 
 
 @part
-def _read_frame(data: Bytes, at: Any, head: Integers, grids: Integers, surely: Floats) -> Any:
+def _read_frame(data: Bytes, place: int, head: Integers, grids: Integers, surely: Floats) -> Any:
     """Read a frame up to its patches: their number, ticks, the earliest and the latest moment."""
-    at += 2  # the map's head, and key 1
-    for _ in range(3):  # kind, boot, sequence, each before the next key
-        _, at = _integer(data, at)
-        at += 1
-    at = _skip_octets(data, at) + 1  # layout
-    _, at = _integer(data, at)  # page
-    head[1], at = _integer(data, at + 1)
-    _, at = _head(data, at + 1)
-    head[2], at = _integer(data, at)
-    head[3], at = _integer(data, at)
-    size, at = _head(data, at + 1)
+    place += 1  # the map's head
+    for key in range(1, 4):  # kind, boot, sequence
+        _, place = read_count(data, place, key)
+    _, place = read_string(data, read_key(data, place, 4), 2)  # layout
+    _, place = read_count(data, place, 5)  # page
+    head[1], place = read_count(data, place, 6)
+    head[2], place = read_integer(data, read_pair(data, place, 7))
+    head[3], place = read_integer(data, place)
+    size, place = read_head(data, read_key(data, place, 8), 4)
     for grid in range(size):
-        _, at = _head(data, at)
+        _, place = read_head(data, place, 4)
         for k in range(4):
-            grids[grid, k], at = _integer(data, at)
-        bits = np.int64(0)
-        for k in range(at + 1, at + 9):
-            bits = (bits << 8) | np.int64(data[k])
-        surely[grid] = from_bits(bits)
-        at += 9
-    head[0], at = _head(data, at + 1)
-    return at
+            grids[grid, k], place = read_head(data, place, 0)
+        surely[grid], place = read_real(data, place)
+    head[0], place = read_head(data, read_key(data, place, 9), 4)
+    return place
 
 
 @part
-def _read_record(data: Bytes, at: int, row: Integers) -> tuple[Any, Any]:
+def _read_record(data: Bytes, place: int, row: Integers) -> tuple[Any, Any]:
     """Read a patch, whose codes stay encoded; gives its grid, and where the next one begins."""
-    items, at = _head(data, at)
-    row[_PATCH], at = _integer(data, at)
-    grid, at = _integer(data, at)
-    row[_EPOCH], at = _integer(data, at)
-    row[_COLUMNS], at = _integer(data, at)
-    row[_EXPONENT], at = _integer(data, at)
-    row[_OFFSET], at = _integer(data, at)
-    size, row[_CODES] = _head(data, at)
-    at = row[_CODES_END] = row[_CODES] + size
-    row[_STRIDES] = row[_UNSHARED] = -1
+    items, place = read_head(data, place, 4)
+    row[_PATCH], place = read_head(data, place, 0)
+    grid, place = read_head(data, place, 0)
+    row[_EPOCH], place = read_head(data, place, 0)
+    row[_COLUMNS], place = read_head(data, place, 0)
+    row[_EXPONENT], place = read_integer(data, place)
+    row[_OFFSET], place = read_integer(data, place)
+    row[_CODES], place = read_string(data, place, 2)
+    row[_CODES_END] = place
+    row[_STRIDES] = row[_UNSHARED] = NOWHERE
     if items == 8:
-        options, at = _head(data, at)
+        options, place = read_head(data, place, 5)
         for _ in range(options):
-            key, at = _integer(data, at)
-            size, begin = _head(data, at)
+            key, place = read_head(data, place, 0)
+            begin, place = read_string(data, place, 2)
             row[_STRIDES if key == 1 else _UNSHARED] = begin
-            at = begin + size
-    return grid, at
+    return grid, place
 
 
 @kernel
 def _decode_records(data: Bytes, whole: Integers, lo: Floats, hi: Floats) -> int:
     """Decode all records; gives the first that cannot be read, or -1."""
-    even = np.zeros(64, np.uint8)
-    cells = _order(1, 1, 0, even[:1])
+    even = np.zeros(MOST_COLUMNS, np.uint8)
+    cells = order_cells(1, 1, 0, even[:1])
     shape = (0, 0)
     for record in range(len(whole)):
         row = whole[record]
         rows, columns, place = row[_ROWS], row[_COLUMNS], row[_STRIDES]
         if place >= 0:
-            cells = _order(
-                rows, columns, row[_FIRST_ROW] % _WIDE_ROWS, data[place : place + columns]
+            cells = order_cells(
+                rows, columns, row[_FIRST_ROW] % 2**MOST_STRIDE, data[place : place + columns]
             )
             shape = (0, 0)
         elif shape != (rows, columns):
-            cells = _order(rows, columns, 0, even[:columns])
+            cells = order_cells(rows, columns, 0, even[:columns])
             shape = (rows, columns)
         begin, end = row[_BEGIN], row[_BEGIN] + rows * columns
-        codes = data[row[_CODES] : row[_CODES_END] + _PADDING]
-        fault, _ = _decode(codes, cells, row[_EXPONENT], row[_OFFSET], lo[begin:end], hi[begin:end])
+        within, scale = (row[_CODES], row[_CODES_END]), (row[_EXPONENT], row[_OFFSET])
+        fault, _ = decode_codes(data, within, cells, scale, lo[begin:end], hi[begin:end])
         if fault:
             return record
     return -1

@@ -39,7 +39,8 @@ _MODULUS: Final = 1 << _BITS
 _HALF: Final = _MODULUS >> 1
 _UNKNOWN, _NO_LOWER, _NO_UPPER, _BOUNDED = range(4)
 _MOST_SPAN: Final = _MODULUS - 1 - _BOUNDED
-_PADDING: Final = 4
+PADDING: Final = 4
+"""Bytes that must follow codes."""
 _CUT, _WIDE, _LOOSE, _FILLING, _NAMED, _MORE = range(1, 7)
 _FAULTS: Final = {
     _CUT: "they end in the middle of a group",
@@ -136,8 +137,8 @@ def encode_samples(values: Interval, sampling: Sampling, least_width: float) -> 
         raise MessageError("a sample is an empty interval; encode what is unknown as unbounded")
     cells = _cells(*sampling)
     exponent, offset = _scale(lo, hi, cells[0], finest_exponent(least_width))
-    out = np.empty(sampling.limit + _PADDING, np.uint8)
-    size = _encode(lo, hi, cells, exponent, offset, out)
+    out = np.empty(sampling.limit + PADDING, np.uint8)
+    size = _encode(lo, hi, cells, exponent, offset, _FAR, out)
     return SampleCodes(exponent, offset, out[:size].tobytes())
 
 
@@ -153,9 +154,10 @@ def decode_samples(encoded: SampleCodes, sampling: Sampling) -> Interval:
     """
     lo = np.full(sampling.rows * sampling.columns, -np.inf)
     hi = np.full(sampling.rows * sampling.columns, np.inf)
-    data = np.frombuffer(encoded.codes + bytes(_PADDING), np.uint8)
+    data = np.frombuffer(encoded.codes + bytes(PADDING), np.uint8)
     cells = _cells(*sampling)
-    fault, place = _decode(data, cells, encoded.exponent, encoded.offset, lo, hi)
+    scale = encoded.exponent, encoded.offset
+    fault, place = decode_codes(data, (0, len(encoded.codes)), cells, scale, lo, hi)
     if fault:
         raise MessageError(f"codes cannot be read from byte {place} on: {_FAULTS[fault]}")
     return Interval(lo, hi).reshape(sampling.rows, sampling.columns)
@@ -165,11 +167,11 @@ def _cells(
     rows: int, columns: int, first_row: int, strides: bytes
 ) -> tuple[NDArray[np.int32], int]:
     steps = np.frombuffer(strides or bytes(columns), np.uint8)
-    return _order(rows, columns, first_row % 2**MOST_STRIDE, steps)
+    return order_cells(rows, columns, first_row % 2**MOST_STRIDE, steps)
 
 
 @kernel
-def _order(
+def order_cells(
     rows: int, columns: int, first_row: int, strides: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int32], int]:
     """Cells in the order of their codes, each with the cell that predicts it, or -1.
@@ -207,10 +209,10 @@ def _quanta_down(value: float, exponent: int) -> int:
 
 
 @part
-def _within_reach(lo: float, hi: float) -> tuple[float, float]:
+def _within_reach(lo: float, hi: float, far: float) -> tuple[float, float]:
     return (
-        -np.inf if lo < -_FAR else min(lo, _FAR),
-        np.inf if hi > _FAR else max(hi, -_FAR),
+        -np.inf if lo < -far else min(lo, far),
+        np.inf if hi > far else max(hi, -far),
     )
 
 
@@ -224,7 +226,7 @@ def _scale(lo: Floats, hi: Floats, order: NDArray[np.int32], finest: int) -> tup
     """The finest exponent with which all codes fit, and the offset."""
     lowest, highest = np.inf, -np.inf
     for k in range(len(order)):
-        low, high = _within_reach(lo[order[k, 0]], hi[order[k, 0]])
+        low, high = _within_reach(lo[order[k, 0]], hi[order[k, 0]], _FAR)
         if low > -np.inf:
             lowest, highest = min(lowest, low), max(highest, low)
         if high < np.inf:
@@ -245,14 +247,15 @@ def _encode(
     cells: tuple[NDArray[np.int32], int],
     exponent: int,
     offset: int,
+    far: float,
     out: NDArray[np.uint8],
 ) -> int:
-    """Write codes; gives how many bytes they take."""
+    """Write codes; gives how many bytes they take. Bounds beyond ``far`` are unbounded."""
     order, starts = cells
     bases, widths = np.zeros(lo.size, np.int32), np.zeros(lo.size, np.int32)
     for k in range(len(order)):
         cell, before = order[k]
-        low, high = _within_reach(lo[cell], hi[cell])
+        low, high = _within_reach(lo[cell], hi[cell], far)
         if low > -np.inf:
             bases[cell] = _quanta_down(low, exponent) - offset
             widths[cell] = _NO_UPPER
@@ -310,23 +313,37 @@ def _bit_length(bits: int) -> int:
 
 
 @kernel
-def _decode(
+def decode_codes(
     data: NDArray[np.uint8],
+    within: tuple[int, int],
     cells: tuple[NDArray[np.int32], int],
-    exponent: int,
-    offset: int,
+    scale: tuple[int, int],
     lo: Floats,
     hi: Floats,
 ) -> tuple[int, int]:
-    """Read codes into bounds; gives what is wrong, or 0, and where."""
+    """Read codes into bounds.
+
+    Args:
+        data: Bytes, of which some follow the codes, whatever they are.
+        within: Where the codes begin and end.
+        cells: As `order_cells` gives them.
+        scale: Exponent and offset.
+        lo: Lower bounds; what is unknown stays as it is.
+        hi: Upper bounds.
+
+    Returns:
+        What is wrong, or 0, and where.
+    """
     order, starts = cells
+    place, behind = within
+    exponent, offset = scale
     bases, widths = np.zeros(lo.size, np.int32), np.zeros(lo.size, np.int32)
-    place = fault = 0
+    fault = 0
     for codes in (bases, widths):
         for part_of in (order[:starts], order[starts:]):
             if not fault:
-                fault, place = _unpack(data, place, part_of, codes)
-    if not fault and place != data.size - _PADDING:
+                fault, place = _unpack(data, (place, behind), part_of, codes)
+    if not fault and place != behind:
         fault = _MORE
     quantum = 2.0**exponent
     for k in range(len(order)):
@@ -346,10 +363,13 @@ def _decode(
 
 @part
 def _unpack(
-    data: NDArray[np.uint8], place: int, order: NDArray[np.int32], codes: NDArray[np.int32]
+    data: NDArray[np.uint8],
+    within: tuple[int, int],
+    order: NDArray[np.int32],
+    codes: NDArray[np.int32],
 ) -> tuple[int, int]:
     """Read groups of differences into codes; gives what is wrong, or 0, and where it goes on."""
-    behind = data.size - _PADDING
+    place, behind = within
     for begin in range(0, len(order), _GROUP):
         size, bits = min(len(order) - begin, _GROUP), 0
         if place >= behind:

@@ -14,6 +14,7 @@ import eskin
 from eskin.errors import CloudError, QueryError
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, status
+from tests.unit.cloud.skins import HAND, PATCHES, describe, frame
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -81,6 +82,34 @@ def test_series_are_tubes_that_enclose_samples_and_moments(stand: Stand, way: Wa
     assert two.time == (START + 30 * DT - 7, START + 30 * DT + 4)
     assert (one.unit, one.dt, one.coverage) == ("F", DT, 1.0)
     assert len(way.asked) == 4
+
+
+def test_frames_are_arrays_of_the_layouts_taxels(stand: Stand, way: Way) -> None:
+    describe(stand.cloud.store, HAND, *PATCHES)
+    put(stand.cloud.store, *(frame(k, at=20_000_000 * k, seed=k) for k in range(5)))
+    with connected(stand, way) as client:
+        pictures = client.frames(NODE, start=START, end=START + 10**8, points=4)
+        layout = client.layout(NODE, pictures.layout)
+        warm = client.frames(NODE, start=START, end=START + 10**8, quantity="temperature")
+    palm, tip = layout["patches"][0], layout["patches"][2]
+    assert pictures.taxels == (*palm["taxels"], *tip["taxels"])
+    assert (pictures.quantity, pictures.unit, len(pictures)) == ("pressure", "Pa", 4)
+    assert pictures.t.tolist() == [START + k * 25_000_000 for k in range(4)]
+    assert pictures.lo.shape == pictures.hi.shape == (4, 5)
+    assert np.isfinite(pictures.lo[:, :3]).all()
+    assert (pictures.lo[:, :3] < pictures.hi[:, :3]).all()
+    assert np.isinf(pictures.lo[:, 3:]).all(), "no frame has the page of the tip"
+    assert pictures.contact is None
+    assert (warm.taxels, warm.unit) == (("warm-0",), "Cel")
+
+
+def test_window_without_frames_has_unknown_pictures(stand: Stand, way: Way) -> None:
+    describe(stand.cloud.store, HAND, *PATCHES)
+    put(stand.cloud.store, frame(0))
+    with connected(stand, way) as client:
+        pictures = client.frames(NODE, start=START - 10**9, end=START - 10**8, points=3)
+        assert np.isinf(pictures.hi).all()
+        assert len(client.frames(NODE, start=START, end=START)) == 0
 
 
 def test_lost_connections_and_refusals_in_passing_leave_no_hole(stand: Stand, way: Way) -> None:

@@ -117,7 +117,7 @@ def test_decided_tiles_read_no_block(store: Store, monkeypatch: pytest.MonkeyPat
         asked.append(window)
         return Neighbourhood(source, window)
 
-    monkeypatch.setattr("eskin_cloud.query.comparison.Neighbourhood", look)
+    monkeypatch.setattr("eskin_cloud.query.comparison.look_around", look)
     decoded = spy_on_decoding(monkeypatch)
     found = ask(store, Window(START - 500_000, START + 800_000))
     assert told(found) == [

@@ -198,7 +198,7 @@ class World:
             }
             for number, region in enumerate(found.regions)
         ]
-        head = {"node": self.node, "threshold": THRESHOLD, "unit": "Pa"}
+        head = {"node": self.node, "time_error": 1000, "threshold": THRESHOLD, "unit": "Pa"}
         return {**head, "cores": cores, "regions": regions}
 
     def contacts_at(self, number: int) -> Json:

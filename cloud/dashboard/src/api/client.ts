@@ -1,11 +1,9 @@
 import type { Instant } from "../time/instant";
 import type {
-  ChannelItem, EventItem, GatewayItem, ModelItem, NodeItem, NodeState, OccupancyAnswer, Page, PredictionAnswer,
+  ChannelItem, ContactsItem, EventItem, GatewayItem, LayoutItem, ModelItem, NodeItem, NodeState, OccupancyAnswer, Page, PredictionAnswer,
   SegmentItem, SeriesAnswer, StorageAnswer, TaxelItem,
 } from "./contract";
 import { ApiError, isAbort } from "./error";
-import type { ContactsDocument } from "../skin/contacts";
-import type { LayoutDocument } from "../skin/layout";
 
 export type Query = Readonly<Record<string, string | number | bigint | readonly string[] | null | undefined>>;
 
@@ -103,7 +101,7 @@ export class Client {
   }
 
   /** What the frames of a node are read by, named by its hash. */
-  layout(node: string, hash: string, signal: AbortSignal): Promise<LayoutDocument> {
+  layout(node: string, hash: string, signal: AbortSignal): Promise<LayoutItem> {
     return this.get(address(`/nodes/${part(node)}/layouts/${part(hash)}`), signal);
   }
 
@@ -114,8 +112,8 @@ export class Client {
   }
 
   /** Contacts of a node in a window, at most so many statements. */
-  contacts(node: string, window: { start: Instant; end: Instant; points: number }, signal: AbortSignal): Promise<ContactsDocument[]> {
-    return this.all<ContactsDocument>("/contacts", { node, ...window }, signal).then((list) => list.items);
+  contacts(node: string, window: { start: Instant; end: Instant; points: number }, signal: AbortSignal): Promise<ContactsItem[]> {
+    return this.all<ContactsItem>("/contacts", { node, ...window }, signal).then((list) => list.items);
   }
 
   state(node: string, signal: AbortSignal): Promise<NodeState> {

@@ -30,6 +30,7 @@ export interface ChannelDocument {
   readonly last: string | null;
   readonly bounds: IntervalDocument | null;
   readonly biometric: boolean;
+  readonly patch: string | null;
   readonly removed: RemovedDocument | null;
 }
 
@@ -70,6 +71,29 @@ export interface ComparisonTotalsDocument {
   readonly coverage: number;
 }
 
+export interface ContactsDocument {
+  readonly node: string;
+  readonly t: string;
+  readonly time_error: number;
+  readonly threshold: number;
+  readonly unit: string;
+  readonly cores: readonly CoreDocument[];
+  readonly regions: readonly RegionDocument[];
+}
+
+export interface ControllerDocument {
+  readonly node: string;
+  readonly pages: number;
+}
+
+export interface CoreDocument {
+  readonly cells: readonly [number, number];
+  readonly area: readonly [number | null, number | null];
+  readonly force: readonly [number | null, number | null];
+  readonly centroid: readonly (readonly [number | null, number | null])[];
+  readonly taxels: readonly string[];
+}
+
 export interface CountDocument {
   readonly lo: number;
   readonly hi: number;
@@ -86,8 +110,8 @@ export interface EventDocument {
   readonly id: string;
   readonly node: string;
   readonly channel: string | null;
-  readonly kind: "peak" | "gap" | "status" | "command" | "conflict";
-  readonly verdict: "certain" | "possible" | null;
+  readonly kind: "peak" | "gap" | "contact" | "verdict" | "status" | "command" | "conflict";
+  readonly verdict: "certain" | "possible" | "impossible" | null;
   readonly time: TimeDocument;
   readonly height: IntervalDocument | null;
   readonly prominence: IntervalDocument | null;
@@ -133,6 +157,13 @@ export interface LagDocument {
   readonly hi_ns: number;
 }
 
+export interface LayoutDocument {
+  readonly layout: string;
+  readonly patches: readonly PatchDocument[];
+  readonly seams: readonly SeamDocument[];
+  readonly controllers: readonly ControllerDocument[];
+}
+
 export interface MissingDocument {
   readonly messages: number;
   readonly since: string;
@@ -171,6 +202,7 @@ export interface NodeDocument {
   readonly energy: EnergyDocument | null;
   readonly faults: readonly FaultDocument[] | null;
   readonly channels: number | null;
+  readonly layout: string | null;
   readonly lag: LagDocument | null;
   readonly clock: ClockDocument | null;
   readonly missing: MissingDocument | null;
@@ -206,6 +238,36 @@ export interface ParameterDocument {
   readonly usual: IntervalDocument | null;
 }
 
+export interface PatchDocument {
+  readonly patch: string;
+  readonly hash: string;
+  readonly quantity: string;
+  readonly unit: string;
+  readonly taxels: readonly string[];
+  readonly positions: readonly (readonly number[])[];
+  readonly neighbours: readonly (readonly [number, number])[];
+  readonly least_width: number;
+  readonly threshold: number | null;
+  readonly cell_area: number | null;
+  readonly page: number;
+}
+
+export interface PicturesDocument {
+  readonly node: string;
+  readonly layout: string;
+  readonly quantity: string;
+  readonly unit: string;
+  readonly coverage: number;
+  readonly t0: string;
+  readonly dt: number;
+  readonly time_error: number;
+  readonly taxels: readonly string[];
+  readonly t: readonly number[];
+  readonly lo: readonly (readonly (number | null)[])[];
+  readonly hi: readonly (readonly (number | null)[])[];
+  readonly contact: readonly (readonly number[])[] | null;
+}
+
 export interface PredictionDocument {
   readonly node: string;
   readonly channel: string;
@@ -219,9 +281,20 @@ export interface PredictionDocument {
   readonly dt: number;
 }
 
+export interface RegionDocument {
+  readonly contacts: readonly [number, number];
+  readonly taxels: readonly string[];
+}
+
 export interface RemovedDocument {
   readonly messages: number;
   readonly before: string;
+}
+
+export interface SeamDocument {
+  readonly first: number;
+  readonly second: number;
+  readonly pairs: readonly (readonly [number, number])[];
 }
 
 export interface SegmentDocument {

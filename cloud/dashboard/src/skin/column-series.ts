@@ -1,7 +1,6 @@
-import type { LiveBlock } from "../api/contract";
+import type { LayoutItem, LiveBlock } from "../api/contract";
 import { printInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
-import type { LayoutDocument } from "./layout";
 import type { Stretch } from "./stretches";
 
 /** Where a channel's samples are: a column of a patch. */
@@ -17,7 +16,7 @@ export interface Column {
 }
 
 /** Finds the column of a channel named `{taxel}.{quantity}`. */
-export function columnOf(layout: LayoutDocument, node: string, channel: string): Column | null {
+export function columnOf(layout: LayoutItem, node: string, channel: string): Column | null {
   for (const [number, { patch, quantity, unit, taxels }] of layout.patches.entries()) {
     if (!channel.endsWith(`.${quantity}`)) continue;
     const taxel = channel.slice(0, -quantity.length - 1);

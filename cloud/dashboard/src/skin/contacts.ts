@@ -1,3 +1,4 @@
+import type { ContactsItem, CoreItem } from "../api/contract";
 import { formatCount, formatInterval } from "../interval/format";
 import type { Interval } from "../interval/interval";
 import { parseInstant } from "../time/instant";
@@ -5,42 +6,14 @@ import type { Timeline } from "../time/timeline";
 
 type Bounds = readonly [number | null, number | null];
 
-/** The contact of one core, as the cloud states it. */
-export interface CoreDocument {
-  readonly cells: Bounds;
-  /** In m². */
-  readonly area: Bounds;
-  /** In N. */
-  readonly force: Bounds;
-  /** Bounds of each coordinate, in m. */
-  readonly centroid: readonly Bounds[];
-  readonly taxels: readonly string[];
-}
-
-export interface RegionDocument {
-  /** Fewest and most contacts in it. */
-  readonly contacts: Bounds;
-  readonly taxels: readonly string[];
-}
-
-/** Contacts of a node's skin at one instant. */
-export interface ContactsDocument {
-  readonly node: string;
-  readonly t: string;
-  readonly threshold: number;
-  readonly unit: string;
-  readonly cores: readonly CoreDocument[];
-  readonly regions: readonly RegionDocument[];
-}
-
 export interface ContactsAt {
   /** When, in ns of the timeline. */
   readonly x: number;
-  readonly cores: readonly CoreDocument[];
-  readonly regions: readonly RegionDocument[];
+  readonly cores: readonly CoreItem[];
+  readonly regions: ContactsItem["regions"];
 }
 
-export function contactsAt(document: ContactsDocument, timeline: Timeline): ContactsAt {
+export function contactsAt(document: ContactsItem, timeline: Timeline): ContactsAt {
   return { x: timeline.toX(parseInstant(document.t)), cores: document.cores, regions: document.regions };
 }
 
@@ -58,7 +31,7 @@ export function totalOf({ regions }: Pick<ContactsAt, "regions">): Interval {
 }
 
 /** The force of a contact in words that enclose it. */
-export function forceText({ force }: Pick<CoreDocument, "force">): string {
+export function forceText({ force }: Pick<CoreItem, "force">): string {
   return formatInterval(boundsOf(force), "N");
 }
 

@@ -1,28 +1,4 @@
-/** One patch of a layout, as `GET /nodes/{node}/layout` gives it. */
-export interface PatchDocument {
-  readonly patch: string;
-  readonly hash: string;
-  readonly quantity: string;
-  /** UCUM code. */
-  readonly unit: string;
-  readonly taxels: readonly string[];
-  /** x and y, or x, y and z of all columns, in m. */
-  readonly positions: readonly (readonly number[])[];
-  readonly least_width: number;
-  /** From which value on there is a contact; null without contacts. */
-  readonly threshold: number | null;
-  /** Area of a taxel's cell in m²; null without contacts. */
-  readonly cell_area: number | null;
-  readonly page: number;
-}
-
-/** What a node's frames are read by. */
-export interface LayoutDocument {
-  /** Its hash, in hexadecimal. */
-  readonly layout: string;
-  /** Patch k of a frame is the k-th. */
-  readonly patches: readonly PatchDocument[];
-}
+import type { LayoutItem } from "../api/contract";
 
 /** A stretch of a skin's taxels that are the columns of one patch. */
 export interface SkinPatch {
@@ -48,14 +24,14 @@ export interface Skin {
 }
 
 /** The quantities of a layout that can be shown as a picture: those of which taxels have positions, pressure first. */
-export function quantitiesIn(layout: LayoutDocument): string[] {
+export function quantitiesIn(layout: LayoutItem): string[] {
   const placed = layout.patches.filter(({ positions }) => positions.length >= 2);
   const names = [...new Set(placed.map(({ quantity }) => quantity))];
   return names.toSorted((one, other) => Number(other === "pressure") - Number(one === "pressure"));
 }
 
 /** Collects the taxels of one quantity. */
-export function skinOf(layout: LayoutDocument, quantity: string): Skin {
+export function skinOf(layout: LayoutItem, quantity: string): Skin {
   const patches: SkinPatch[] = [];
   const [taxels, x, y]: [string[], number[], number[]] = [[], [], []];
   let unit = "1";

@@ -1,10 +1,10 @@
+import type { ContactsItem, LayoutItem } from "../api/contract";
 import type { Client } from "../api/client";
 import { isAbort, messageOf } from "../api/error";
 import { readFrame } from "../frames/frame";
 import { hex } from "../live/frame-feed";
 import type { Timeline } from "../time/timeline";
-import { ContactTrack, contactsAt, type ContactsAt, type ContactsDocument } from "./contacts";
-import type { LayoutDocument } from "./layout";
+import { ContactTrack, contactsAt, type ContactsAt } from "./contacts";
 import { stretchOf, Stretches, type Stretch } from "./stretches";
 
 /** So many stretches of each page are kept: the oldest is a few seconds old. */
@@ -17,7 +17,7 @@ export interface NodeFramesOptions {
   readonly timeline: Timeline;
   readonly node: string;
   /** The layout is known, or is another one now. */
-  readonly onLayout: (layout: LayoutDocument) => void;
+  readonly onLayout: (layout: LayoutItem) => void;
   readonly onFailure: (message: string) => void;
   /** A new stretch was decoded; `at` is when it came, in ms of the page's clock. */
   readonly onStretch: (stretch: Stretch, at: number) => void;
@@ -25,7 +25,7 @@ export interface NodeFramesOptions {
 
 /** The layout of a node, and the newest of its frames and contacts. */
 export class NodeFrames {
-  layout: LayoutDocument | null = null;
+  layout: LayoutItem | null = null;
   readonly stretches = new Stretches(MOST_STRETCHES);
   readonly contacts = new ContactTrack(MOST_CONTACTS);
   /** When the newest frame came, in ms of the page's clock. */
@@ -63,7 +63,7 @@ export class NodeFrames {
   }
 
   takeContacts(json: string): ContactsAt {
-    const found = contactsAt(JSON.parse(json) as ContactsDocument, this.options.timeline);
+    const found = contactsAt(JSON.parse(json) as ContactsItem, this.options.timeline);
     this.contacts.put(found);
     return found;
   }
@@ -78,7 +78,7 @@ export class NodeFrames {
     this.loading = new AbortController();
     const { signal } = this.loading;
     const { client, node, onLayout, onFailure } = this.options;
-    let layout: LayoutDocument;
+    let layout: LayoutItem;
     try {
       layout = await client.layout(node, hash, signal);
     } catch (error) {

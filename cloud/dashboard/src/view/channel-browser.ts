@@ -1,4 +1,4 @@
-import type { LayoutDocument } from "../skin/layout";
+import type { LayoutItem } from "../api/contract";
 import { printRoute } from "../state/route";
 import type { Context } from "./context";
 import { element, setText } from "./element";
@@ -81,7 +81,7 @@ export class ChannelBrowser {
   }
 
   /** Lists the channels of a layout. */
-  show(layout: LayoutDocument): void {
+  show(layout: LayoutItem): void {
     const taxels = new Map<string, string[]>();
     for (const patch of layout.patches) {
       const held = taxels.get(patch.quantity) ?? [];

@@ -1,5 +1,6 @@
+import type { CoreItem } from "../api/contract";
 import { ColourScale } from "../skin/colour-scale";
-import { boundsOf, type ContactsAt, type CoreDocument, forceText } from "../skin/contacts";
+import { boundsOf, type ContactsAt, forceText } from "../skin/contacts";
 import type { Skin } from "../skin/layout";
 import { Painter, type SkinColours } from "../skin/painter";
 import { type Raster, rasterise, taxelAt, taxelBeside, taxelsWithin } from "../skin/raster";
@@ -166,7 +167,7 @@ export class SkinCanvas {
   }
 
   /** How far a contact at most reaches from its middle, if it is round, in CSS pixels. */
-  private radiusOf({ area }: CoreDocument): number {
+  private radiusOf({ area }: CoreItem): number {
     const { raster, ratio } = this;
     const [x0, x1] = [raster!.place(0, 0)[0], raster!.place(1, 0)[0]];
     return Math.min(MOST_APART, (Math.sqrt((area[1] ?? area[0] ?? 0) / Math.PI) * (x1 - x0)) / ratio);

@@ -1,9 +1,8 @@
-import type { EventItem, LiveBlock, NodeItem } from "../api/contract";
+import type { EventItem, LayoutItem, LiveBlock, NodeItem } from "../api/contract";
 import { isAbort, messageOf } from "../api/error";
 import type { PeakMark } from "../chart/peaks";
 import { LiveEdge } from "../live/edge";
 import { blockOf, type Column, columnOf } from "../skin/column-series";
-import type { LayoutDocument } from "../skin/layout";
 import { NodeFrames } from "../skin/node-frames";
 import type { Stretch } from "../skin/stretches";
 import { printRoute, type View } from "../state/route";
@@ -146,7 +145,7 @@ export class SkinSection implements FramedSection {
     this.root.remove();
   }
 
-  private useLayout(layout: LayoutDocument): void {
+  private useLayout(layout: LayoutItem): void {
     this.skin.useLayout(layout);
     this.browser?.show(layout);
     this.showPanels();

@@ -1,9 +1,10 @@
+import type { LayoutItem } from "../api/contract";
 import { isAbort, messageOf } from "../api/error";
 import { formatCount, formatInterval, formatTicks } from "../interval/format";
 import { ColourScale } from "../skin/colour-scale";
 import { boundsOf, ContactTrack, contactsAt, type ContactsAt, describeContacts, forceText, totalOf } from "../skin/contacts";
 import { Film, PICTURES, type Wanted } from "../skin/film";
-import { type LayoutDocument, quantitiesIn, type Skin, skinOf } from "../skin/layout";
+import { quantitiesIn, type Skin, skinOf } from "../skin/layout";
 import type { NodeFrames } from "../skin/node-frames";
 import { CERTAIN, POSSIBLE, UNKNOWN } from "../skin/painter";
 import { Playback } from "../skin/playback";
@@ -131,7 +132,7 @@ export class SkinView {
   }
 
   /** Shows the taxels of a layout. */
-  useLayout(layout: LayoutDocument): void {
+  useLayout(layout: LayoutItem): void {
     const quantities = quantitiesIn(layout);
     const before = this.choice.value;
     this.choice.replaceChildren(...quantities.map((name) => element("option", { value: name }, name.replaceAll("_", " "))));

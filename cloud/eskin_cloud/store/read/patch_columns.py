@@ -6,11 +6,11 @@ from itertools import chain
 from operator import le
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from eskin_cloud.store.descriptions import find_layout, find_patch
+from eskin_cloud.store.descriptions import find_patch
 from eskin_cloud.store.read.patch_runs import (
+    find_layouts,
     find_patch_pages,
     has_starts,
-    read_pages,
     read_patch,
     read_runs,
     split_by_rows,
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin.wire.frames import Patch
+    from eskin_cloud.store.patch_run import PatchRun
     from eskin_cloud.store.read.lookup import Channel
-    from eskin_cloud.store.read.patch_run import PatchRun
 
 _WIDER: Final = 64
 
@@ -77,8 +77,7 @@ def find_column(connection: Connection, node: str, channel: str) -> dict[str, An
     Raises:
         UnknownDescriptionError: A layout is damaged in the store.
     """
-    for row in read_pages(connection, node):
-        described = find_layout(connection, node, bytes(row["layout"]))
+    for described in find_layouts(connection, node):
         place = described.places.get(channel)
         if place is not None:
             patch = described.patches[place[0]]

@@ -9,12 +9,14 @@ import numpy as np
 from sqlalchemy import and_, bindparam, select
 
 from eskin.wire.frames.frame_scan import Part, scan_frames
-from eskin_cloud.store.damage import FrameHeader, is_intact_frame
+from eskin_cloud.store.damage import FrameHeader, is_intact_frame, is_intact_patch_row
 from eskin_cloud.store.descriptions import DescribedLayout, find_layout
-from eskin_cloud.store.read.patch_run import PatchRun
+from eskin_cloud.store.patch_rows import decode_runs
+from eskin_cloud.store.patch_run import PatchRun
 from eskin_cloud.store.read.window import Window, before
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows, patches
+from eskin_cloud.store.schema.tables import nodes
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
@@ -98,6 +100,18 @@ def read_pages(connection: Connection, node: str) -> list[RowMapping]:
     return sorted(found, key=lambda row: (row["t_last"] is None, -(row["t_last"] or 0)))
 
 
+def find_layouts(connection: Connection, node: str) -> list[DescribedLayout]:
+    """The layouts that a node's frames are read by, from the latest on.
+
+    Raises:
+        UnknownDescriptionError: One is damaged in the store.
+    """
+    latest = connection.execute(select(nodes.c.layout).where(nodes.c.node == node)).scalar()
+    names = [] if latest is None else [bytes(latest)]
+    names += [bytes(row["layout"]) for row in read_pages(connection, node)]
+    return [find_layout(connection, node, name) for name in dict.fromkeys(names)]
+
+
 def read_patch(connection: Connection, node: str, patch_id: str) -> RowMapping | None:
     """The totals of a patch's compacted rows; ``None`` if it has none."""
     key = {"slot": slot_of(node), "node": node, "patch": patch_id}
@@ -138,7 +152,7 @@ def read_runs(connection: Connection, node: str, patch_id: str, window: Window) 
     Raises:
         UnknownDescriptionError: A layout is damaged in the store.
     """
-    found: list[PatchRun] = []
+    found = read_compacted(connection, node, patch_id, window)
     places: dict[int, list[PatchPage]] = defaultdict(list)
     for place in find_patch_pages(connection, node, patch_id):
         places[place.page].append(place)
@@ -148,8 +162,20 @@ def read_runs(connection: Connection, node: str, patch_id: str, window: Window) 
         for place in of_page:
             mine = [row for row in rows if bytes(row["layout"]) == place.described.hash]
             if mine:
-                found += _runs(mine, place)
+                found += (run for _, run in runs_of_frames(mine, place.described, [place.number]))
     return sorted(found, key=lambda run: (run.t, run.boot, run.sequence))
+
+
+def read_compacted(
+    connection: Connection, node: str, patch_id: str, window: Window
+) -> list[PatchRun]:
+    """The runs of a patch in its compacted rows; otherwise as `read_runs`."""
+    totals = read_patch(connection, node, patch_id)
+    if totals is None:
+        return []
+    key = {"slot": slot_of(node), "node": node, "patch": patch_id}
+    rows = connection.execute(_ROWS, key | _bounds(window, totals["longest"])).mappings()
+    return [run for row in rows if is_intact_patch_row(row) for run in decode_runs(row["data"])]
 
 
 def read_frame_rows(
@@ -209,31 +235,41 @@ def _bounds(window: Window, longest: int) -> dict[str, int]:
     }
 
 
-def _runs(rows: Sequence[RowMapping], place: PatchPage) -> Iterator[PatchRun]:
-    """The runs of a patch in frames of one layout."""
-    wanted = np.zeros(place.number + 1, np.bool_)
-    wanted[place.number] = True
+def runs_of_frames(
+    rows: Sequence[RowMapping], described: DescribedLayout, numbers: Sequence[int]
+) -> Iterator[tuple[int, PatchRun]]:
+    """The runs of some patches in frames of one layout, each with the number of its patch.
+
+    Args:
+        rows: Intact rows of `schema.frame_tables.frames`.
+        described: The layout.
+        numbers: Of the patches in the layout.
+    """
+    wanted = np.zeros(max(numbers) + 1, np.bool_)
+    wanted[list(numbers)] = True
     records = scan_frames([row["data"] for row in rows], wanted)
-    name = place.described.layout.patches[place.number]
     coverage = records.coverage.tolist()
     for record, whole in enumerate(records.whole.tolist()):
-        row = rows[whole[Part.FRAME]]
+        row, number = rows[whole[Part.FRAME]], whole[Part.PATCH]
         shape = whole[Part.ROWS], whole[Part.COLUMNS]
         cells = slice(whole[Part.BEGIN], whole[Part.BEGIN] + shape[0] * shape[1])
         earliest, latest = whole[Part.EARLIEST], whole[Part.LATEST]
-        yield PatchRun(
-            patch=name,
-            boot=row["boot"],
-            sequence=row["sequence"],
-            ticks=whole[Part.TICKS] + whole[Part.DELAY],
-            t=(earliest + latest) // 2 + whole[Part.DELAY],
-            error=(latest - earliest + 1) // 2,
-            dt=whole[Part.PERIOD],
-            first_row=whole[Part.FIRST_ROW],
-            strides=records.strides(record),
-            epoch=whole[Part.EPOCH],
-            unshared=records.unshared(record),
-            coverage=coverage[record],
-            lo=records.lo[cells].reshape(shape),
-            hi=records.hi[cells].reshape(shape),
+        yield (
+            number,
+            PatchRun(
+                patch=described.layout.patches[number],
+                boot=row["boot"],
+                sequence=row["sequence"],
+                ticks=whole[Part.TICKS] + whole[Part.DELAY],
+                t=(earliest + latest) // 2 + whole[Part.DELAY],
+                error=(latest - earliest + 1) // 2,
+                dt=whole[Part.PERIOD],
+                first_row=whole[Part.FIRST_ROW],
+                strides=records.strides(record),
+                epoch=whole[Part.EPOCH],
+                unshared=records.unshared(record),
+                coverage=coverage[record],
+                lo=records.lo[cells].reshape(shape),
+                hi=records.hi[cells].reshape(shape),
+            ),
         )
