@@ -61,8 +61,8 @@ export function pitchOf({ x, y }: Pick<Skin, "x" | "y">): number {
   if (count < 2) return 1e-3;
   const [left, bottom] = [least(x), least(y)];
   const [width, height] = [most(x) - left, most(y) - bottom];
-  // Buckets that hold about two taxels each: the nearest one is in the same or an adjacent bucket, or farther than a bucket.
-  const size = Math.max(Math.sqrt((2 * Math.max(width, 1e-9) * Math.max(height, 1e-9)) / count), Math.max(width, height) / 2 ** 14, 1e-9);
+  // Few taxels in each bucket; the nearest one is in the same or an adjacent bucket, or farther away than a bucket.
+  const size = Math.max(Math.max(width, height) / Math.sqrt(count), 1e-9);
   const buckets = new Map<number, number[]>();
   const columnOf = (k: number): number => Math.floor((x[k]! - left) / size);
   const rowOf = (k: number): number => Math.floor((y[k]! - bottom) / size);
