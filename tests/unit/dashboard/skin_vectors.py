@@ -30,8 +30,9 @@ LAYOUT: Final = bytes(range(32))
 COLUMNS: Final = (3, 2, 3)
 """Of the patches: two of pressures, on page 0 and 1, and one of temperatures, on page 1."""
 PAGES: Final = (0, 1, 1)
-STRIDES: Final = bytes([0, 1, 2])
-"""Of the last patch: its columns are sampled in each row, each second and each fourth."""
+STRIDES: Final = bytes([0, 1, 3])
+"""Of the last patch: its columns are sampled in each row, each second and each eighth:
+the second stretch has no sample of the last one."""
 
 
 def document() -> dict[str, Any]:

@@ -164,8 +164,7 @@ export class Stretches {
       const sampled = stretch.origin + samples.grid.delay + row * samples.grid.period;
       if (!(sampled <= picture.newest)) picture.newest = sampled;
       if (samples.sampling.strides) {
-        const before = page!.stretches[place - 1]?.patches.get(number);
-        readStrided(samples, before, row, first, picture);
+        readStrided(page!.stretches, { place, row, number, first }, picture);
         continue;
       }
       const from = row * columns;
@@ -182,16 +181,34 @@ function rowAt(stretch: Stretch, grid: PatchSamples["grid"], x: number): number 
   return Math.max(0, Math.min(grid.rows - 1, Math.floor((x - stretch.origin - grid.delay) / grid.period)));
 }
 
+interface Place {
+  /** Number of the stretch, and of the row in it. */
+  readonly place: number;
+  readonly row: number;
+  /** Number of the patch, and of its first column in the picture. */
+  readonly number: number;
+  readonly first: number;
+}
+
 /** Reads columns that are not sampled in each row: each keeps its last sample until the next one. */
-function readStrided(samples: PatchSamples, before: PatchSamples | undefined, row: number, first: number, picture: Picture): void {
-  const { columns, firstRow } = samples.sampling;
-  const strides = samples.sampling.strides!;
-  const follows = before?.sampling.columns === columns && before.grid.firstRow + before.grid.rows === firstRow;
+function readStrided(stretches: readonly Stretch[], { place, row, number, first }: Place, picture: Picture): void {
+  const { sampling, grid } = stretches[place]!.patches.get(number)!;
+  const { columns, firstRow, strides } = sampling;
   for (let column = 0; column < columns; column += 1) {
-    const back = (firstRow + row) % 2 ** strides[column]!;
-    const [held, at] = row >= back ? [samples, row - back] : [follows ? before : undefined, row - back + (before?.grid.rows ?? 0)];
+    let held: PatchSamples | undefined = stretches[place]!.patches.get(number);
+    let at = row - ((firstRow + row) % 2 ** strides![column]!);
+    let due = grid.firstRow;
+    for (let before = place - 1; at < 0 && held; before -= 1) {
+      held = stretches[before]?.patches.get(number);
+      // After a gap, or with another grid, nothing says what the last sample was.
+      if (held?.sampling.columns !== columns || held.grid.firstRow + held.grid.rows !== due) held = undefined;
+      else {
+        at += held.grid.rows;
+        due = held.grid.firstRow;
+      }
+    }
     const cell = at * columns + column;
-    picture.lo[first + column] = held && at >= 0 ? held.samples.lo[cell]! : -Infinity;
-    picture.hi[first + column] = held && at >= 0 ? held.samples.hi[cell]! : Infinity;
+    picture.lo[first + column] = held ? held.samples.lo[cell]! : -Infinity;
+    picture.hi[first + column] = held ? held.samples.hi[cell]! : Infinity;
   }
 }

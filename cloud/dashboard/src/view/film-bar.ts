@@ -88,7 +88,7 @@ export class FilmBar {
       return;
     }
     const share = Math.max(0, Math.min(1, (x - range.x0) / (range.x1 - range.x0)));
-    this.cursor.style.transform = `translateX(${share * this.strip.clientWidth}px)`;
+    this.cursor.style.transform = `translateX(${100 * share}%)`;
     if (!texts) return;
     const instant = this.options.context.timeline.toInstant(x);
     const text = `${printDay(instant)} ${printClock(instant, Math.min(3, Math.max(1, decimalsFor((range.x1 - range.x0) / 1000))))}`;
