@@ -13,6 +13,7 @@ import asyncio
 import json
 import math
 import struct
+import sys
 import threading
 import time
 from dataclasses import dataclass, replace
@@ -178,9 +179,9 @@ class World:
         pressure = self.recorded[0]
         row = stretch * ROWS + ROWS - 1
         lo, hi = pressure.lo[row], pressure.hi[row]
-        found = find_contacts(
-            np.where(np.isinf(lo), np.nan, lo), np.where(np.isinf(hi), np.nan, hi), self._skin, 3000.0
-        )
+        unknown = np.isinf(lo)
+        known = (np.where(unknown, np.nan, side) for side in (lo, hi))
+        found = find_contacts(*known, self._skin, THRESHOLD)
         cores = [
             {
                 "cells": list(one.cells),
@@ -417,35 +418,42 @@ class SkinCloud:
             }
         )
 
+    @property
+    def refuses(self) -> bool:
+        """Whether the live stream is closed."""
+        return self.mode == "closed"
+
     async def _live(self, socket: WebSocket) -> None:
-        if self.mode == "closed":
+        if self.refuses:
             await socket.close(1013)
             return
         await socket.accept()
         wanted = set(socket.query_params.getlist("node")) or set(self.worlds)
+        worlds = [world for world in self.worlds.values() if world.node in wanted]
         listening = asyncio.create_task(_drain(socket))
         try:
-            for world in self.worlds.values():
-                if world.node in wanted:
-                    await socket.send_bytes(_message(["layout", world.node, world.hash]))
+            for world in worlds:
+                await socket.send_bytes(_message(["layout", world.node, world.hash]))
             number = self.end // STRETCH_NS
-            while self.mode != "closed" and not listening.done():
-                due = (number + 1) * STRETCH_NS + (2 * 10**9 if self.mode == "lagging" else 0)
-                await asyncio.sleep(max(0.0, (due - time.time_ns()) * 1e-9))
-                if self.mode == "lagging" and number % 20 == 0:
-                    await socket.send_bytes(_message(["lagging", str(number), 7]))
-                if self.mode != "silent":
-                    for world in self.worlds.values():
-                        if world.node in wanted:
-                            await self._send_stretch(socket, world, number)
-                number += 1
-                if self.mode != "lagging":
-                    number = max(number, self.end // STRETCH_NS - 3)
+            while not self.refuses and not listening.done():
+                number = await self._send_next(socket, worlds, number)
         except WebSocketDisconnect:
             return
         finally:
             listening.cancel()
         await socket.close(1013)
+
+    async def _send_next(self, socket: WebSocket, worlds: list[World], number: int) -> int:
+        """Send a stretch when it is due; gives the number of the next one."""
+        late = self.mode == "lagging"
+        due = (number + 1) * STRETCH_NS + (2 * 10**9 if late else 0)
+        await asyncio.sleep(max(0.0, (due - time.time_ns()) * 1e-9))
+        if late and number % 20 == 0:
+            await socket.send_bytes(_message(["lagging", str(number), 7]))
+        if self.mode != "silent":
+            for world in worlds:
+                await self._send_stretch(socket, world, number)
+        return number + 1 if late else max(number + 1, self.end // STRETCH_NS - 3)
 
     async def _send_stretch(self, socket: WebSocket, world: World, number: int) -> None:
         begin = number * STRETCH_NS
@@ -544,7 +552,7 @@ def _channel(name: str, recorded: Recorded, start: int, end: int) -> Json:
     }
 
 
-_STATE: Final = {
+_STATE: Final[Json] = {
     "node": "hand",
     "desired": {},
     "desired_at": None,
@@ -569,7 +577,8 @@ def main() -> None:
     parser.add_argument("--widening", type=float, default=1.0, help="factor of the widths")
     options = parser.parse_args()
     cloud = SkinCloud(options.port, widening=options.widening)
-    print(cloud.url, flush=True)
+    sys.stdout.write(f"{cloud.url}\n")
+    sys.stdout.flush()
     cloud.server.run()
 
 

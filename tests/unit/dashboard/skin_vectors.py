@@ -39,7 +39,9 @@ def document() -> dict[str, Any]:
     """A layout, its frames in the order of time, and pictures computed from the same bounds."""
     bounds = [_bounds(patch) for patch in range(len(COLUMNS))]
     frames = [
-        _frame(bounds, stretch, page).encode().hex() for stretch in range(STRETCHES) for page in (0, 1)
+        _frame(bounds, stretch, page).encode().hex()
+        for stretch in range(STRETCHES)
+        for page in (0, 1)
     ]
     return {
         "layout": _layout(),
@@ -63,7 +65,7 @@ def _bounds(patch: int) -> tuple[Floats, Floats]:
     if patch == 2:
         unsampled = row % 2 ** np.array(list(STRIDES))[column] != 0
         lo, hi = np.where(unsampled, -np.inf, lo), np.where(unsampled, np.inf, hi)
-    return lo, hi
+    return np.asarray(lo, np.float64), np.asarray(hi, np.float64)
 
 
 def _frame(bounds: list[tuple[Floats, Floats]], stretch: int, page: int) -> Frame:
