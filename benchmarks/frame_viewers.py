@@ -112,7 +112,8 @@ class Source:
     def _run(self) -> None:
         skin, first = self._skin, time.time_ns()
         self._service.admit(_NODE)
-        described = [[_NODE, each.encode()] for each in (*skin.patches, skin.layout)]
+        parts: list[Patch | Layout] = [*skin.patches, skin.layout]
+        described = [[_NODE, each.encode()] for each in parts]
         with self._service.gateway_client() as client:
             body = cbor2.dumps(described)
             client.post("/api/v1/descriptions", content=body).raise_for_status()

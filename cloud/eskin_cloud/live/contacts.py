@@ -12,6 +12,7 @@ from cachetools import LRUCache
 from eskin.errors import EskinError
 from eskin.wire.frames.frame_parts import read_head
 from eskin_cloud.query.contacts import ContactSkin
+from eskin_cloud.schemas.base import dump
 from eskin_cloud.schemas.contacts import describe_contacts
 
 if TYPE_CHECKING:
@@ -42,16 +43,16 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class ContactsMessage:
+class FoundContacts:
     """Contacts of one stretch.
 
     Attributes:
         cursor: That of the stretch's last frame.
-        data: The message.
+        text: In JSON.
     """
 
     cursor: int
-    data: bytes
+    text: str
 
 
 class LiveContacts:
@@ -73,7 +74,7 @@ class LiveContacts:
         self._pictures: LRUCache[str, Picture] = LRUCache(_NODES)
         self._due: dict[str, Picture] = {}
         self._task: asyncio.Task[None] | None = None
-        self.latest: LRUCache[str, ContactsMessage] = LRUCache(_NODES)
+        self.latest: LRUCache[str, FoundContacts] = LRUCache(_NODES)
 
     def take(self, entry: FeedEntry) -> None:
         """Take a frame that a viewer of its node is about to get; each counts once."""
@@ -106,14 +107,14 @@ class LiveContacts:
                 del self._due[node]
                 described = self._feed.layouts.get(picture.layout)
                 if described is not None:
-                    data = await asyncio.to_thread(self._find, node, picture, described)
-                    if data is not None:
-                        self.latest[node] = ContactsMessage(picture.cursor, data)
+                    text = await asyncio.to_thread(self._find, node, picture, described)
+                    if text is not None:
+                        self.latest[node] = FoundContacts(picture.cursor, text)
                         self._feed.wake()
         finally:
             self._task = None
 
-    def _find(self, node: str, picture: Picture, described: DescribedLayout) -> bytes | None:
+    def _find(self, node: str, picture: Picture, described: DescribedLayout) -> str | None:
         try:
             if picture.layout not in self._skins:
                 self._skins[picture.layout] = ContactSkin.of(described)
@@ -127,4 +128,4 @@ class LiveContacts:
         except EskinError as error:
             log.warning("contacts cannot be found: node=%s reason=%s", node, error)
             return None
-        return self._feed.frame_encoder.contacts(picture.cursor, node, found)
+        return dump(found).decode()

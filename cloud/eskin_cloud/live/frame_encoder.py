@@ -76,9 +76,9 @@ class FrameEncoder:
         said = dump(describe_event(row, self.ids)).decode()
         return cbor2.dumps(["event", self.ids.write(cursor), str(row["kind"]), said])
 
-    def contacts(self, cursor: int, node: str, document: object) -> bytes:
-        """Contacts at the last instant of a stretch; ``cursor`` is that of its last frame."""
-        return cbor2.dumps(["contacts", self.ids.write(cursor), node, dump(document).decode()])
+    def contacts(self, cursor: int, node: str, text: str) -> bytes:
+        """Contacts at the last instant of a stretch, in JSON."""
+        return cbor2.dumps(["contacts", self.ids.write(cursor), node, text])
 
     def lagging(self, cursor: int, skipped: int) -> bytes:
         """How many frames before a cursor were not sent; with 0 a sign of life."""

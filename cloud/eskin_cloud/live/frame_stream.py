@@ -168,4 +168,6 @@ class FrameStream:
             found = self._contacts.latest.get(node)
             if found is not None and found.cursor > self._last_contacts.get(node, self._present):
                 self._last_contacts[node] = found.cursor
-                yield found.data
+                if self._skipped:
+                    yield self._lagging()
+                yield self._feed.frame_encoder.contacts(self._place, node, found.text)

@@ -86,13 +86,13 @@ class Received:
             self.layouts.append((node, name))
             return str(kind)
         cursor, *rest = rest
+        self.cursor = cursor
+        self.cursors.append(cursor)
         if kind == "contacts":
             node, text = rest
             self.contacts.append(json.loads(text))
-            return str(kind)
-        self.cursor = cursor
-        self.cursors.append(cursor)
-        if kind == "frame":
+            assert self.contacts[-1]["node"] == node
+        elif kind == "frame":
             node, received, data = rest
             assert isinstance(received, int)
             self.frames.append((node, data))
