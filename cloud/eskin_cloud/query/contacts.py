@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin.wire.frames import Patch
     from eskin_cloud.store.descriptions import DescribedLayout
-    from eskin_cloud.store.read.patch_run import PatchRun
+    from eskin_cloud.store.patch_run import PatchRun
 
 UNIT: Final = "Pa"
 LONGEST_HOLD: Final = 2_000_000_000

@@ -179,9 +179,8 @@ class World:
         pressure = self.recorded[0]
         row = stretch * ROWS + ROWS - 1
         lo, hi = pressure.lo[row], pressure.hi[row]
-        unknown = np.isinf(lo)
-        known = (np.where(unknown, np.nan, side) for side in (lo, hi))
-        found = find_contacts(*known, self._skin, THRESHOLD)
+        low, high = (np.where(np.isinf(lo), np.nan, side) for side in (lo, hi))
+        found = find_contacts(low, high, self._skin, THRESHOLD)
         cores = [
             {
                 "cells": list(one.cells),
@@ -418,13 +417,11 @@ class SkinCloud:
             }
         )
 
-    @property
-    def refuses(self) -> bool:
-        """Whether the live stream is closed."""
+    def _refuses(self) -> bool:
         return self.mode == "closed"
 
     async def _live(self, socket: WebSocket) -> None:
-        if self.refuses:
+        if self._refuses():
             await socket.close(1013)
             return
         await socket.accept()
@@ -435,8 +432,10 @@ class SkinCloud:
             for world in worlds:
                 await socket.send_bytes(_message(["layout", world.node, world.hash]))
             number = self.end // STRETCH_NS
-            while not self.refuses and not listening.done():
+            while not listening.done():
                 number = await self._send_next(socket, worlds, number)
+                if self._refuses():
+                    break
         except WebSocketDisconnect:
             return
         finally:
