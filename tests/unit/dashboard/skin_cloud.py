@@ -31,7 +31,7 @@ from starlette.websockets import WebSocketDisconnect
 from eskin.contacts import Skin as ContactSkin
 from eskin.contacts import find_contacts
 from eskin.interval import Interval
-from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
+from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples, Seam
 from eskin.wire.messages import Position
 from eskin.wire.messages.cbor_map import dump
 from eskin.wire.timestamp import format_timestamp
@@ -90,15 +90,17 @@ class World:
         self.positions = np.rint(shape.unrolled * 1e6).astype(int)
         self.taxels = shape.names
         self.area = shape.cell_area
-        self._skin = ContactSkin.from_edges(self.positions * 1e-6, self.area, _edges(shape))
+        edges = _edges(shape)
+        self._skin = ContactSkin.from_edges(self.positions * 1e-6, self.area, edges)
         self.recorded = [_pressure(self.positions * 1e-6, widening)]
         if pitch_mm == 20:
             self.recorded.append(_temperature(self.positions * 1e-6))
-        self._describe()
+        self._describe(edges)
         self.frames = [self._pack(stretch) for stretch in range(STRETCHES)]
         self.contacts = [self._touch(stretch) for stretch in range(STRETCHES)]
 
-    def _describe(self) -> None:
+    def _describe(self, edges: NDArray[np.int64]) -> None:
+        inside, across = _divide(edges)
         self.patches: list[Patch] = []
         self.columns: list[tuple[Recorded, slice]] = []
         for recorded in self.recorded:
@@ -113,6 +115,7 @@ class World:
                     tuple(self.taxels[part]),
                     LEAST_WIDTH if touch else 0.1,
                     positions=(tuple(x), tuple(y)),
+                    neighbours=inside.get(start // _COLUMNS, ()) if touch else (),
                     threshold=THRESHOLD if touch else None,
                     cell_area=self.area if touch else None,
                 )
@@ -121,7 +124,8 @@ class World:
         counts = [_PATCHES_A_PAGE] * (len(self.patches) // _PATCHES_A_PAGE)
         rest = len(self.patches) - sum(counts)
         pages = (*counts, rest) if rest else tuple(counts)
-        self.layout = Layout(tuple(patch.content_hash for patch in self.patches), pages)
+        hashes = tuple(patch.content_hash for patch in self.patches)
+        self.layout = Layout(hashes, pages, across)
         self.hash = self.layout.content_hash
 
     def document(self) -> Json:
@@ -138,12 +142,16 @@ class World:
                 "least_width": patch.least_width,
                 "threshold": patch.threshold,
                 "cell_area": patch.cell_area,
-                "neighbours": [],
+                "neighbours": [list(pair) for pair in patch.neighbours],
                 "page": page[number],
             }
             for number, patch in enumerate(self.patches)
         ]
-        return {"layout": self.hash.hex(), "patches": patches, "seams": []}
+        seams = [
+            {"first": seam.first, "second": seam.second, "pairs": list(map(list, seam.pairs))}
+            for seam in self.layout.seams
+        ]
+        return {"layout": self.hash.hex(), "patches": patches, "seams": seams, "controllers": []}
 
     def _pack(self, stretch: int) -> list[Frame]:
         rows = slice(stretch * ROWS, (stretch + 1) * ROWS)
@@ -384,10 +392,12 @@ class SkinCloud:
 
     def _contacts(self, request: Request) -> Response:
         world = self.worlds[request.query_params["node"]]
-        start, step, count = self._window(request)
-        each = max(1, step // STRETCH_NS)
-        first, last = start // STRETCH_NS, (start + count * step) // STRETCH_NS
-        return page_of([world.contacts_at(number) for number in range(first, last, each)])
+        query = request.query_params
+        start, end, points = (int(query[name]) for name in ("start", "end", "points"))
+        instants = (start + (k + 1) * (end - start) // points - 1 for k in range(points))
+        # Those of the last row of a stretch are known.
+        numbers = {(t - STRETCH_NS + PERIOD_NS) // STRETCH_NS for t in instants if t < self.end}
+        return page_of([world.contacts_at(number) for number in sorted(numbers)])
 
     def _series(self, request: Request) -> Response:
         world = self._world(request)
@@ -502,6 +512,23 @@ def _edges(shape: Any) -> NDArray[np.int64]:
         pairs = np.stack([rows, pairs.ravel()], axis=1)
     pairs = pairs[(pairs[:, 0] < pairs[:, 1]) & (pairs[:, 0] >= 0)]
     return np.unique(pairs, axis=0)
+
+
+def _divide(
+    edges: NDArray[np.int64],
+) -> tuple[dict[int, tuple[tuple[int, int], ...]], tuple[Seam, ...]]:
+    """Neighbours within each patch, and those in two patches, as columns."""
+    found: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for one, other in edges.tolist():
+        patches = one // _COLUMNS, other // _COLUMNS
+        found.setdefault(patches, []).append((one % _COLUMNS, other % _COLUMNS))
+    inside = {one: tuple(sorted(pairs)) for (one, other), pairs in found.items() if one == other}
+    across = [
+        Seam(one, other, tuple(sorted(pairs)))
+        for (one, other), pairs in sorted(found.items())
+        if one != other
+    ]
+    return inside, tuple(across)
 
 
 def _pressure(positions: Floats, widening: float) -> Recorded:

@@ -51,7 +51,7 @@ const MOST_WORDS = 4;
 
 /** Contacts over time, of which the statement that holds at an instant is found. */
 export class ContactTrack {
-  private found: ContactsAt[] = [];
+  private readonly found: ContactsAt[] = [];
 
   /** @param most so many statements are kept */
   constructor(private readonly most: number) {}
@@ -63,10 +63,6 @@ export class ContactTrack {
     if (found[place - 1]?.x === one.x) found[place - 1] = one;
     else found.splice(place, 0, one);
     if (found.length > this.most) found.shift();
-  }
-
-  replace(all: readonly ContactsAt[]): void {
-    this.found = all.toSorted((one, other) => one.x - other.x);
   }
 
   get all(): readonly ContactsAt[] {

@@ -26,7 +26,9 @@ const STALE_STRETCHES = 4;
 /** A statement of contacts holds for so long, in ns, if its stretch is shorter. */
 const LEAST_REACH = 2e8;
 const SETTLE_MS = 250;
-const CONTACT_POINTS = 100;
+/** Contacts that a window of the past is drawn with: each is computed anew by the cloud. */
+const CONTACT_POINTS = 20;
+const MOST_CONTACTS = 2_000;
 /** A film shows about so many pictures a second. */
 const FILM_RATE = 30;
 /** What screen readers are given changes this often at most, in ms. */
@@ -68,8 +70,8 @@ export class SkinView {
   private readonly notices = new NoticeBoard(this.overlay);
   private readonly playback = new Playback();
   private readonly reels: Film;
-  /** Contacts of the window of the past that is shown. */
-  private readonly past = new ContactTrack(Infinity);
+  /** Contacts of the past that were asked for. */
+  private readonly past = new ContactTrack(MOST_CONTACTS);
   private readonly report = new PictureReport();
   private readonly texts = new Throttle(TEXT_MS);
   private readonly speech = new Throttle(SPOKEN_MS);
@@ -90,8 +92,9 @@ export class SkinView {
   private timer: ReturnType<typeof setTimeout> | null = null;
   private loading = new AbortController();
   private failure = "";
-  /** For which length (ns) of the live window the contacts before it were asked for. */
-  private filledSpan: number | null = null;
+  /** At which position contacts were asked for, and since when (ms) it has stood still. */
+  private asked: number | null = null;
+  private rest = { position: Number.NaN, since: 0 };
   private skipped = 0;
   private skippedAt = -Infinity;
   private visible = true;
@@ -160,7 +163,6 @@ export class SkinView {
       this.playing = false;
       this.position = null;
       this.failure = "";
-      if (before.kind === "history") this.filledSpan = null;
     } else this.enterPast();
   }
 
@@ -205,7 +207,7 @@ export class SkinView {
     const begin = performance.now();
     const texts = this.texts.due(at);
     const live = this.view.kind === "live";
-    if (this.view.kind === "live" && this.filledSpan !== this.view.span) this.fillLive();
+
     const position = live ? this.moveLive(at) : this.movePast(at);
     this.movedAt = at;
     this.draw(position, begin);
@@ -302,6 +304,10 @@ export class SkinView {
       if (this.position >= range.x1) this.turn(range);
     }
     this.wantFilm(range);
+    if (this.rest.position !== this.position) this.rest = { position: this.position, since: at };
+    else if (at - this.rest.since > SETTLE_MS && this.asked !== this.position && !this.film.held && this.skin?.threshold) {
+      void this.askContacts(this.position);
+    }
     return this.position;
   }
 
@@ -359,26 +365,29 @@ export class SkinView {
     this.timer = setTimeout(() => void this.loadContacts(range), SETTLE_MS);
   }
 
-  /** Asks for the contacts before those that the stream brings, once for each length of the live window. */
-  private fillLive(): void {
-    const range = this.range();
-    if (range === null || this.view.kind !== "live") return;
-    this.filledSpan = this.view.span;
-    void this.loadContacts(range);
-  }
-
   private async loadContacts(range: Range): Promise<void> {
-    const live = this.view.kind === "live";
     this.loading.abort();
     this.loading = new AbortController();
     const { client, timeline } = this.options.context;
     const window = { start: timeline.toInstant(range.x0), end: timeline.toInstant(Math.ceil(range.x1)), points: CONTACT_POINTS };
     try {
       const found = await client.contacts(this.options.node, window, this.loading.signal);
-      const read = found.map((one) => contactsAt(one, timeline));
-      if (live) for (const one of read) this.options.frames.contacts.put(one);
-      else this.past.replace(read);
+      for (const one of found) this.past.put(contactsAt(one, timeline));
       this.drawnStrip = "";
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  /** Asks for the contacts of the very instant at which the film stands still. */
+  private async askContacts(position: number): Promise<void> {
+    const { client, timeline } = this.options.context;
+    this.asked = position;
+    const window = { start: timeline.toInstant(position - this.period), end: timeline.toInstant(position) + 1n, points: 1 };
+    try {
+      const found = await client.contacts(this.options.node, window, this.loading.signal);
+      for (const one of found) this.past.put(contactsAt(one, timeline));
+      this.redraw();
     } catch (error) {
       this.fail(error);
     }
@@ -449,8 +458,7 @@ export class SkinView {
       const { contacts, stretches } = this.options.frames;
       return contacts.at(position, Math.max(LEAST_REACH, 1.5 * stretches.length));
     }
-    const range = this.range()!;
-    return this.past.at(position, Math.max(LEAST_REACH, (range.x1 - range.x0) / CONTACT_POINTS));
+    return this.past.at(position, LEAST_REACH);
   }
 
   private write(position: number | null, at: number): void {
