@@ -29,6 +29,8 @@ const SETTLE_MS = 250;
 /** Contacts that a window of the past is drawn with: each is computed anew by the cloud. */
 const CONTACT_POINTS = 20;
 const MOST_CONTACTS = 2_000;
+/** A film that is no farther behind the newest data (ns) goes on live. */
+const LEAST_LEFT = 1e9;
 /** A film shows about so many pictures a second. */
 const FILM_RATE = 30;
 /** What screen readers are given changes this often at most, in ms. */
@@ -108,7 +110,7 @@ export class SkinView {
       onLoaded: () => this.loaded(),
       onFailure: (error) => this.fail(error),
       now: () => performance.now(),
-      present: () => this.options.frames.stretches.end ?? context.timeline.toX(BigInt(Date.now()) * 1_000_000n),
+      present: () => this.options.frames.stretches.end ?? this.now(),
     });
     this.canvas = new SkinCanvas({
       label: `Skin of ${node}`,
@@ -314,9 +316,14 @@ export class SkinView {
   /** Goes on with the next window; at the newest data, live. */
   private turn(range: Range): void {
     const { context, frames } = this.options;
-    const { end } = frames.stretches;
-    if (end !== null && range.x1 >= end - (range.x1 - range.x0)) context.go({ ...context.route(), view: { kind: "live", span: DEFAULT_SPAN } });
-    else context.showRange(pan(range, 1));
+    const left = (frames.stretches.end ?? this.now()) - range.x1;
+    if (left < LEAST_LEFT) context.go({ ...context.route(), view: { kind: "live", span: DEFAULT_SPAN } });
+    else context.showRange(pan(range, Math.min(1, left / (range.x1 - range.x0))));
+  }
+
+  /** The page's clock, in ns of the timeline. */
+  private now(): number {
+    return this.options.context.timeline.toX(BigInt(Date.now()) * 1_000_000n);
   }
 
   private wantFilm(range: Range): void {
