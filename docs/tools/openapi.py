@@ -89,7 +89,7 @@ def _container(schema: dict[str, Any]) -> str | None:
         return f"readonly [{', '.join(map(_type, schema['prefixItems']))}]"
     if schema["type"] == "array":
         item = _type(schema["items"])
-        return f"readonly ({item})[]" if "|" in item else f"readonly {item}[]"
+        return f"readonly ({item})[]" if " " in item else f"readonly {item}[]"
     if schema["type"] == "object":
         return f"Readonly<Record<string, {_type(schema['additionalProperties'])}>>"
     return None

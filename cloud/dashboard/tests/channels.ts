@@ -23,7 +23,7 @@ export function series(from: number, to: number): SeriesAnswer {
 export function channel(end: number, samples = end): ChannelItem {
   return {
     id: "c", taxel: "t", quantity: "c", unit: "F", coverage: 1, dt: MS, blocks: 1, samples, bytes: 4 * samples,
-    first: iso(0), last: iso(end - 1), bounds: null, biometric: false, removed: null,
+    first: iso(0), last: iso(end - 1), bounds: null, biometric: false, patch: null, removed: null,
   };
 }
 

@@ -5,7 +5,7 @@ import { judge, layOut, levelOf, PITCH, quantitiesOf } from "../src/skin/taxels"
 
 function channel(id: string, bounds: ChannelItem["bounds"]): ChannelItem {
   const [taxel = "", quantity = ""] = id.split(".");
-  return { id, taxel, quantity, unit: "F", coverage: 1, dt: 1, blocks: 1, samples: 1, bytes: 4, first: null, last: null, bounds, biometric: false, removed: null };
+  return { id, taxel, quantity, unit: "F", coverage: 1, dt: 1, blocks: 1, samples: 1, bytes: 4, first: null, last: null, bounds, biometric: false, patch: null, removed: null };
 }
 
 test("contact is certain above a level, possible across it, and impossible below", () => {

@@ -97,9 +97,9 @@ class Replay:
             Route("/nodes", self._nodes),
             Route("/gateways", self._gateways),
             Route("/storage", lambda _: JSONResponse(self._recording["storage"])),
-            Route("/models", lambda _: _page(self._recording["models"])),
+            Route("/models", lambda _: page_of(self._recording["models"])),
             Route("/nodes/{node}/channels", self._channels),
-            Route("/nodes/{node}/taxels", self._of_node("taxels", _page)),
+            Route("/nodes/{node}/taxels", self._of_node("taxels", page_of)),
             Route("/nodes/{node}/state", self._of_node("states", JSONResponse)),
             Route("/events", self._events),
             Route("/live", self._live),
@@ -107,23 +107,23 @@ class Replay:
             Route(f"{series}/threshold", self._threshold),
             Route(f"{series}/time", self._time),
             Route(f"{series}/prediction", self._prediction),
-            Route(f"{series}/anomalies", lambda _: _page([])),
+            Route(f"{series}/anomalies", lambda _: page_of([])),
             Route(f"{series}/anomalies/time", self._time),
         ]
         return Starlette(
             routes=[
                 Mount("/api/v1", routes=api),
-                Mount("/", _Files(directory=DASHBOARD, html=True)),
+                Mount("/", Files(directory=DASHBOARD, html=True)),
             ]
         )
 
     def _nodes(self, _: Request) -> Response:
         now = format_timestamp(time.time_ns())
-        return _page([{**node, "last_seen": now} for node in self._recording["nodes"]])
+        return page_of([{**node, "last_seen": now} for node in self._recording["nodes"]])
 
     def _gateways(self, _: Request) -> Response:
         now = format_timestamp(time.time_ns())
-        return _page([{**one, "last_heard": now} for one in self._recording["gateways"]])
+        return page_of([{**one, "last_heard": now} for one in self._recording["gateways"]])
 
     def _channels(self, request: Request) -> Response:
         node = request.path_params["node"]
@@ -135,7 +135,7 @@ class Replay:
             samples = len(t) * (self.end - self.start) // LENGTH_NS
             stored = {"first": format_timestamp(first), "last": format_timestamp(last)}
             items.append({**item, **stored, "samples": samples})
-        return _page(items)
+        return page_of(items)
 
     def _of_node(self, name: str, answer: Any) -> Any:
         return lambda request: answer(self._recording[name][request.path_params["node"]])
@@ -185,7 +185,7 @@ class Replay:
             for part in np.split(np.arange(len(t)), edges)
             if len(part) and verdicts[part[0]]
         ]
-        return _page(items)
+        return page_of(items)
 
     def _time(self, request: Request) -> Response:
         channel, start, end, t, certain, possible = self._judged(request)
@@ -226,7 +226,7 @@ class Replay:
         found = self._events_between(int(query.get("start", self.start)), end, wanted)[::-1]
         limit = int(query.get("limit", 100))
         more = parse_timestamp(found[limit - 1]["time"]["lo"]) if len(found) > limit else None
-        return _page(found[:limit], more)
+        return page_of(found[:limit], more)
 
     def _live(self, request: Request) -> Response:
         query = request.query_params
@@ -263,7 +263,7 @@ class Replay:
         return StreamingResponse(stream(), media_type="text/event-stream")
 
 
-class _Files(StaticFiles):
+class Files(StaticFiles):
     """The built dashboard, under the cloud's policy."""
 
     async def get_response(self, path: str, scope: Any) -> Response:
@@ -333,5 +333,5 @@ class _Channel:
         }
 
 
-def _page(items: list[Any], following: int | None = None) -> Response:
+def page_of(items: list[Any], following: int | None = None) -> Response:
     return JSONResponse({"items": items, "next": None if following is None else str(following)})

@@ -1,6 +1,6 @@
 import type { Instant } from "../time/instant";
 import type {
-  ChannelItem, EventItem, GatewayItem, ModelItem, NodeItem, NodeState, OccupancyAnswer, Page, PredictionAnswer,
+  ChannelItem, ContactsItem, EventItem, GatewayItem, LayoutItem, ModelItem, NodeItem, NodeState, OccupancyAnswer, Page, PredictionAnswer,
   SegmentItem, SeriesAnswer, StorageAnswer, TaxelItem,
 } from "./contract";
 import { ApiError, isAbort } from "./error";
@@ -22,6 +22,14 @@ export interface EventQuery {
   readonly end?: Instant | undefined;
   readonly limit?: number | undefined;
   readonly cursor?: string | undefined;
+}
+
+/** Pictures of a window of the past. */
+export interface FilmQuery {
+  readonly start: Instant;
+  readonly end: Instant;
+  readonly points: number;
+  readonly quantity: string;
 }
 
 /** What a model predicts: which, from when on, and with which parameters (NAME:LO:HI). */
@@ -83,12 +91,29 @@ export class Client {
     return this.get(address("/storage"), signal);
   }
 
-  channels(node: string, signal: AbortSignal): Promise<ChannelItem[]> {
-    return this.all<ChannelItem>(`/nodes/${part(node)}/channels`, {}, signal).then((list) => list.items);
+  /** Channels of a node: all, or those whose names contain a text. */
+  channels(node: string, signal: AbortSignal, text?: string): Promise<ChannelItem[]> {
+    return this.all<ChannelItem>(`/nodes/${part(node)}/channels`, { text }, signal).then((list) => list.items);
   }
 
   taxels(node: string, signal: AbortSignal): Promise<TaxelItem[]> {
     return this.all<TaxelItem>(`/nodes/${part(node)}/taxels`, {}, signal).then((list) => list.items);
+  }
+
+  /** What the frames of a node are read by, named by its hash. */
+  layout(node: string, hash: string, signal: AbortSignal): Promise<LayoutItem> {
+    return this.get(address(`/nodes/${part(node)}/layouts/${part(hash)}`), signal);
+  }
+
+  /** Pictures of a node's skin, at most `points`, as a CBOR sequence of frames. */
+  async frames(node: string, query: FilmQuery, signal: AbortSignal): Promise<Uint8Array> {
+    const answer = await this.send(address(`/nodes/${part(node)}/frames`, { ...query }), "application/cbor-seq", signal);
+    return new Uint8Array(await answer.arrayBuffer());
+  }
+
+  /** Contacts of a node in a window, at most so many statements. */
+  contacts(node: string, window: { start: Instant; end: Instant; points: number }, signal: AbortSignal): Promise<ContactsItem[]> {
+    return this.all<ContactsItem>("/contacts", { node, ...window }, signal).then((list) => list.items);
   }
 
   state(node: string, signal: AbortSignal): Promise<NodeState> {
@@ -188,9 +213,14 @@ export class Client {
   }
 
   private async get<Answer>(path: string, signal: AbortSignal): Promise<Answer> {
+    const answer = await this.send(path, "application/json", signal);
+    return (await answer.json()) as Answer;
+  }
+
+  private async send(path: string, accept: string, signal: AbortSignal): Promise<Response> {
     let answer: Response;
     try {
-      const headers = { Accept: "application/json" };
+      const headers = { Accept: accept };
       answer = await this.options.fetch(path, { headers, credentials: "same-origin", signal });
     } catch (error) {
       if (isAbort(error)) throw error;
@@ -201,6 +231,6 @@ export class Client {
       throw new ApiError("The session is over. Sign in again.", 401);
     }
     if (!answer.ok) throw await ApiError.fromAnswer(answer, path);
-    return (await answer.json()) as Answer;
+    return answer;
   }
 }

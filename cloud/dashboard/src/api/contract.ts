@@ -1,6 +1,6 @@
 import type {
-  ChannelDocument, EnergyDocument, EventDocument, FaultDocument, GatewayDocument, LagDocument, ModelDocument, NodeDocument,
-  OccupancyDocument, ParameterDocument, PredictionDocument, SegmentDocument, SeriesDocument, StateDocument, StorageDocument,
+  ChannelDocument, ContactsDocument, CoreDocument, EnergyDocument, EventDocument, FaultDocument, GatewayDocument, LagDocument,
+  LayoutDocument, ModelDocument, NodeDocument, OccupancyDocument, ParameterDocument, PredictionDocument, SegmentDocument, SeriesDocument, StateDocument, StorageDocument,
   TaxelDocument,
 } from "./schema";
 
@@ -24,6 +24,9 @@ export type NodeState = StateDocument;
 export type PredictionAnswer = PredictionDocument;
 /** A series; the dashboard does not read its means. */
 export type SeriesAnswer = Omit<SeriesDocument, "mean">;
+export type LayoutItem = LayoutDocument;
+export type ContactsItem = ContactsDocument;
+export type CoreItem = CoreDocument;
 export type SegmentItem = SegmentDocument;
 export type OccupancyAnswer = OccupancyDocument;
 

@@ -71,9 +71,27 @@ export interface ComparisonTotalsDocument {
   readonly coverage: number;
 }
 
+export interface ContactsDocument {
+  readonly node: string;
+  readonly t: string;
+  readonly time_error: number;
+  readonly threshold: number;
+  readonly unit: string;
+  readonly cores: readonly CoreDocument[];
+  readonly regions: readonly RegionDocument[];
+}
+
 export interface ControllerDocument {
   readonly node: string;
   readonly pages: number;
+}
+
+export interface CoreDocument {
+  readonly cells: readonly [number, number];
+  readonly area: readonly [number | null, number | null];
+  readonly force: readonly [number | null, number | null];
+  readonly centroid: readonly (readonly [number | null, number | null])[];
+  readonly taxels: readonly string[];
 }
 
 export interface CountDocument {
@@ -226,8 +244,8 @@ export interface PatchDocument {
   readonly quantity: string;
   readonly unit: string;
   readonly taxels: readonly string[];
-  readonly positions: readonly readonly number[][];
-  readonly neighbours: readonly readonly [number, number][];
+  readonly positions: readonly (readonly number[])[];
+  readonly neighbours: readonly (readonly [number, number])[];
   readonly least_width: number;
   readonly threshold: number | null;
   readonly cell_area: number | null;
@@ -247,7 +265,7 @@ export interface PicturesDocument {
   readonly t: readonly number[];
   readonly lo: readonly (readonly (number | null)[])[];
   readonly hi: readonly (readonly (number | null)[])[];
-  readonly contact: readonly readonly number[][] | null;
+  readonly contact: readonly (readonly number[])[] | null;
 }
 
 export interface PredictionDocument {
@@ -263,6 +281,11 @@ export interface PredictionDocument {
   readonly dt: number;
 }
 
+export interface RegionDocument {
+  readonly contacts: readonly [number, number];
+  readonly taxels: readonly string[];
+}
+
 export interface RemovedDocument {
   readonly messages: number;
   readonly before: string;
@@ -271,7 +294,7 @@ export interface RemovedDocument {
 export interface SeamDocument {
   readonly first: number;
   readonly second: number;
-  readonly pairs: readonly readonly [number, number][];
+  readonly pairs: readonly (readonly [number, number])[];
 }
 
 export interface SegmentDocument {

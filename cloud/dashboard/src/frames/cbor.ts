@@ -1,10 +1,11 @@
 import { FrameError } from "./frame-error";
 
-/** What frames consist of. Integers beyond 2^53 are of type bigint. */
-export type Cbor = number | bigint | Uint8Array | readonly Cbor[] | ReadonlyMap<Cbor, Cbor>;
+/** What frames and live messages consist of. Integers beyond 2^53 are of type bigint. */
+export type Cbor = number | bigint | string | Uint8Array | readonly Cbor[] | ReadonlyMap<Cbor, Cbor>;
 
 const DEEPEST = 16;
 const FLOAT64 = 0xfb;
+const utf8 = new TextDecoder();
 
 /** Reads one item of CBOR (RFC 8949) of the types that frames have, with definite lengths. */
 export function readCbor(data: Uint8Array): Cbor {
@@ -12,6 +13,14 @@ export function readCbor(data: Uint8Array): Cbor {
   const item = reader.item(0);
   if (reader.place !== data.length) throw new FrameError(`${data.length - reader.place} bytes follow the frame`);
   return item;
+}
+
+/** Reads a CBOR sequence (RFC 8742): items one after the other. */
+export function readSequence(data: Uint8Array): Cbor[] {
+  const reader = new Reader(data);
+  const items: Cbor[] = [];
+  while (reader.place < data.length) items.push(reader.item(0));
+  return items;
 }
 
 class Reader {
@@ -35,6 +44,8 @@ class Reader {
         return typeof count === "bigint" ? -1n - count : -1 - count;
       case 2:
         return this.octets(count);
+      case 3:
+        return utf8.decode(this.octets(count));
       case 4:
         return Array.from({ length: this.length(count) }, () => this.item(depth + 1));
       case 5:

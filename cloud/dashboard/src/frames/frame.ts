@@ -1,4 +1,4 @@
-import { readCbor, type Cbor } from "./cbor";
+import { readCbor, readSequence, type Cbor } from "./cbor";
 import { FrameError } from "./frame-error";
 import { decodeSamples, type Samples, type Sampling } from "./sample-codec";
 
@@ -41,7 +41,15 @@ const MOST_CELLS = 64_000;
 
 /** Reads a frame (docs/messages.md). It is trusted to be canonical: gateway and cloud have checked that. */
 export function readFrame(data: Uint8Array): Frame {
-  const fields = readCbor(data);
+  return frameOf(readCbor(data));
+}
+
+/** Reads frames that follow one another, as `application/cbor-seq` has them. */
+export function readFrames(data: Uint8Array): Frame[] {
+  return readSequence(data).map(frameOf);
+}
+
+function frameOf(fields: Cbor): Frame {
   if (!(fields instanceof Map) || fields.get(1) !== KIND) throw new FrameError("these bytes are no frame");
   const grids = list(fields.get(8)).map((grid): Grid => {
     const [delay, period, firstRow, rows, coverage] = list(grid);

@@ -61,8 +61,31 @@ export function decodeSamples(codes: Uint8Array, sampling: Sampling, exponent: n
   return { lo, hi };
 }
 
-/** Lists pairs of a cell and the cell that predicts it, or -1: first samples of columns, then all others. */
-function orderCells({ rows, columns, firstRow, strides }: Sampling): { cells: Int32Array; starts: number } {
+interface Order {
+  /** Pairs of a cell and the cell that predicts it, or -1. */
+  readonly cells: Int32Array;
+  /** How many of them are first samples of columns; all others follow. */
+  readonly starts: number;
+}
+
+/** Matrices without strides have few shapes, and a frame has many patches of one: listing cells takes as long as decoding. */
+const orders = new Map<number, Order>();
+const MOST_ORDERS = 64;
+
+function orderCells(sampling: Sampling): Order {
+  const { rows, columns, strides } = sampling;
+  if (strides) return listCells(sampling);
+  const shape = rows * 2 ** 16 + columns;
+  let order = orders.get(shape);
+  if (order === undefined) {
+    if (orders.size >= MOST_ORDERS) orders.clear();
+    order = listCells(sampling);
+    orders.set(shape, order);
+  }
+  return order;
+}
+
+function listCells({ rows, columns, firstRow, strides }: Sampling): Order {
   const first: number[] = [];
   const later: number[] = [];
   const last = new Int32Array(columns).fill(-1);

@@ -36,6 +36,8 @@ export interface Route {
   readonly channel: string | null;
   readonly view: View;
   readonly question: Question | null;
+  /** The taxels of the node's skin whose charts are open. */
+  readonly taxels?: readonly string[];
 }
 
 export const SPANS: readonly { readonly name: string; readonly label: string; readonly ns: number }[] = [
@@ -103,7 +105,9 @@ export function parseRoute(hash: string): Route {
   const [path = "", search = ""] = hash.replace(/^#/, "").split("?", 2);
   const [node, channel] = path.split("/").filter(Boolean);
   const query = new URLSearchParams(search);
-  return { node: decode(node), channel: decode(channel), view: readView(query), question: readQuestion(query) };
+  const taxels = query.get("taxels")?.split(",").filter(Boolean) ?? [];
+  const place = { node: decode(node), channel: decode(channel), view: readView(query), question: readQuestion(query) };
+  return taxels.length > 0 ? { ...place, taxels } : place;
 }
 
 /** Writes a parameter as the cloud reads it. */
@@ -127,5 +131,6 @@ export function printRoute(route: Route): string {
   if (view.kind === "history") query.push(`from=${printInstant(view.from)}`, `to=${printInstant(view.to)}`);
   else query.push(`live=${SPANS.find((span) => span.ns === view.span)?.name ?? "10s"}`);
   if (question) query.push(...printQuestion(question));
+  if (route.node !== null && route.channel === null && route.taxels?.length) query.push(`taxels=${route.taxels.map(encodeURIComponent).join(",")}`);
   return `#/${path.join("/")}?${query.join("&")}`;
 }

@@ -2,9 +2,14 @@ import { formatDuration } from "../time/duration";
 import { parseInstant, printClock, printDay } from "../time/instant";
 import { element } from "./element";
 
-/** A name and its value, for a list of facts. */
-export function fact(name: string, value: HTMLElement | string): HTMLElement[] {
-  return [element("dt", {}, name), element("dd", {}, value)];
+/**
+ * A name and its value, for a list of facts.
+ *
+ * @param minor whether it is left out where there is little room
+ */
+export function fact(name: string, value: HTMLElement | string, minor = false): HTMLElement[] {
+  const attributes = minor ? { class: "minor" } : {};
+  return [element("dt", attributes, name), element("dd", attributes, value)];
 }
 
 /** A time, and how long ago it was. */

@@ -98,7 +98,7 @@ export function nodeCard(
   const facts = element(
     "dl",
     { class: "facts" },
-    ...fact("seen", seenAgo(node.last_seen, options.now)),
+    ...fact("seen", seenAgo(node.last_seen, options.now), true),
     ...fact("lag", lagOf(node)),
     ...fact("outbox", outboxMeter(node)),
     ...fact("gaps", gaps),
@@ -106,7 +106,7 @@ export function nodeCard(
     ...broken(node),
     ...wrongClock(node),
     ...missingOf(node),
-    ...fact("boot", element("span", { class: "sentence" }, `${node.boot} · ${uptime(node)}`)),
+    ...fact("boot", element("span", { class: "sentence" }, `${node.boot} · ${uptime(node)}`), true),
   );
   return element(
     "a",

@@ -8,6 +8,7 @@ import { ChannelPanel } from "./channel-panel";
 import type { Context } from "./context";
 import { element } from "./element";
 import { NoticeBoard } from "./notice";
+import type { Section } from "./section";
 import { SkinPicture } from "./skin-picture";
 
 export interface SectionOptions {
@@ -15,6 +16,8 @@ export interface SectionOptions {
   readonly node: string;
   /** Only this channel, alone and large. */
   readonly channel: string | null;
+  /** Whether the node's channels come as frames: there may be thousands, so only this one is asked for. */
+  readonly framed: boolean;
   readonly onPeak: (mark: PeakMark) => void;
   /** Called when the channels were listed; `fresh` if there are new ones among them. */
   readonly onPanels: (fresh: boolean) => void;
@@ -24,7 +27,7 @@ const RETRY_MS = 5_000;
 const REFRESH_MS = 10_000;
 
 /** The charts of one node; they share one moving edge of time. */
-export class NodeSection {
+export class NodeSection implements Section {
   readonly root: HTMLElement;
   readonly panels = new Map<string, ChannelPanel>();
   channels: readonly ChannelItem[] = [];
@@ -120,9 +123,9 @@ export class NodeSection {
   }
 
   private async load(): Promise<void> {
-    const { context, node } = this.options;
+    const { context, node, channel, framed } = this.options;
     try {
-      this.channels = await context.client.channels(node, this.loading.signal);
+      this.channels = await context.client.channels(node, this.loading.signal, framed && channel !== null ? channel : undefined);
     } catch (error) {
       if (isAbort(error)) return;
       if (this.panels.size === 0) this.sayFailure(messageOf(error));

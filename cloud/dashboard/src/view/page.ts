@@ -2,7 +2,8 @@ import { address } from "../api/client";
 import type { EventItem, LiveBlock, NodeItem } from "../api/contract";
 import { isAbort } from "../api/error";
 import type { PeakMark } from "../chart/peaks";
-import { Feed, type FeedState, type StreamMessage } from "../live/feed";
+import { Feed, type FeedState } from "../live/feed";
+import { FrameFeed, type LiveMessage } from "../live/frame-feed";
 import type { Route } from "../state/route";
 import type { Range } from "../state/window";
 import { parseInstant, printClock, printDay } from "../time/instant";
@@ -12,9 +13,12 @@ import { ChannelQuestions } from "./channel-questions";
 import type { Context } from "./context";
 import { element } from "./element";
 import { EventList } from "./event-list";
+import { FrameChannelSection } from "./frame-channel-section";
 import { NodeSection } from "./node-section";
 import { NodeSettings } from "./node-settings";
 import { NoticeBoard } from "./notice";
+import type { FramedSection, Section } from "./section";
+import { SkinSection } from "./skin-section";
 
 export interface PageOptions {
   readonly context: Context;
@@ -32,11 +36,17 @@ const SECOND = 1e9;
 const DAY = 86_400e9;
 /** Entries a block at most: of what can be seen, nothing is left out. */
 const POINTS = 1_000;
+/** The overview shows so many skins; the strip of nodes leads to all others. */
+const MOST_SKINS = 4;
+/** Of two streams, the state is shown that a user must know. */
+const STATES: readonly FeedState["kind"][] = ["open", "connecting", "waiting", "offline"];
 
 /** Everything below the nodes: the charts of one scope (all nodes, one node, one channel) and its events. */
 export class Page {
   readonly root = element("main", { class: "page", tabindex: -1 });
-  private readonly sections = new Map<string, NodeSection>();
+  private readonly sections = new Map<string, Section>();
+  /** Those whose channels come as frames. */
+  private readonly framed = new Map<string, FramedSection>();
   private readonly column = element("div", { class: "column" });
   private readonly notices = new NoticeBoard(this.column);
   private readonly list: EventList;
@@ -44,6 +54,9 @@ export class Page {
   private questions: ChannelQuestions | null = null;
   private readonly settings: NodeSettings | null = null;
   private feed: Feed | null = null;
+  private frameFeed: FrameFeed | null = null;
+  private frameNodes = "";
+  private readonly states = new Map<"blocks" | "frames", FeedState>();
   private feedUrl = "";
   /** Whether events were loaded, and whether after the stream had opened. */
   private asked: "never" | "early" | "well" = "never";
@@ -60,14 +73,9 @@ export class Page {
     this.root.setAttribute("aria-label", [route.node ?? "All nodes", route.channel].filter(Boolean).join(" "));
     this.list = new EventList(context, this.scope);
     this.root.append(this.column, this.list.root);
-    if (route.node !== null) this.addSection(route.node);
-    else this.notices.show("loading", "Loading nodes…", "");
-    if (route.node !== null && route.channel !== null) {
-      this.column.prepend(crumbs(context, route.node, route.channel));
-    }
+    this.notices.show("loading", "Loading nodes…", "");
     if (route.node !== null && route.channel === null) {
       this.settings = new NodeSettings(context, route.node);
-      this.column.prepend(this.settings.root);
     }
     this.apply(route);
   }
@@ -75,10 +83,19 @@ export class Page {
   /** Takes over how the nodes are; the overview shows all of them, a page of one node keeps to it. */
   showNodes(nodes: readonly NodeItem[]): void {
     if (this.scope.node === null) this.showAll(nodes);
+    else if (this.sections.size === 0) {
+      this.addFirst(nodes.find(({ id }) => id === this.scope.node) ?? null);
+    }
+    for (const node of nodes) this.framed.get(node.id)?.showNode(node);
+    this.connect();
   }
 
   /** Shows that the nodes could not be loaded; false where charts take the room. */
   showFailure(message: string, again: () => void): boolean {
+    if (this.sections.size === 0 && this.scope.node !== null) {
+      this.addFirst(null);
+      this.connect();
+    }
     if (this.sections.size > 0) return false;
     const act = (): void => {
       this.notices.show("loading", "Loading nodes…", "");
@@ -92,7 +109,7 @@ export class Page {
   apply(route: Route): void {
     for (const section of this.sections.values()) section.apply(route.view);
     this.questions?.apply(route.question);
-    this.connect();
+    if (this.sections.size > 0) this.connect();
     if (this.timer !== null) clearTimeout(this.timer);
     this.timer = setTimeout(() => void this.loadEvents(), SETTLE_MS);
   }
@@ -130,6 +147,7 @@ export class Page {
 
   destroy(): void {
     this.feed?.stop();
+    this.frameFeed?.stop();
     this.questions?.destroy();
     this.settings?.destroy();
     this.eventLoading.abort();
@@ -146,23 +164,47 @@ export class Page {
       return;
     }
     this.notices.clear();
-    for (const node of nodes) if (!this.sections.has(node.id)) this.addSection(node.id);
+    for (const node of nodes) {
+      if (this.sections.has(node.id)) continue;
+      if (!node.layout || this.framed.size < MOST_SKINS) this.addSection(node.id, node);
+    }
   }
 
-  private addSection(node: string): void {
+  /** Begins the page of one node; of one that is not listed, its charts say what is wrong. */
+  private addFirst(node: NodeItem | null): void {
+    this.notices.clear();
+    this.addSection(this.scope.node!, node);
+    // Where there is a skin, it is what a user comes for.
+    if (this.settings !== null) {
+      if (this.framed.size > 0) this.column.append(this.settings.root);
+      else this.column.prepend(this.settings.root);
+    }
+    if (this.scope.channel !== null) this.column.prepend(crumbs(this.options.context, this.scope.node!, this.scope.channel));
+  }
+
+  private addSection(id: string, node: NodeItem | null): void {
     const { context } = this.options;
-    const section = new NodeSection({
-      context,
-      node,
-      channel: this.scope.channel,
-      onPeak: (mark) => this.openPeak(mark),
-      onPanels: (fresh) => this.onPanels(section, fresh),
-    });
-    this.sections.set(node, section);
-    this.column.append(section.root);
+    const { channel } = this.scope;
+    const onPeak = (mark: PeakMark): void => this.openPeak(mark);
+    const onPanels = (fresh: boolean): void => this.onPanels(section, fresh);
+    if (!node?.layout) {
+      const section: Section = new NodeSection({ context, node: id, channel, framed: false, onPeak, onPanels: (fresh) => this.onPanels(section, fresh) });
+      this.sections.set(id, section);
+      this.column.append(section.root);
+      return;
+    }
+    const section: FramedSection =
+      channel === null
+        ? new SkinSection({ context, node, brief: this.scope.node === null, onPeak, onPanels })
+        : new FrameChannelSection({ context, node, channel, onPeak, onPanels, onPatch: (patch) => this.frameFeed?.choose([patch]) });
+    const others = [...this.sections.values()].find((other) => other instanceof NodeSection);
+    this.sections.set(id, section);
+    this.framed.set(id, section);
+    if (others) others.root.before(section.root);
+    else this.column.append(section.root);
   }
 
-  private onPanels(section: NodeSection, fresh: boolean): void {
+  private onPanels(section: Section, fresh: boolean): void {
     if (fresh) void this.loadEvents();
     const { node, channel } = this.scope;
     const panel = channel === null ? undefined : section.panels.get(channel);
@@ -190,14 +232,18 @@ export class Page {
     context.go({ node: event.node, channel: event.channel, view, question: null });
   }
 
+  /** Opens the streams of the nodes that are shown: of blocks as events, of frames over a WebSocket. */
   private connect(): void {
-    const { context, onFeed } = this.options;
+    this.connectFrames();
+    const { context } = this.options;
     const { node, channel } = this.scope;
+    const blocks = [...this.sections.keys()].filter((id) => !this.framed.has(id));
+    if (this.framed.size > 0 && blocks.length === 0) return;
     const { view } = context.route();
     const span = view.kind === "live" ? view.span : 10e9;
     // No finer than half a pixel of the widest chart there can be, and the same for windows of about one length.
     const grain = 2 ** Math.floor(Math.log2(Math.max(1, span / screen.width / 2)));
-    const scope = channel === null ? { node } : { channel: `${node}/${channel}` };
+    const scope = channel === null ? { node: this.framed.size > 0 ? blocks : node } : { channel: `${node}/${channel}` };
     const url = address("/live", { ...scope, points: POINTS, grain });
     if (url === this.feedUrl) return;
     this.feedUrl = url;
@@ -209,14 +255,33 @@ export class Page {
       after,
       fetch: (input, init) => fetch(input, init),
       random: Math.random,
-      onMessage: (message) => this.receive(message),
-      onState: (state) => {
-        this.askWell(state);
-        onFeed(state);
-      },
+      onMessage: ({ event, data }) => this.receive(event, data),
+      onState: (state) => this.takeState("blocks", state),
       onUnauthorised: context.onUnauthorised,
     });
     this.feed.start();
+  }
+
+  private connectFrames(): void {
+    const nodes = [...this.framed.keys()];
+    if (nodes.length === 0 || nodes.join(" ") === this.frameNodes) return;
+    this.frameNodes = nodes.join(" ");
+    this.frameFeed?.stop();
+    this.frameFeed = new FrameFeed({
+      nodes,
+      url: (cursor) => address("/live", { node: nodes, cursor }),
+      onMessage: (message) => this.receiveLive(message),
+      onUnreadable: () => this.options.onUnreadable(),
+      onState: (state) => this.takeState("frames", state),
+    });
+    this.frameFeed.start();
+  }
+
+  private takeState(stream: "blocks" | "frames", state: FeedState): void {
+    this.states.set(stream, state);
+    const worst = [...this.states.values()].toSorted((one, other) => STATES.indexOf(other.kind) - STATES.indexOf(one.kind))[0]!;
+    this.askWell(worst);
+    this.options.onFeed(worst);
   }
 
   /** Loads events once the stream is open, so that none is missed; earlier only where it cannot open. */
@@ -227,19 +292,28 @@ export class Page {
     void this.loadEvents();
   }
 
-  private receive(message: StreamMessage): void {
+  private receiveLive(message: LiveMessage): void {
+    if (message.kind === "frame") this.framed.get(message.node)?.takeFrame(message.frame, message.received, performance.now());
+    else if (message.kind === "contacts") this.framed.get(message.node)?.takeContacts(message.json);
+    else if (message.kind === "event") this.receive(message.event, message.json);
+    else if (message.kind === "lagging" && message.skipped > 0) {
+      for (const section of this.framed.values()) section.takeSkipped(message.skipped);
+    }
+  }
+
+  private receive(kind: string, data: string): void {
     const at = performance.now();
     try {
-      if (message.event === "block") {
-        const block = JSON.parse(message.data) as LiveBlock;
+      if (kind === "block") {
+        const block = JSON.parse(data) as LiveBlock;
         this.sections.get(block.node)?.take(block, at);
-      } else if (["peak", "gap", "status", "command", "conflict"].includes(message.event)) {
-        const event = JSON.parse(message.data) as EventItem;
+      } else if (["peak", "gap", "status", "command", "conflict"].includes(kind)) {
+        const event = JSON.parse(data) as EventItem;
         this.list.take(event);
         this.sections.get(event.node)?.takeEvent(event);
         if (event.kind === "status") this.options.onStatus();
         if (event.kind === "command") this.settings?.refresh();
-      } else if (message.event === "lagging") {
+      } else if (kind === "lagging") {
         for (const section of this.sections.values()) section.refill();
         void this.list.refresh();
         void this.loadEvents();

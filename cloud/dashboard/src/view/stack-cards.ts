@@ -12,8 +12,8 @@ function spoolFacts({ spool, nodes }: GatewayItem): HTMLElement[] {
   const oldest = spool.oldest_ns === null ? "–" : formatDuration(spool.oldest_ns, "up");
   return [
     ...fact("spool", fillMeter("spool fill", spool)),
-    ...fact("oldest", oldest),
-    ...fact("nodes", String(nodes ?? "–")),
+    ...fact("oldest", oldest, true),
+    ...fact("nodes", String(nodes ?? "–"), true),
     ...(spool.dead_letters > 0 ? fact("dead letters", element("span", { class: "warn" }, String(spool.dead_letters))) : []),
   ];
 }
@@ -27,7 +27,7 @@ export function gatewayCard(gateway: GatewayItem, now: bigint, reachable: boolea
   const facts = element(
     "dl",
     { class: "facts" },
-    ...fact("seen", seenAgo(gateway.last_heard, now)),
+    ...fact("seen", seenAgo(gateway.last_heard, now), true),
     ...fact("lag", element("span", { "data-testid": "gateway-lag" }, formatLag(gateway.lag))),
     ...spoolFacts(gateway),
     ...fact("stored", element("span", { title: duplicate === null ? "" : `${duplicate} duplicates` }, stored?.toLocaleString("en") ?? "–")),
@@ -45,7 +45,7 @@ export function storageCard({ bytes, free_bytes, samples, bytes_per_sample }: St
     "dl",
     { class: "facts" },
     ...fact("per sample", element("span", { "data-testid": "bytes-per-sample" }, each)),
-    ...fact("samples", samples.toLocaleString("en")),
+    ...fact("samples", samples.toLocaleString("en"), true),
     ...fact("size", formatBytes(bytes)),
     ...fact("free", formatBytes(free_bytes)),
   );
