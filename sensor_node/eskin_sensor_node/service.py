@@ -62,7 +62,7 @@ def run(settings: NodeSettings) -> None:
     truth = GroundTruth(settings.truth.path, limit=settings.truth.limit_bytes)
     flash = open_flash(settings)
     try:
-        _serve(settings, _assemble(settings, flash, truth), truth, stop)
+        serve(settings, flash, truth, stop)
     finally:
         flash.close()
         truth.close()
@@ -93,11 +93,10 @@ def _assemble(settings: NodeSettings, flash: Flash, truth: GroundTruth) -> _Part
     return _Parts(node, clock, outbox, NodeControls(node))
 
 
-def _serve(
-    settings: NodeSettings, parts: _Parts, truth: GroundTruth, stop: threading.Event
-) -> None:
+def serve(settings: NodeSettings, flash: Flash, truth: GroundTruth, stop: threading.Event) -> None:
+    """Run a node on a flash until an event is set."""
     own = settings.node
-    node, clock, outbox, controls = parts
+    node, clock, outbox, controls = _assemble(settings, flash, truth)
     commander = CommandReceiver(
         outbox,
         own=Identity.load(settings.identity.directory),
