@@ -57,9 +57,11 @@ def get_contacts(
         last = max((end for end in ends if end is not None), default=cloud.clock())
         window = parse_window(query.start, query.end, last=last)
         if described is not None and skin is not None:
-            for number in range(query.points):
-                t = window.start + (number + 1) * window.span // query.points - 1
-                pressures = skin.read_at(connection, query.node, described, t)
+            moments = [
+                window.start + (number + 1) * window.span // query.points - 1
+                for number in range(query.points)
+            ]
+            for pressures in skin.read_at(connection, query.node, described, moments):
                 if pressures.known:
                     contacts = skin.find(pressures)
                     found.append(describe_contacts(query.node, skin, pressures, contacts))

@@ -11,8 +11,11 @@ import numpy as np
 from eskin.contacts import Skin, find_contacts
 from eskin.wire.frames import Sampling
 from eskin.wire.frames.frame_scan import Part, scan_frames
-from eskin_cloud.store.read.patch_runs import read_runs
-from eskin_cloud.store.read.window import Window, before
+from eskin_cloud.store.read.patch_runs import (
+    CompactedRuns,
+    last_frame_rows,
+    runs_of_frames,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -30,6 +33,7 @@ UNIT: Final = "Pa"
 LONGEST_HOLD: Final = 2_000_000_000
 """An earlier sample counts for an instant no longer than this, in ns, whatever its period is."""
 _MICROMETRE: Final = 1e6
+_NEVER: Final = -(2**63)
 
 
 class Pressures:
@@ -41,6 +45,7 @@ class Pressures:
         t: Middle of the instant, UTC ns: that of the latest sample, unless it was asked for.
         error: Greatest distance of a sample's time from its middle, ns.
         known: Whether there is a sample.
+        moments: Middle of the time of each taxel's sample, UTC ns, where instants are asked for.
     """
 
     def __init__(self, taxels: int, t: int = 0) -> None:
@@ -49,6 +54,7 @@ class Pressures:
         self.t = t
         self.error = 0
         self.known = False
+        self.moments = np.full(taxels, _NEVER, np.int64)
 
     def put(self, taxels: NDArray[np.int64], lo: Floats, hi: Floats, error: int) -> None:
         """State some taxels."""
@@ -138,24 +144,51 @@ class ContactSkin:
         return found
 
     def read_at(
-        self, connection: Connection, node: str, described: DescribedLayout, t: int
-    ) -> Pressures:
-        """What is known of each taxel at an instant: a sample holds for its period at most.
+        self, connection: Connection, node: str, described: DescribedLayout, moments: Sequence[int]
+    ) -> list[Pressures]:
+        """What is known of each taxel at some instants: a sample holds for its period at most.
 
         Args:
             connection: In a read transaction.
             node: The node.
             described: The layout of this skin.
-            t: UTC ns.
+            moments: UTC ns.
         """
-        found = Pressures(len(self.taxels), t)
-        window = Window(before(t, LONGEST_HOLD), t + 1)
+        found = [Pressures(len(self.taxels), t) for t in moments]
         for number, place in self.places.items():
             patch = described.patches[number]
-            for run in read_runs(connection, node, patch.patch_id, window):
-                if run.patch == described.layout.patches[number]:
-                    _put_held(found, place.start, run, patch, t)
+            rows = CompactedRuns(connection, node, patch.patch_id)
+            for pressures in found:
+                for run in rows.until(pressures.t, LONGEST_HOLD):
+                    if run.patch == described.layout.patches[number]:
+                        _put_held(pressures, place.start, run, patch)
+        for page, numbers in enumerate(described.page_ranges):
+            wanted = [number for number in numbers if number in self.places]
+            if wanted:
+                for pressures in found:
+                    self._read_frames(connection, node, described, page, wanted, pressures)
         return found
+
+    def _read_frames(
+        self,
+        connection: Connection,
+        node: str,
+        described: DescribedLayout,
+        page: int,
+        wanted: Sequence[int],
+        pressures: Pressures,
+    ) -> None:
+        """Take the latest samples of a page's patches before an instant, from its last frames."""
+        missing = set(wanted)
+        for row in last_frame_rows(connection, node, page, pressures.t, LONGEST_HOLD):
+            if bytes(row["layout"]) != described.hash:
+                continue
+            for number, run in runs_of_frames([row], described, sorted(missing)):
+                place, patch = self.places[number], described.patches[number]
+                if _put_held(pressures, place.start, run, patch).all():
+                    missing.discard(number)
+            if not missing:
+                return
 
     def find(self, pressures: Pressures) -> Contacts:
         """The contacts at one instant."""
@@ -180,18 +213,25 @@ def last_rows(mask: NDArray[np.bool_], until: NDArray[np.int64]) -> NDArray[np.i
     return np.asarray(np.where(mask & (rows <= until), rows, -1).max(axis=0), np.int64)
 
 
-def _put_held(found: Pressures, begin: int, run: PatchRun, patch: Patch, t: int) -> None:
-    """State the columns of a run whose sample is the latest one before an instant."""
+def _put_held(found: Pressures, begin: int, run: PatchRun, patch: Patch) -> NDArray[np.bool_]:
+    """State the columns of a run whose sample is the latest one before an instant.
+
+    Columns that are stated already by a later sample stay as they are. Gives which are stated.
+    """
     rows, columns = run.lo.shape
     skew = np.array(patch.skew or (0,) * columns, np.int64)
-    until = np.clip((t - run.t - skew) // run.dt, -1, rows - 1)
+    until = np.clip((found.t - run.t - skew) // run.dt, -1, rows - 1)
     sampling = Sampling(rows, columns, run.first_row, run.strides)
     last = last_rows(sampling.mask, until)
     steps = run.dt << np.frombuffer(run.strides or bytes(columns), np.uint8).astype(np.int64)
+    moments = run.t + skew + last * run.dt
     # Half a period late is no gap yet, as everywhere (`store.read.block_index.longest_step`).
-    held = t - (run.t + skew + last * run.dt) <= steps + steps // 2
-    chosen = np.flatnonzero((last >= 0) & held)
+    held = (last >= 0) & (found.t - moments <= steps + steps // 2)
+    stated = found.moments[begin : begin + columns]
+    chosen = np.flatnonzero(held & (moments >= stated))
     found.put(begin + chosen, run.lo[last[chosen], chosen], run.hi[last[chosen], chosen], run.error)
+    stated[chosen] = moments[chosen]
+    return stated > _NEVER
 
 
 def _positions(patches: Iterable[Patch]) -> Floats:

@@ -53,6 +53,23 @@ _ROWS: Final = (
     .where(_here(patch_rows), patch_rows.c.patch == bindparam("patch"), _overlapping(patch_rows))
     .order_by(patch_rows.c.t, patch_rows.c.boot, patch_rows.c.sequence)
 )
+_LAST_FRAMES: Final = (
+    select(frames)
+    .where(_here(frames), frames.c.page == bindparam("page"), _overlapping(frames))
+    .order_by(frames.c.t.desc(), frames.c.boot.desc(), frames.c.sequence.desc())
+)
+_ROW_KEYS: Final = (
+    select(patch_rows.c.t, patch_rows.c.boot, patch_rows.c.sequence)
+    .where(_here(patch_rows), patch_rows.c.patch == bindparam("patch"), _overlapping(patch_rows))
+    .order_by(patch_rows.c.t, patch_rows.c.boot, patch_rows.c.sequence)
+)
+_ROW: Final = select(patch_rows).where(
+    _here(patch_rows),
+    patch_rows.c.patch == bindparam("patch"),
+    patch_rows.c.t == bindparam("t"),
+    patch_rows.c.boot == bindparam("boot"),
+    patch_rows.c.sequence == bindparam("sequence"),
+)
 _FRAME_STARTS: Final = (
     select(frames.c.t)
     .where(
@@ -175,6 +192,55 @@ def read_compacted(
     key = {"slot": slot_of(node), "node": node, "patch": patch_id}
     rows = connection.execute(_ROWS, key | _bounds(window, totals["longest"])).mappings()
     return [run for row in rows if is_intact_patch_row(row) for run in decode_runs(row["data"])]
+
+
+class CompactedRuns:
+    """The compacted rows of a patch around instants; each is decoded once.
+
+    Args:
+        connection: In a read transaction.
+        node: The node.
+        patch_id: The patch.
+    """
+
+    def __init__(self, connection: Connection, node: str, patch_id: str) -> None:
+        self._connection = connection
+        self._key = {"slot": slot_of(node), "node": node, "patch": patch_id}
+        totals = read_patch(connection, node, patch_id)
+        self._longest = None if totals is None else totals["longest"]
+        self._decoded: dict[tuple[int, int, int], list[PatchRun]] = {}
+
+    def until(self, t: int, span: int) -> list[PatchRun]:
+        """The runs that have samples in a span before an instant, and at it, UTC ns."""
+        if self._longest is None:
+            return []
+        window = Window(before(t, span), t + 1)
+        bounds = self._key | _bounds(window, self._longest)
+        found: list[PatchRun] = []
+        for place in self._connection.execute(_ROW_KEYS, bounds):
+            runs = self._decoded.get(tuple(place))
+            if runs is None:
+                runs = self._decoded[tuple(place)] = self._decode(*place)
+            found += (
+                run for run in runs if run.t <= t and run.t + run.dt * len(run.lo) >= window.start
+            )
+        return found
+
+    def _decode(self, t: int, boot: int, sequence: int) -> list[PatchRun]:
+        key = self._key | {"t": t, "boot": boot, "sequence": sequence}
+        row = self._connection.execute(_ROW, key).mappings().one()
+        return decode_runs(row["data"]) if is_intact_patch_row(row) else []
+
+
+def last_frame_rows(
+    connection: Connection, node: str, page: int, t: int, span: int
+) -> Iterator[RowMapping]:
+    """The intact rows of a page's frames in a span before an instant, and at it; latest first."""
+    key = {"slot": slot_of(node), "node": node, "page": page}
+    bounds = key | {"earliest": before(t, span), "end": t + 1, "start": before(t, span)}
+    for row in connection.execute(_LAST_FRAMES, bounds).mappings():
+        if is_intact_frame(row["data"], FrameHeader.of(row), row["head"]):
+            yield row
 
 
 def read_frame_rows(
