@@ -68,7 +68,7 @@ BAD_QUESTIONS: tuple[tuple[str, dict[str, Any], int, str], ...] = (
     ("/api/v1/nodes/nobody/channels", {}, 404, "nodes lists"),
     (f"/api/v1/nodes/{NODE}", {"x": 1}, 422, "spelling"),
     ("/api/v1/events", {"kind": "earthquake"}, 422, "kind"),
-    ("/api/v1/events", {"verdict": "impossible"}, 422, "verdict"),
+    ("/api/v1/events", {"verdict": "unlikely"}, 422, "verdict"),
     ("/api/v1/events", {"order": "random"}, 422, "order"),
     ("/api/v1/events", {"limit": 1001}, 422, "limit"),
     ("/api/v1/events", {"start": 2, "end": 1}, 422, "swap"),
