@@ -17,10 +17,10 @@ from sqlalchemy import and_, delete, func, select, tuple_
 from eskin.errors import MessageError
 from eskin.runtime.digest import digest
 from eskin.wire.frames import Sampling
+from eskin.wire.frames.frame_parts import read_head
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_frame
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
-from eskin_cloud.store.frame_row import read_frame_head, read_patch_bounds
 from eskin_cloud.store.patch_rows import MOST_CELLS, encode_runs
 from eskin_cloud.store.patch_totals import add_rows
 from eskin_cloud.store.read.patch_runs import runs_of_frames
@@ -178,7 +178,8 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
         query = query.where(f.t >= since)
     query = query.order_by(f.t, f.boot, f.sequence).limit(count)
     columns = sum(len(described.patches[number].taxels) for number in numbers)
-    gone, cells = [], 0
+    gone: list[RowMapping] = []
+    cells = 0
     for row in filter(_is_intact, connection.execute(query).mappings().all()):
         cells += columns * _most_rows(row)
         if gone and cells > MOST_CELLS:  # with strides, few samples may lie in many cells
@@ -224,8 +225,7 @@ def _count(heads: Sequence[RowMapping], due: Due, samples: int) -> int:
 
 def _most_rows(row: RowMapping) -> int:
     """Rows of a frame's longest grid."""
-    head = read_frame_head(row["data"], read_patch_bounds(row["bounds"]))
-    return max(grid.rows for grid in head.grids)
+    return max(grid.rows for grid in read_head(row["data"]).grids)
 
 
 def _is_intact(row: RowMapping) -> bool:
