@@ -1,4 +1,4 @@
-"""Pictures of a skin as JSON, Arrow (IPC stream), and as a sequence of frame messages."""
+"""Pictures of a skin as JSON, Arrow (IPC stream) and CBOR sequence."""
 
 from __future__ import annotations
 

@@ -56,10 +56,11 @@ class FoundContacts:
 
 
 class LiveContacts:
-    """Finds contacts at the last instant of each stretch, in a thread, one skin after the other.
+    """Finds contacts at the last instant of each stretch.
 
-    Streams hand over what they read, so nothing is computed for a node that none watches. A stretch
-    that is not computed when the next one is complete is skipped.
+    One thread serves all skins. Streams hand over what they read, so nothing is computed for a
+    node that no client watches. A stretch that is not computed when the next one is complete is
+    skipped.
 
     Args:
         feed: Whose frames are read.

@@ -29,7 +29,10 @@ def multiply_down(n: Integers, means: Floats) -> Floats:
 
 @kernel
 def divide_down(sums: Floats, n: Integers, exponent: int) -> Floats:
-    """The greatest whole quanta of ``2^exponent`` that times their counts are no more than sums."""
+    """Divide sums by counts, rounded down to quanta of ``2^exponent``.
+
+    A mean times its count is no more than the sum.
+    """
     means, quantum = np.empty(n.size), 2.0**exponent
     for k in range(n.size):
         count = np.float64(n[k])

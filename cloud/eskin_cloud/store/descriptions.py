@@ -263,7 +263,7 @@ def find_layout(connection: Connection, node: str, name: bytes) -> DescribedLayo
 
 
 def require_stated(connection: Connection, node: str, described: DescribedLayout) -> None:
-    """Check that a node itself stated a layout and its patches, and not only another node.
+    """Check that this node stated a layout and its patches.
 
     Raises:
         UnknownDescriptionError: It did not.

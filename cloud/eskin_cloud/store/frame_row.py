@@ -9,8 +9,7 @@ import numpy as np
 
 from eskin.errors import MessageError
 from eskin.kernels.jit import kernel
-from eskin.wire.frames import Grid, PatchSamples
-from eskin.wire.messages.cbor_map import ARRAY, opening
+from eskin.wire.frames import PatchSamples
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.store.damage import FrameHeader
 from eskin_cloud.store.slot import slot_of
@@ -26,21 +25,6 @@ PATCH_BOUNDS: Final = np.dtype(
 )
 """An item of column ``bounds``: a patch's number in the layout, where its CBOR item stands in
 ``data``, and the hull of its samples; infinite where a sample is unknown on that side."""
-_MAP_OF_8: Final = b"\xa8"
-
-
-class FrameHead(NamedTuple):
-    """A frame without its patches.
-
-    Attributes:
-        ticks: The node's clock at the first moment, ns since its start.
-        time: Enclosure of the same moment, UTC ns.
-        grids: When patches were sampled.
-    """
-
-    ticks: int
-    time: tuple[int, int]
-    grids: tuple[Grid, ...]
 
 
 class FittingFrame(NamedTuple):
@@ -137,19 +121,6 @@ def patch_record(data: bytes, bounds: NDArray[Any], patch: int) -> PatchSamples 
     if at == len(bounds) or bounds["patch"][at] != patch:
         return None
     return _read_item(data, bounds[at])
-
-
-def read_frame_head(data: bytes, bounds: NDArray[Any]) -> FrameHead:
-    """What stands in a frame before its patches.
-
-    Args:
-        data: Column ``data`` of an intact row.
-        bounds: As `read_patch_bounds` gives them.
-    """
-    # The patches are the last field: key 9 and the head of the array precede the first.
-    end = int(bounds["offset"][0]) - len(opening(ARRAY, len(bounds))) - 1
-    fields = cbor2.loads(_MAP_OF_8 + data[1:end])
-    return FrameHead(fields[6], tuple(fields[7]), tuple(Grid(*grid) for grid in fields[8]))
 
 
 def fit_frame(frame: FrameSummary, described: DescribedLayout, data: bytes) -> FittingFrame:

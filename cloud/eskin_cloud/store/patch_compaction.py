@@ -17,6 +17,7 @@ from sqlalchemy import and_, delete, func, select, tuple_
 from eskin.errors import MessageError
 from eskin.runtime.digest import digest
 from eskin.wire.frames import Sampling
+from eskin.wire.frames.frame_parts import read_head
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_frame
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
@@ -176,7 +177,15 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
     if since is not None:
         query = query.where(f.t >= since)
     query = query.order_by(f.t, f.boot, f.sequence).limit(count)
-    gone = [row for row in connection.execute(query).mappings().all() if _is_intact(row)]
+    columns = sum(len(described.patches[number].taxels) for number in numbers)
+    gone: list[RowMapping] = []
+    cells = 0
+    for row in filter(_is_intact, connection.execute(query).mappings().all()):
+        cells += columns * _most_rows(row)
+        if gone and cells > MOST_CELLS:  # with strides, few samples may lie in many cells
+            until = row["t"]
+            break
+        gone.append(row)
     if until == since and not gone:
         return None
     runs: dict[int, list[PatchRun]] = defaultdict(list)
@@ -212,6 +221,11 @@ def _count(heads: Sequence[RowMapping], due: Due, samples: int) -> int:
         if span >= SHORTEST and (found >= samples or span >= _LONGEST):
             return k + 1
     return len(heads) if due.includes_few(heads) else 0
+
+
+def _most_rows(row: RowMapping) -> int:
+    """Rows of a frame's longest grid."""
+    return max(grid.rows for grid in read_head(row["data"]).grids)
 
 
 def _is_intact(row: RowMapping) -> bool:

@@ -102,7 +102,7 @@ def removed_frames(
     gone: Sequence[Position],
     parts: Mapping[Position, int],
 ) -> set[Position]:
-    """Which frames of those that the cloud has no more as a whole were removed by their age.
+    """Which of the missing or incomplete frames were removed because of their age.
 
     Args:
         path: Of the truth.

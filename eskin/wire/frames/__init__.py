@@ -1,4 +1,4 @@
-"""Frames of a whole skin, how they are read, what is stated of them (``docs/messages.md``)."""
+"""Frames of a skin, their descriptions, and statements (``docs/messages.md``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples of columns, a column after the other, in the codes of a patch's samples.
+"""Encode and decode samples column after column, for long storage.
 
 What is kept for long is read a column at a time: so each column has an exponent, an offset and
 codes of its own, those of a patch with one column (`eskin.wire.frames.sample_codec`).

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from eskin.kernels.jit import kernel, part
+from eskin.wire.frames.frame_scan import PARTS, Part, read_record
 from eskin.wire.frames.frame_summary import without_others
 from eskin.wire.frames.sample_codec import MOST_STRIDE, PADDING, decode_codes, order_cells
-from eskin.wire.messages.compiled_cbor import read_head, read_integer, read_string
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,21 +56,16 @@ def _enclose(
     hi: Floats,
     samples: NDArray[np.int64],
 ) -> None:
-    first = 0
+    first, row = 0, np.empty(PARTS, np.int64)
     cells, ordered = order_cells(0, 0, 0, np.zeros(0, np.uint8)), (0, 0)
     column_of = _columns(cells[0], 1)
     for k in range(len(records)):
         record = records[k]
         columns = int(record.columns)
         first_row, rows = grids[record.grid]
-        place = int(record.offset) + 1
-        for _ in range(4):  # patch, grid, epoch, columns
-            _, place = read_head(data, place, 0)
-        exponent, place = read_integer(data, place)
-        offset, place = read_integer(data, place)
-        codes, end = read_string(data, place, 2)
-        if record.strided:
-            strides, _ = read_string(data, end + 2, 2)  # after the head of the options and a key
+        read_record(data, int(record.offset), row)
+        strides = row[Part.STRIDES]
+        if strides >= 0:
             cells = order_cells(rows, columns, first_row, data[strides : strides + columns])
             column_of = _columns(cells[0], columns)
             cells, ordered = without_others(cells, rows * columns), (0, 0)
@@ -80,7 +75,11 @@ def _enclose(
             cells, ordered = without_others(cells, rows * columns), (rows, columns)
         size = len(column_of)
         low, high = np.full(size, -np.inf), np.full(size, np.inf)
-        decode_codes(data, (codes, end), cells, (exponent, offset), low, high)
+        within, scale = (
+            (row[Part.CODES], row[Part.CODES_END]),
+            (row[Part.EXPONENT], row[Part.OFFSET]),
+        )
+        decode_codes(data, within, cells, scale, low, high)
         for n in range(size):
             column = first + column_of[n]
             lo[column], hi[column] = min(lo[column], low[n]), max(hi[column], high[n])

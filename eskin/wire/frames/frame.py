@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from eskin.wire.frames.patch import Patch
 
 MOST_GRIDS: Final = 16
+MOST_CELLS: Final = 2**18
+"""Rows times columns of all patches: with strides, few samples may lie in many cells."""
 LONGEST_PERIOD: Final = 1_000_000_000_000
 _FIELDS: Final = frozenset(range(1, 10))
 HEAD_BYTES: Final = 98
@@ -254,6 +256,12 @@ class Frame:
             raise MessageError(
                 f"frame may take {self.limit} bytes; at most {MOST_BYTES} are allowed: "
                 "use more pages or a shorter stretch"
+            )
+        cells = sum(each.columns * self.grids[each.grid].rows for each in self.patches)
+        if cells > MOST_CELLS:
+            raise MessageError(
+                f"frame has {cells} cells; at most {MOST_CELLS} are allowed: sample columns that "
+                "have great strides in patches of their own, with a longer period"
             )
         object.__setattr__(self, "values", tuple(map(self._decode, self.patches)))
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import cbor2
 
 from eskin.errors import MessageError
+from eskin.wire.frames.frame import Grid
 from eskin.wire.messages.cbor_map import dump
 from eskin.wire.messages.header import Kind, Position
 
@@ -15,11 +16,11 @@ if TYPE_CHECKING:
     from collections.abc import Container
 
 _MAP_OF_9: Final = 0xA9
-_HEAD_FIELDS: Final = 7
+_HEAD_FIELDS: Final = 8
 
 
 class FrameHead(NamedTuple):
-    """What stands in a frame before its grids.
+    """What stands in a frame before its patches.
 
     Attributes:
         position: Boot and sequence.
@@ -27,6 +28,7 @@ class FrameHead(NamedTuple):
         page: Number of its page in the layout.
         ticks: The node's clock at the first moment, ns since its start.
         time: Enclosure of the same moment, UTC ns.
+        grids: When patches were sampled.
     """
 
     position: Position
@@ -34,6 +36,7 @@ class FrameHead(NamedTuple):
     page: int
     ticks: int
     time: tuple[int, int]
+    grids: tuple[Grid, ...]
 
     @property
     def stretch(self) -> tuple[int, int]:
@@ -55,7 +58,8 @@ def read_head(data: bytes) -> FrameHead:
     try:
         fields: dict[Any, Any] = {decoder.decode(): decoder.decode() for _ in range(_HEAD_FIELDS)}
         position = Position(fields[2], fields[3])
-        return FrameHead(position, fields[4], fields[5], fields[6], tuple(fields[7]))
+        grids = tuple(Grid(*grid) for grid in fields[8])
+        return FrameHead(position, fields[4], fields[5], fields[6], tuple(fields[7]), grids)
     except (cbor2.CBORError, LookupError, TypeError) as error:
         raise MessageError(f"frame has no head: {error}") from error
 

@@ -72,7 +72,7 @@ class Part(IntEnum):
 
 _FRAME, _PATCH, _TICKS, _EARLIEST, _LATEST, _DELAY, _PERIOD, _FIRST_ROW, _ROWS, _EPOCH = range(10)
 _COLUMNS, _EXPONENT, _OFFSET, _CODES, _CODES_END, _STRIDES, _UNSHARED, _BEGIN = range(10, 18)
-_PARTS: Final = 18
+PARTS: Final = 18
 
 
 class Records(NamedTuple):
@@ -123,7 +123,7 @@ def scan_frames(frames: Sequence[bytes], wanted: NDArray[np.bool_]) -> Records:
     starts = np.concatenate([[0], np.cumsum(sizes)])
     data = np.frombuffer(b"".join([*frames, bytes(PADDING)]), np.uint8)
     room = len(frames) * int(np.count_nonzero(wanted))
-    whole, coverage = np.empty((room, _PARTS), np.int64), np.empty(room)
+    whole, coverage = np.empty((room, PARTS), np.int64), np.empty(room)
     count, cells = _scan(data, starts, wanted, whole, coverage)
     whole, coverage = whole[:count], coverage[:count]
     lo, hi = np.full(cells, -np.inf), np.full(cells, np.inf)
@@ -143,14 +143,14 @@ def _scan(
     while last >= 0 and not wanted[last]:
         last -= 1
     grids, surely = np.empty((MOST_GRIDS, 4), np.int64), np.empty(MOST_GRIDS)
-    head, row = np.empty(4, np.int64), np.empty(_PARTS, np.int64)
+    head, row = np.empty(4, np.int64), np.empty(PARTS, np.int64)
     count = cells = 0
     for frame in range(starts.size - 1):
         at = _read_frame(data, int(starts[frame]), head, grids, surely)
         row[_FRAME] = frame
         row[_TICKS : _LATEST + 1] = head[1:]
         for _ in range(head[0]):
-            grid, at = _read_record(data, at, row)
+            grid, at = read_record(data, at, row)
             if row[_PATCH] > last:
                 break
             if wanted[row[_PATCH]]:
@@ -184,7 +184,7 @@ def _read_frame(data: Bytes, place: int, head: Integers, grids: Integers, surely
 
 
 @part
-def _read_record(data: Bytes, place: int, row: Integers) -> tuple[Any, Any]:
+def read_record(data: Bytes, place: int, row: Integers) -> tuple[Any, Any]:
     """Read a patch, whose codes stay encoded; gives its grid, and where the next one begins."""
     items, place = read_head(data, place, 4)
     row[_PATCH], place = read_head(data, place, 0)

@@ -38,7 +38,7 @@ _PARTS: Final = 0
 
 @part
 def block(low: Word, high: Word, key: Word) -> tuple[Word, Word]:
-    """Encrypt a counter of 128 bits, words in ascending order, with a key of 64."""
+    """A block of Philox4x32-10: words of a 128-bit counter, ascending, under a 64-bit key."""
     x0, x1 = low & _WORD, low >> _HALF
     x2, x3 = high & _WORD, high >> _HALF
     k0, k1 = key & _WORD, key >> _HALF
@@ -82,9 +82,10 @@ def fill_normal(key: Word, stream: Word, taxels: Integers, moments: Integers, ou
 
 
 class ColumnGenerator(np.random.Generator):
-    """Draws columns where a kind's code draws one number, and taxels × moments where it draws some.
+    """A random generator that draws for all taxels of a skin at once.
 
-    So the kinds' own drawing of true parts and of noise serves a whole skin at once.
+    Where a kind's code draws one number, it draws a column; where it draws several, taxels ×
+    moments. So the kinds' own code draws true parts and noise.
 
     Args:
         seed: The node's, below 2^64.

@@ -134,9 +134,10 @@ class PadColumnsInversion:
 
 
 def least_width(taxel: PadSection) -> float:
-    """Least width in Pa of what a pad may be found to feel, whatever its parts and its air are.
+    """Least width, in Pa, of the pressure that any pad feels, for any parts and air.
 
-    Before it is cut with what the data sheet allows: a pad at rest has a narrower interval.
+    It holds before the interval is cut with what the data sheet allows: a pad at rest has a
+    narrower one.
     """
     kelvin = max(abs(taxel.temperature_min - 20.0), abs(taxel.temperature_max - 20.0))
     percent = max(abs(taxel.humidity_min - 50.0), abs(taxel.humidity_max - 50.0))

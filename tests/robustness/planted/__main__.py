@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.robustness.planted.bugs import read_bugs
-from tests.robustness.planted.copied_tree import FAILED, CopiedTree, CopyError
+from tests.robustness.planted.copied_tree import DASHBOARD, FAILED, CopiedTree, CopyError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +42,7 @@ def main() -> int:
     with TemporaryDirectory(prefix="eskin-planted-") as folder:
         tree = CopiedTree(Path(folder) / "tree")
         with console.status("tests without any bug"):
-            status, output = tree.test(*(_WHOLE if options.whole else _named(chosen)))
+            status, output = _test(tree, chosen, whole=options.whole)
         if status:
             console.print(output, markup=False, highlight=False)
             console.print(f"tests fail without any bug (status {status})")
@@ -65,7 +65,7 @@ def _plant(tree: CopiedTree, bug: Bug, *, whole: bool) -> tuple[str, str]:
     """The result of a bug, and the tests' output."""
     try:
         with tree.planted(bug.patch):
-            status, output = tree.test("--exitfirst", *(_WHOLE if whole else [bug.caught_by]))
+            status, output = _test(tree, [bug], "--exitfirst", whole=whole)
     except CopyError as error:
         return "NOT APPLIED", str(error)
     if status == 0:
@@ -73,8 +73,18 @@ def _plant(tree: CopiedTree, bug: Bug, *, whole: bool) -> tuple[str, str]:
     return ("caught", output) if status == FAILED else (f"NOT RUN ({status})", output)
 
 
-def _named(bugs: Sequence[Bug]) -> list[str]:
-    return list(dict.fromkeys(bug.caught_by for bug in bugs))
+def _test(tree: CopiedTree, bugs: Sequence[Bug], *options: str, whole: bool) -> tuple[int, str]:
+    """Run the tests that bugs name, or all in their languages; gives status and output."""
+    status, output = 0, ""
+    in_python = dict.fromkeys(bug.caught_by for bug in bugs if not bug.in_dashboard)
+    if in_python:
+        status, output = tree.test(*options, *(_WHOLE if whole else in_python))
+    in_dashboard = dict.fromkeys(
+        bug.caught_by.removeprefix(f"{DASHBOARD}/") for bug in bugs if bug.in_dashboard
+    )
+    if in_dashboard and not status:
+        status, output = tree.test_dashboard(*(() if whole else in_dashboard))
+    return status, output
 
 
 if __name__ == "__main__":

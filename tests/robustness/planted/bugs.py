@@ -19,12 +19,17 @@ class Bug:
     Attributes:
         name: Of its patch, without the suffix.
         patch: The patch, for ``git apply``.
-        caught_by: The tests that fail with it, as pytest names them.
+        caught_by: The tests that fail with it, as pytest names them, or a file of the dashboard's.
     """
 
     name: str
     patch: Path
     caught_by: str
+
+    @property
+    def in_dashboard(self) -> bool:
+        """Whether vitest runs the tests, and not pytest."""
+        return self.caught_by.endswith(".ts")
 
 
 def read_bugs() -> dict[str, Bug]:

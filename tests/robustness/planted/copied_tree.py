@@ -22,7 +22,12 @@ PACKAGES: Final = {
     "eskin_ca": "ca_service",
 }
 """Folder of each package."""
-_BUILT: Final = ("cloud/eskin_cloud/dashboard", "tests/contract/micropython/node_modules")
+DASHBOARD: Final = "cloud/dashboard"
+_BUILT: Final = (
+    "cloud/eskin_cloud/dashboard",
+    f"{DASHBOARD}/node_modules",
+    "tests/contract/micropython/node_modules",
+)
 """What is built and not committed; the copy links to it."""
 FAILED: Final = 1
 """pytest's exit status if tests failed; others mean that they did not run."""
@@ -79,9 +84,20 @@ class CopiedTree:
         done = self._run("-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments)
         return done.returncode, done.stdout + done.stderr
 
+    def test_dashboard(self, *arguments: str) -> tuple[int, str]:
+        """Run vitest in the dashboard's folder; returns its exit status and its output."""
+        folder = os.path.relpath(self._folder / DASHBOARD, ROOT)
+        done = self._run_program(
+            str(ROOT / "services" / "npm.sh"), folder, "test", "--", *arguments
+        )
+        return done.returncode, done.stdout + done.stderr
+
     def _run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        return self._run_program(sys.executable, *arguments)
+
+    def _run_program(self, *command: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [sys.executable, *arguments],
+            command,
             cwd=self._folder,
             env=self._env,
             capture_output=True,

@@ -17,7 +17,7 @@ from eskin_cloud.query.series import read_series
 from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import compact_page, find_compactable
-from eskin_cloud.store.frame_row import patch_record, read_frame_head, read_patch_bounds
+from eskin_cloud.store.frame_row import patch_record, read_patch_bounds
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.frame_tables import frames
@@ -27,6 +27,7 @@ from numba.core.caching import Cache
 from sqlalchemy import select
 
 from eskin.wire.frames import decode_samples
+from eskin.wire.frames.frame_parts import read_head
 from eskin.wire.messages import Encoding
 from tests.unit.cloud.clouds import put_items
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block
@@ -80,7 +81,7 @@ def _store_frame(store: Store, data: bytes) -> None:
     bounds = read_patch_bounds(row["bounds"])
     of_patch = patch_record(row["data"], bounds, 0)
     assert of_patch is not None
-    grids = read_frame_head(row["data"], bounds).grids
+    grids = read_head(row["data"]).grids
     decode_samples(of_patch.samples, of_patch.sampling(grids[of_patch.grid]))
 
 

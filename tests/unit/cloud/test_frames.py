@@ -11,7 +11,6 @@ from eskin_cloud.store.descriptions import DescribedLayout, find_layout
 from eskin_cloud.store.frame_row import (
     fit_frame,
     patch_record,
-    read_frame_head,
     read_patch_bounds,
 )
 from eskin_cloud.store.schema.frame_tables import descriptions, frames, pages
@@ -23,6 +22,7 @@ from sqlalchemy import select, update
 
 from eskin.errors import MessageError
 from eskin.wire.frames import Frame, FrameSummary, Grid, PatchSamples, decode_samples
+from eskin.wire.frames.frame_parts import read_head
 from eskin.wire.messages import Position
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import put
@@ -62,7 +62,7 @@ def test_frame_is_kept_byte_for_byte_and_each_patch_is_read_alone(store: Store) 
     require_intact_frame(row)
     assert row["data"] == said.encode()
     bounds = read_patch_bounds(row["bounds"])
-    head = read_frame_head(row["data"], bounds)
+    head = read_head(row["data"])
     assert (head.ticks, head.time, head.grids) == (said.ticks, said.time, said.grids)
     assert bounds["patch"].tolist() == [0, 1]
     for each, values, bound in zip(said.patches, said.values, bounds, strict=True):

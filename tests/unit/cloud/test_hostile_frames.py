@@ -86,6 +86,19 @@ def beyond_the_limit() -> bytes:
     return cbor2.dumps(GOOD | {8: [list(grid)], 9: [of_patch]})
 
 
+def sparse() -> bytes:
+    """A frame of few samples in many cells: each patch has one row of a thousand."""
+    grid = FAST._replace(rows=1000, first_row=0)
+    values = Interval(np.zeros((1000, 64)), np.ones((1000, 64)))
+    packed = [
+        PatchSamples.pack(
+            values, 64.0, patch=number, grid=0, first_row=0, strides=bytes([16]) * 64
+        ).encode()
+        for number in range(5)
+    ]
+    return cbor2.dumps(GOOD | {8: [list(grid)], 9: packed})
+
+
 HOSTILE: Final = {
     "torn": frame(1).encode()[:-1],
     "longer than its patches": frame(1).encode() + b"\0",
@@ -107,6 +120,7 @@ HOSTILE: Final = {
     "no patch": cbor2.dumps(GOOD | {9: []}),
     "no grid": cbor2.dumps(GOOD | {8: []}),
     "few bytes, many samples": beyond_the_limit(),
+    "few samples, many cells": sparse(),
     "reversed time": cbor2.dumps(GOOD | {7: [2, 1]}),
     "indefinite length": frame(1).encode()[:-1] + b"\x5f\xff",
     "another order": cbor2.dumps(dict(reversed(GOOD.items()))),

@@ -15,7 +15,7 @@ from eskin_cloud.store import patch_compaction
 from eskin_cloud.store.damage import is_intact_patch_row
 from eskin_cloud.store.disk_usage import measure_disk
 from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
-from eskin_cloud.store.patch_rows import decode_runs
+from eskin_cloud.store.patch_rows import MOST_CELLS, decode_runs
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows, patches
 from eskin_cloud.store.write.ingest import DUPLICATE, STORED
 from hypothesis import HealthCheck, given, settings
@@ -23,11 +23,12 @@ from hypothesis import strategies as st
 from sqlalchemy import Engine, event, func, select, update
 
 from eskin.errors import StoreError
-from eskin.wire.frames import Frame
+from eskin.wire.frames import Frame, Grid, PatchSamples
+from eskin.wire.messages import Position
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.messages import NODE, START
-from tests.unit.cloud.skins import HAND, PATCHES, describe, frame
+from tests.unit.cloud.skins import HAND, PATCHES, describe, frame, layout, patch, samples
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -148,6 +149,36 @@ def test_rows_hold_what_the_frames_held(store: Store) -> None:
     require_totals(store)
     with store.read() as connection:
         assert sum(connection.execute(select(patch_rows.c.frames)).scalars()) == len(before)
+
+
+def test_few_samples_in_many_cells_are_compacted(store: Store) -> None:
+    wide = patch("wide", 64)
+    described = layout((wide,), (1,))
+    describe(store, described, wide)
+    grid, strides = Grid(0, SECOND // 1000, 0, 1000, 1.0), bytes([16]) * 64
+    expected = []
+    for k in range(MOST_CELLS // 64_000 + 20):
+        values = samples(1000, 64, seed=k)
+        packed = PatchSamples.pack(values, 64.0, patch=0, grid=0, first_row=0, strides=strides)
+        first = START + k * SECOND
+        put(
+            store,
+            Frame(
+                Position(1, k), described.content_hash, 0, k * SECOND, (first, first), (grid,),
+                (packed,),
+            ),
+        )  # fmt: skip
+        expected.append(values[0])
+    compact_all(store)
+    assert count(store, frames) == 0
+    require_totals(store)
+    with store.read() as connection:
+        rows = connection.execute(select(patch_rows.c.data)).scalars().all()
+    runs = sorted((run for row in rows for run in decode_runs(row)), key=lambda run: run.t)
+    assert len(rows) > 1
+    assert len(runs) == len(expected)
+    for run, each in zip(runs, expected, strict=True):
+        assert np.all((run.lo[0] <= each.inf) & (each.sup <= run.hi[0]))
 
 
 def test_rows_are_ten_seconds_long_and_the_rest_waits(store: Store) -> None:

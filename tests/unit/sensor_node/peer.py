@@ -33,7 +33,7 @@ class Peer:
         order: Positions in order of their first arrival.
         timeline: Names of descriptions and positions of messages, each as often as it came.
         held: The last that the node said it still holds.
-        strangers: Messages that came before their sender's introduction.
+        unintroduced: Messages that came before their sender's introduction.
     """
 
     def __init__(self, identities: Identities, port: int, *, acknowledging: bool = True) -> None:
@@ -44,7 +44,7 @@ class Peer:
         self.timeline: list[bytes | Position] = []
         self.held: Position | None = None
         self._retained: Counter[str] = Counter()
-        self.strangers = 0
+        self.unintroduced = 0
         self._identities = identities
         self._trust = ChainVerifier(*identities.authority.roots)
         self._known: dict[bytes, x509.Certificate] = {}
@@ -121,7 +121,7 @@ class Peer:
         try:
             opened = self._opener.open(envelope, topic=message.topic)
         except UnknownSenderError:
-            self.strangers += 1
+            self.unintroduced += 1
             return
         if opened.sender not in self._sealers:
             node = next(c for c in self._known.values() if opened.sender in str(c.subject))

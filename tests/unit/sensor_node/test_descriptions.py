@@ -86,7 +86,7 @@ def test_descriptions_come_behind_the_first_status_at_each_connection(
         assert isinstance(status, Position)
         assert isinstance(peer.messages[status], Status)
         assert described == list(OWN)
-        assert peer.strangers == 0
+        assert peer.unintroduced == 0
         # Nothing asks for them, and no time brings them again.
         wait_until(lambda: max(peer.copies.values()) > 1, "messages came twice")
         assert sum(isinstance(each, bytes) for each in peer.timeline) == len(OWN)

@@ -45,7 +45,7 @@ def test_messages_are_forgotten_after_the_gateway_s_acknowledgement(
         assert kinds == {Block, Peak, Status}
         # It introduces itself before anything else, so no message came from an unknown node.
         assert isinstance(peer.messages[peer.order[0]], Status)
-        assert peer.strangers == 0
+        assert peer.unintroduced == 0
         # Apart from the status, the oldest came first.
         others = [position for position in peer.order if position in before]
         blocks = [p for p in others if isinstance(peer.messages[p], Block)]
@@ -238,7 +238,7 @@ def test_full_disk_does_not_keep_waiting_messages_from_going_out(
     bench.node.record_status = fail  # type: ignore[method-assign]  # a fault is injected
     with Peer(identities, broker.gateway_port) as peer, publishing():
         # Nobody introduced the node, but its messages arrive.
-        wait_until(lambda: peer.strangers >= said, "all arrived")
+        wait_until(lambda: peer.unintroduced >= said, "all arrived")
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 
 from eskin.identity import CertificateAuthority, IdentityKind, new_key
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, Identity
+from eskin.wire.envelope import MOST_ENVELOPE
 from eskin.wire.topics import FROM_NODE
 from tests.support.brokers import Mosquitto
 from tests.support.identities import SITE
@@ -149,6 +150,17 @@ def test_node_writes_and_reads_under_its_own_name_alone(
     assert node.heard == [("eskin/v1/nodes/fingertip/acks", b"for fingertip")]
     assert other_node.heard == [("eskin/v1/nodes/palm/commands", b"for palm")]
     assert client.heard == [(MARK, b"")]
+
+
+def test_greatest_sealed_message_passes_on_each_stream(gateway: Party, node: Party) -> None:
+    topics = [f"eskin/v1/nodes/fingertip/{leaf}" for leaf in FROM_NODE]
+    for topic in topics:
+        node.publish(topic, bytes(MOST_ENVELOPE))
+    node.publish(topics[-1], b"last")
+    wait_until(lambda: (topics[-1], b"last") in gateway.heard, "the last arrives")
+    assert [(topic, len(body)) for topic, body in gateway.heard[:-1]] == [
+        (topic, MOST_ENVELOPE) for topic in topics
+    ]
 
 
 def test_client_writes_nothing(gateway: Party, node: Party, client: Party) -> None:

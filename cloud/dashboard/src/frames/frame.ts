@@ -37,7 +37,7 @@ export interface Frame {
 
 const KIND = 7;
 const STRIDES = 1;
-const MOST_CELLS = 64_000;
+const MOST_CELLS = 2 ** 18;
 
 /** Reads a frame (docs/messages.md). It is trusted to be canonical: gateway and cloud have checked that. */
 export function readFrame(data: Uint8Array): Frame {
@@ -57,6 +57,12 @@ function frameOf(fields: Cbor): Frame {
     return { delay: count(delay), period: count(period), firstRow: count(firstRow), rows: count(rows), coverage };
   });
   const [earliest, latest] = list(fields.get(7));
+  let room = MOST_CELLS;
+  const patches = list(fields.get(9)).map((samples) => {
+    const patch = readPatch(list(samples), grids, room);
+    room -= patch.sampling.rows * patch.sampling.columns;
+    return patch;
+  });
   return {
     boot: count(fields.get(2)),
     sequence: count(fields.get(3)),
@@ -64,15 +70,16 @@ function frameOf(fields: Cbor): Frame {
     page: count(fields.get(5)),
     ticks: count(fields.get(6)),
     time: [BigInt(integer(earliest)), BigInt(integer(latest))],
-    patches: list(fields.get(9)).map((samples) => readPatch(list(samples), grids)),
+    patches,
   };
 }
 
-function readPatch(values: readonly Cbor[], grids: readonly Grid[]): PatchSamples {
+/** @param room so many cells it may have */
+function readPatch(values: readonly Cbor[], grids: readonly Grid[], room: number): PatchSamples {
   const [patch, gridNumber, epoch, columns] = values.slice(0, 4).map(count);
   const grid = grids[gridNumber!];
   if (grid === undefined) throw new FrameError(`patch ${patch} has grid ${gridNumber}; there are ${grids.length}`);
-  if (!(columns! * grid.rows <= MOST_CELLS)) throw new FrameError(`patch ${patch} has more than ${MOST_CELLS} cells`);
+  if (!(columns! * grid.rows <= room)) throw new FrameError(`the frame has more than ${MOST_CELLS} cells, from patch ${patch} on`);
   const options = values[7];
   const strides = options instanceof Map ? options.get(STRIDES) : undefined;
   const sampling: Sampling = {

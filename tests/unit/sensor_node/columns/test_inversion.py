@@ -143,13 +143,10 @@ def test_pressures_are_the_firmware_s_to_the_byte(
 def test_a_stretch_of_a_skin_is_the_firmware_s_of_the_codes_that_were_sensed(
     tmp_path: Path, share: str | None
 ) -> None:
-    controllers = () if share is None else ("n1", "n2", "n3", "n4")
-    node = node_settings(
-        tmp_path,
-        "small-hand",
-        node={"name": share or "small-hand"},
-        skin={"controllers": controllers},
-    )
+    if share is None:
+        node = node_settings(tmp_path, "small-hand")
+    else:  # its seam runs through the press
+        node = flat(tmp_path, 16, 17, node=share, controllers=("n1", "n2", "n3", "n4"))
     columns, again = columns_of(node), columns_of(node)
     list(columns.advance(10 * node.skin.stretch))
     list(again.advance(10 * node.skin.stretch))

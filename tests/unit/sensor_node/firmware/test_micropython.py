@@ -104,7 +104,7 @@ def test_same_bytes_as_in_the_emulated_node(
     bench = Bench(tmp_path, profile, drift=50_000, sampling={"encoding": encoding})
     bench.node.record_status()
     bench.run_to(2.0)
-    bench.ticks = 4 * SECOND  # an overrun: what was undecided is told, and a gap
+    bench.ticks = 4 * SECOND  # an overrun: what was undecided is stated, and a gap
     bench.node.advance(bench.ticks)
     taxel = bench.node.taxels[0]
     taxel.control_unit.calibrate()
@@ -183,18 +183,20 @@ def test_outbox_of_frames_decides_and_writes_the_same(tmp_path: Path) -> None:
     script = [
         [
             name,
-            *([named.get(each[0], each[0]), each[1]] if name == "say" else each for each in told),
+            *([named.get(each[0], each[0]), each[1]] if name == "say" else each for each in stated),
         ]
-        for name, *told in fate(7)
+        for name, *stated in fate(7)
     ]
     job = {"limits": [6000, 8, 60, 100, "5a" * 32], "script": script}
     expected = json.loads(json.dumps(deliver(job)))
     assert under_micropython(job, tmp_path) == expected
     sent = [m for step in expected[:-1:2] if type(step) is list for m in step if type(m) is list]
     assert {kind for _, kind, _ in sent} == {FRAME, STATEMENTS, Kind.STATUS, Kind.RESULT}
-    told = [Statements.decode(bytes.fromhex(body)) for _, kind, body in sent if kind == STATEMENTS]
-    assert {gap.reason for each in told for gap in each.gaps} == {TEXTS[FULL], TEXTS[FAILED]}
-    assert any(each.peaks and each.verdicts for each in told)
+    stated = [
+        Statements.decode(bytes.fromhex(body)) for _, kind, body in sent if kind == STATEMENTS
+    ]
+    assert {gap.reason for each in stated for gap in each.gaps} == {TEXTS[FULL], TEXTS[FAILED]}
+    assert any(each.peaks and each.verdicts for each in stated)
 
 
 def test_same_bytes_of_every_taxel_in_a_scenario(
@@ -247,13 +249,13 @@ def test_same_answers_to_commands(
     commander.take(sign(b"\xa1\x01\x02", own=server, topic=topic))
     other = Command(9, "forearm", now, now + SECOND * 60, CommandName.RESET, {})
     commander.take(sign(other.encode(), own=server, topic=topic))
-    commander.start()  # as after a restart: what flash has kept is told again
+    commander.start()  # as after a restart: what flash has kept is sent again
     said = [body.hex() for body in bench.bodies()]
     bench.close()
     assert under_micropython(recorder.job, tmp_path) == said
     messages = [decode_message(bytes.fromhex(body)) for body in said]
-    told = [message.outcome for message in messages if isinstance(message, Result)]
-    assert told == [Outcome.DONE] * 3 + [Outcome.REFUSED] + [Outcome.EXPIRED] * 2
+    stated = [message.outcome for message in messages if isinstance(message, Result)]
+    assert stated == [Outcome.DONE] * 3 + [Outcome.REFUSED] + [Outcome.EXPIRED] * 2
     assert sum("take" in step for step in recorder.job["steps"]) == 12
 
 
@@ -291,7 +293,7 @@ def test_self_test_finds_the_same_in_any_tubes(tmp_path: Path) -> None:
     job = {"neighbours": around, "tubes": given}
     expected = json.loads(json.dumps(examine(job)))
     assert under_micropython(job, tmp_path) == expected
-    verdicts = [tuple(each) for told in expected for each in told if type(each) is list]
+    verdicts = [tuple(each) for stated in expected for each in stated if type(each) is list]
     assert {dead for dead, _ in verdicts} == {stuck for _, stuck in verdicts} == {0, 1, 2}
 
 
@@ -314,8 +316,8 @@ def test_same_energy_as_in_the_emulated_node(
     bench.close()
     assert under_micropython(recorder.job, tmp_path) == said
     messages = [decode_message(bytes.fromhex(body)) for body in said[:-1]]
-    told = [message.energy for message in messages if isinstance(message, Status)]
-    first, *rest = [each for each in told if each is not None]
+    stated = [message.energy for message in messages if isinstance(message, Status)]
+    first, *rest = [each for each in stated if each is not None]
     assert 0.4 < first.stored[0] < 0.5 < first.stored[1] < 1.0
     assert [each.shedding for each in rest] == [Shedding.ADAPTIVE, Shedding.PEAKS, Shedding.PEAKS]
 
@@ -325,6 +327,6 @@ def test_blocks_are_cut_the_same(schedule: list[int], tmp_path: Path) -> None:
     draw = random.Random(5)  # noqa: S311 - to draw again
     looks = [draw.choice([0, 0, 0, 10**8, 10**9]) for _ in range(300)]
     job = {"cut": schedule, "length": 50_000_000, "looks": looks}
-    told = cut(job)
-    assert {n for _, _, _, n, _ in told} >= {250, 50} or schedule[0] == 10_000
-    assert under_micropython(job, tmp_path) == told
+    stated = cut(job)
+    assert {n for _, _, _, n, _ in stated} >= {250, 50} or schedule[0] == 10_000
+    assert under_micropython(job, tmp_path) == stated

@@ -39,7 +39,8 @@ def frames(draw: st.DrawFn) -> Frame:
 def test_head_is_that_of_the_whole_frame(frame: Frame, ticks: int, page: int) -> None:
     whole = replace(frame, ticks=ticks, page=page, position=Position(3, ticks))
     head = read_head(whole.encode())
-    assert head == (whole.position, whole.layout, whole.page, whole.ticks, whole.time)
+    of_whole = whole.position, whole.layout, whole.page, whole.ticks, whole.time, whole.grids
+    assert head == of_whole
     assert head.stretch == (3, ticks)
 
 

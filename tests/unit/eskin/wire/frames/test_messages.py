@@ -16,6 +16,7 @@ from eskin.interval import Interval, Verdict
 from eskin.wire.frames import (
     Because,
     Frame,
+    FrameSummary,
     Gap,
     Grid,
     Layout,
@@ -274,6 +275,29 @@ def test_few_bytes_become_no_more_samples_than_64_kib_hold() -> None:
                 Frame.decode(dump(fields))
         else:
             assert Frame.decode(dump(fields)).limit <= MOST_BYTES
+
+
+@pytest.mark.parametrize(("patches", "is_refused"), [(4, False), (5, True)])
+def test_few_samples_lie_in_no_more_cells_than_allowed(
+    patches: int,
+    is_refused: bool,  # noqa: FBT001
+) -> None:
+    values = Interval(np.zeros((1000, 64)))
+    grid = FAST._replace(rows=1000, first_row=0)
+    strides = bytes([16]) * 64
+    sparse = [
+        PatchSamples.pack(values, 1.0, patch=k, grid=0, first_row=0, strides=strides).encode()
+        for k in range(patches)
+    ]
+    data = dump(cbor2.loads(FRAME.encode()) | {8: [list(grid)], 9: sparse})
+    if is_refused:
+        for reader in (Frame, FrameSummary):
+            with pytest.raises(MessageError):
+                reader.decode(data)
+    else:
+        summary = FrameSummary.decode(data)
+        assert int(summary.records["samples"].sum()) == patches * 64
+        assert len(Frame.decode(data).patches) == patches
 
 
 def test_layout_reads_its_frames_alone() -> None:
