@@ -200,8 +200,8 @@ def frame_limit(columns: Iterable[int], rows: int) -> int:
         columns: Of each patch.
         rows: Of the grid.
     """
-    each = (_PATCH_BYTES + Sampling(rows, count).limit for count in columns)
-    return _HEAD_BYTES + _GRID_BYTES + sum(each)
+    each = (PATCH_BYTES + Sampling(rows, count).limit for count in columns)
+    return HEAD_BYTES + GRID_BYTES + sum(each)
 
 
 @dataclass(frozen=True, slots=True)

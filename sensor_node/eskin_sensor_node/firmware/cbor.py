@@ -20,6 +20,8 @@ _TEXT = 0x60
 _ARRAY = 0x80
 _MAP = 0xA0
 _TAG = 0xC0
+_FALSE = 0xF4
+_TRUE = 0xF5
 _INFINITY = b"\xf9\x7c\x00"
 _MINUS_INFINITY = b"\xf9\xfc\x00"
 _DEEPEST = 4
@@ -148,11 +150,37 @@ class Writer:
         self._head(_TEXT, len(encoded))
         self.buffer.extend(encoded)
 
+    def octets(self, value: "bytes | bytearray") -> None:
+        """A byte string."""
+        self._head(_BYTES, len(value))
+        self.buffer.extend(value)
+
+    def item(self, value: "Any") -> None:
+        """A number, a truth value, a text, a byte string, or an array or a map of items."""
+        if isinstance(value, bool):
+            self.buffer.append(_TRUE if value else _FALSE)
+        elif isinstance(value, int):
+            self.integer(value)
+        elif isinstance(value, float):
+            self.real(value)
+        elif isinstance(value, str):
+            self.text(value)
+        elif isinstance(value, bytes):
+            self.octets(value)
+        elif isinstance(value, dict):
+            self.map(len(value))
+            for key in sorted(value):
+                self.integer(key)
+                self.item(value[key])
+        else:
+            self.array(len(value))
+            for each in value:
+                self.item(each)
+
     def typed_array(self, tag: int, content: "bytes | bytearray") -> None:
         """A typed array (RFC 8746)."""
         self._head(_TAG, tag)
-        self._head(_BYTES, len(content))
-        self.buffer.extend(content)
+        self.octets(content)
 
     def array(self, n: int) -> None:
         """Begin an array of n items."""

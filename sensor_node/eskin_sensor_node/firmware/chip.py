@@ -97,6 +97,19 @@ if TYPE_CHECKING:
         def store_answer(self, body: bytes) -> None:
             """Keep the last result apart from the messages."""
 
+        def store_descriptions(self, layout: bytes, descriptions: dict[bytes, bytes]) -> None:
+            """Keep descriptions by their hashes, apart from messages, and no others.
+
+            Those that are kept already stay while messages wait, which may be read by them.
+            ``layout`` is the hash of the layout by which this boot's frames are read.
+            """
+
+        def descriptions(self) -> list[bytes]:
+            """The hashes of all that it keeps, in the order of their first keeping."""
+
+        def description(self, name: bytes) -> bytes | None:
+            """The description of a hash; None if it is not there."""
+
         def charge(self) -> bytes:
             """What was kept of the supply; empty where nothing was."""
 

@@ -1,7 +1,7 @@
 """Evicts messages from a full storage, and collects losses until a gap names them."""
 
 from eskin_sensor_node.firmware.gap_reasons import FULL
-from eskin_sensor_node.firmware.message_writer import BLOCK, GAP, RESULT
+from eskin_sensor_node.firmware.message_writer import BLOCK, FRAME, GAP, RESULT
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 _GAP_RESERVE = 2048
 """Bytes reserved for the gap that names what was evicted."""
 _EVENT = 1
-_PRIORITIES = {BLOCK: 0, RESULT: 2, GAP: 3}
-"""Of a message, by its kind; others are events."""
+_PRIORITIES = {BLOCK: 0, FRAME: 0, RESULT: 2, GAP: 3}
+"""Of a message, by its kind; others are events. One that states a gap counts as a gap."""
 _EVICTION_ORDER = (_PRIORITIES[BLOCK], _EVENT, _PRIORITIES[GAP], _PRIORITIES[RESULT])
-"""Raw blocks first, then peaks and status. An evicted gap would need another gap; a result has the
-node's state."""
+"""Samples first, then statements and status. An evicted gap would need another gap; a result has
+the node's state."""
 MOST_SPANS = 64
 """Ranges of positions that one gap can name."""
 
@@ -138,12 +138,13 @@ class Change:
 
     def insert(self, record: "Record") -> None:
         """Keep a message."""
-        self._chip.append(self._chip.boot, record, _PRIORITIES.get(record.kind, _EVENT))
+        kind = GAP if record.gaps else record.kind
+        self._chip.append(self._chip.boot, record, _PRIORITIES.get(kind, _EVENT))
         if record.kind == RESULT:
             self._chip.store_answer(record.body)
         self.level.messages += 1
         self.level.used += len(record.body)
-        self.level.gaps += record.kind == GAP
+        self.level.gaps += record.gaps
 
     def make_room(self, capacity: int) -> None:
         """Evict the oldest until what is left fits, and name it in a gap."""

@@ -1,4 +1,4 @@
-"""Writes messages as bytes, for `eskin.wire.messages` to read."""
+"""Writes messages as bytes, for `eskin.wire.messages` and `eskin.wire.frames` to read."""
 
 from eskin_sensor_node.firmware.cbor import (
     Writer,
@@ -15,13 +15,25 @@ from eskin_sensor_node.firmware.rounding import up
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
-    from typing import Protocol
+    from typing import Any, Protocol
 
     from eskin_sensor_node.firmware.energy import Energy
     from eskin_sensor_node.firmware.peaks import PeakEvent
 
     State = Mapping[str, Mapping[str, float | str]]
     """Settings of each place: a channel, a taxel, or ``*``."""
+
+    Time = tuple[int, int]
+    """Earliest and latest UTC, ns."""
+    Grid = tuple[int, int, int, int, float]
+    """Delay and period in ns, number of the first row, rows, coverage."""
+    PatchSamples = Sequence[Any]
+    """Number of the patch, number of its grid, epoch, columns, exponent, offset, codes; then a map
+    of options where it has some: 1 strides, 2 bits of unshared columns."""
+    Span = tuple[int, int, int]
+    """Boot, first and last sequence of lost messages."""
+    Gap = tuple[str, Time, int, int, Sequence[Span], Sequence[int]]
+    """Reason, time, lost messages, lost samples, positions of the messages, numbers of patches."""
 
     class Numbers(Protocol):
         """Counts messages."""
@@ -35,6 +47,8 @@ PEAK = 2
 GAP = 3
 STATUS = 4
 RESULT = 5
+FRAME = 7
+STATEMENTS = 8
 
 
 class Channel:
@@ -60,7 +74,7 @@ class Record:
     """A message with what flash must know of it.
 
     Attributes:
-        kind: `BLOCK`, `PEAK`, `GAP`, `STATUS` or `RESULT`.
+        kind: `BLOCK`, `PEAK`, `GAP`, `STATUS`, `RESULT`, `FRAME` or `STATEMENTS`.
         sequence: Its number in this boot.
         body: Its bytes.
         earliest: UTC ns of its begin.
@@ -68,12 +82,14 @@ class Record:
         samples: How many samples it holds, or for a gap: how many were lost.
         named: How many lost messages it names.
         channel: Name of its channel, or empty.
+        gaps: How many gaps it states.
     """
 
     __slots__ = (
         "body",
         "channel",
         "earliest",
+        "gaps",
         "kind",
         "latest",
         "named",
@@ -90,6 +106,7 @@ class Record:
         samples: int,
         named: int = 0,
         channel: str = "",
+        gaps: int = 0,
     ) -> None:
         self.kind = kind
         self.sequence = sequence
@@ -98,6 +115,7 @@ class Record:
         self.samples = samples
         self.named = named
         self.channel = channel
+        self.gaps = gaps
 
 
 class MessageWriter:
@@ -106,6 +124,7 @@ class MessageWriter:
     Args:
         boot: Number of this start.
         numbers: Gives the sequence numbers.
+        layout: Hash of the layout by which the node's frames are read; empty where it has none.
 
     Attributes:
         gateway_time: Latest time of a gateway's clock in an acknowledgement, UTC ns; ``None``
@@ -113,9 +132,10 @@ class MessageWriter:
             received a time was not written before that time.
     """
 
-    def __init__(self, boot: int, numbers: "Numbers") -> None:
+    def __init__(self, boot: int, numbers: "Numbers", layout: bytes = b"") -> None:
         self._boot = boot
         self._numbers = numbers
+        self._layout = layout
         self.gateway_time: "int | None" = None
 
     def observe_time(self, time: int) -> None:
@@ -170,17 +190,84 @@ class MessageWriter:
         put_real(out, 11, coverage)
         return Record(PEAK, sequence, bytes(out.buffer), time, 0)
 
+    def frame(
+        self,
+        page: int,
+        ticks: int,
+        time: "Time",
+        grids: "Sequence[Grid]",
+        patches: "Sequence[PatchSamples]",
+        *,
+        samples: int,
+        lasting: int,
+    ) -> Record:
+        """Samples of the patches of one page.
+
+        Args:
+            page: Number of the page in the layout.
+            ticks: The node's clock at the first moment.
+            time: UTC ns that enclose this moment, for as long as the frame lasts.
+            grids: When patches were sampled, in the order of their first use.
+            patches: Encoded samples, with ascending numbers of patches.
+            samples: How many samples they are.
+            lasting: ns from the first moment to the last sample.
+        """
+        out, sequence = self._begin(FRAME, 9)
+        fields = self._layout, page, ticks, time, grids, patches
+        for key, value in enumerate(fields, 4):
+            out.integer(key)
+            out.item(value)
+        until = time[0], time[1] + lasting
+        return Record(FRAME, sequence, bytes(out.buffer), until, samples)
+
+    def statements(
+        self,
+        time: "Time",
+        *,
+        peaks: "Sequence[Sequence[Any]]" = (),
+        contacts: "Sequence[Sequence[Any]]" = (),
+        verdicts: "Sequence[Sequence[Any]]" = (),
+        gaps: "Sequence[Gap]" = (),
+        sequence: "int | None" = None,
+    ) -> Record:
+        """What is concluded from a stretch of samples, or missing of it; at least one statement.
+
+        Args:
+            time: UTC ns, from the earliest to the latest moment that they are about.
+            peaks: Patch, column, time, verdict, counts, height, prominence, coverage.
+            contacts: Label, time, verdict, counts, cells, force, centroid, coverage, links.
+            verdicts: Monitor, time, verdict, whether it is final, reasons, coverage.
+            gaps: See `Gap`.
+            sequence: Its number, if it was given out before.
+        """
+        stated = [pair for pair in enumerate((peaks, contacts, verdicts, gaps), 5) if pair[1]]
+        out, sequence = self._begin(STATEMENTS, 4 + len(stated), sequence)
+        out.integer(4)
+        out.octets(self._layout)
+        for key, values in stated:
+            out.integer(key)
+            out.item(values)
+        messages = samples = 0
+        for gap in gaps:
+            messages += gap[2]
+            samples += gap[3]
+        body = bytes(out.buffer)
+        return Record(STATEMENTS, sequence, body, time, samples, messages, "", len(gaps))
+
     def gap(
         self,
         reason: int,
-        time: "tuple[int, int]",
+        time: "Time",
         samples: int,
         messages: int = 0,
-        lost: "Sequence[tuple[int, int, int]]" = (),
+        lost: "Sequence[Span]" = (),
         sequence: "int | None" = None,
         taxel: str = "",
+        patches: "Sequence[int]" = (),
     ) -> Record:
         """Samples that were never taken, or messages that were lost.
+
+        A node that writes frames writes it as a statement.
 
         Args:
             reason: Why, as a code of `eskin_sensor_node.firmware.gap_reasons`.
@@ -190,9 +277,14 @@ class MessageWriter:
             lost: ``(boot, first, last)`` of the messages.
             sequence: Its number, if it was given out before.
             taxel: Which one is broken, where this is why.
+            patches: Numbers of the patches that are affected; none: all.
         """
+        text = reason_text(reason, taxel)
+        if self._layout:
+            stated = text, time, messages, samples, lost, patches
+            return self.statements(time, gaps=[stated], sequence=sequence)
         out, sequence = self._begin(GAP, 8, sequence)
-        put_text(out, 4, reason_text(reason, taxel))
+        put_text(out, 4, text)
         put_integers(out, 5, time)
         put_integer(out, 6, messages)
         put_integer(out, 7, samples)
@@ -202,7 +294,7 @@ class MessageWriter:
             out.array(3)
             for number in span:
                 out.integer(number)
-        return Record(GAP, sequence, bytes(out.buffer), time, samples, messages)
+        return Record(GAP, sequence, bytes(out.buffer), time, samples, messages, "", 1)
 
     def status(
         self,

@@ -10,13 +10,13 @@ from eskin_sensor_node.firmware.message_writer import STATUS, MessageWriter
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from types import TracebackType
     from typing import Protocol, Self
 
     from eskin_sensor_node.firmware.chip import Chip, Position, StoredMessage
     from eskin_sensor_node.firmware.eviction import OpenGap
-    from eskin_sensor_node.firmware.message_writer import Record
+    from eskin_sensor_node.firmware.message_writer import Numbers, Record
 
     class Lock(Protocol):
         """Keeps others out while it is held; its holder may take it again."""
@@ -129,8 +129,9 @@ class Outbox:
     """A node's outbox.
 
     A message leaves it acknowledged, or named by a gap because it was evicted or could not be
-    written. Over capacity the oldest raw blocks are evicted first, then the oldest
-    peaks and status, and gaps and results last.
+    written. Over capacity the oldest samples are evicted first, then the oldest statements and
+    status, and gaps and results last. Descriptions of frames have no position and are kept in a
+    reserved part of the chip.
 
     Moments are the caller's, in one unit; positions are ``(boot, sequence)``.
 
@@ -140,7 +141,7 @@ class Outbox:
         window: Messages under way without acknowledgement.
         resend_after: Time from leaving the radio until a message is sent again.
         status_every: Time between two status messages.
-        message_writer: What writes messages.
+        message_writer: Makes what writes messages, of a boot and of what counts them.
         lock: Where several threads use it; they must be able to take it twice.
 
     Attributes:
@@ -158,11 +159,11 @@ class Outbox:
         window: int,
         resend_after: int,
         status_every: int,
-        message_writer: "type[MessageWriter]" = MessageWriter,
+        message_writer: "Callable[[int, Numbers], MessageWriter]" = MessageWriter,
         lock: "Lock | None" = None,
     ) -> None:
         self._chip = chip
-        self._writer_type = message_writer
+        self._make_writer = message_writer
         self.capacity = capacity
         self._lock = lock or NoLock()
         self._window = InFlightWindow(window, resend_after)
@@ -173,7 +174,7 @@ class Outbox:
 
     def _start(self) -> None:
         self.boot = self._chip.boot
-        self.message_writer = self._writer_type(self.boot, self)
+        self.message_writer = self._make_writer(self.boot, self)
         messages, used = self._chip.level()
         self._level = Level(messages, used, self._chip.gaps())
         self._sequence = self._settled = 0
@@ -257,7 +258,27 @@ class Outbox:
         """How many wait."""
         return self._level.messages
 
+    def describe(self, layout: bytes, descriptions: "dict[bytes, bytes]") -> None:
+        """Keep what this node's frames are read by.
+
+        Args:
+            layout: Hash of the layout.
+            descriptions: It and its patches, by their hashes.
+        """
+        with self._lock:
+            self._chip.store_descriptions(layout, descriptions)
+
     # Requests of the radio.
+
+    def descriptions(self) -> "list[bytes]":
+        """Hashes of what the node says after each connection, before any frame."""
+        with self._lock:
+            return self._chip.descriptions()
+
+    def description(self, name: bytes) -> "bytes | None":
+        """The layout or patch of a hash; None if the node has none."""
+        with self._lock:
+            return self._chip.description(name)
 
     def connect(self, now: int) -> None:
         """After a new connection, send everything again, a status first."""

@@ -142,6 +142,7 @@ class Publisher:
             keys=self._keys,
             radio=radio,
             ahead_s=2 * _TURN_S,
+            patience=round(broker.resend_s * BILLION),
         )
         self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
 
@@ -253,7 +254,7 @@ class Publisher:
             return
         if self._fresh.is_set():
             self._fresh.clear()
-            self._uplink.clear()
+            self._uplink.connect()
             self._outbox.connect(now)
             self._reconnect_timer.connected(now / BILLION)
         if self._reconnect_timer.is_too_long(now / BILLION, waiting=self._outbox.messages > 0):
@@ -300,6 +301,7 @@ class Publisher:
                 self._outbox.message_writer.observe_time(received.time)
                 for boot, first, last in received.spans:
                     durable.setdefault(boot, SequenceRanges()).add(first, last)
+                self._uplink.describe(received.want, time.monotonic_ns())
                 # A replayed copy must not keep a node awake.
                 if received.watched > watched and self._outbox.has_in_flight(received.spans):
                     watched = received.watched

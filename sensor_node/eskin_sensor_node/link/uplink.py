@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import logging
 from collections import deque
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -12,10 +13,14 @@ from eskin.wire.messages import Kind, Position
 from eskin.wire.topics import Stream, node_topic
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from eskin_sensor_node.firmware import chip
     from eskin_sensor_node.firmware.outbox import Outbox
     from eskin_sensor_node.link.keys import NodeKeys
     from eskin_sensor_node.machine.radio import Radio
+
+log = logging.getLogger(__name__)
 
 STREAMS: Final = {
     Kind.BLOCK: Stream.BLOCKS,
@@ -23,6 +28,8 @@ STREAMS: Final = {
     Kind.GAP: Stream.EVENTS,
     Kind.STATUS: Stream.STATUS,
     Kind.RESULT: Stream.EVENTS,
+    Kind.FRAME: Stream.FRAMES,
+    Kind.STATEMENTS: Stream.EVENTS,
 }
 _AT_ONCE: Final = 16
 """Messages that are taken from the outbox at once."""
@@ -31,9 +38,9 @@ _PUBACK: Final = 4
 
 
 class _Transmission(NamedTuple):
-    """A sealed message on the air."""
+    """A sealed message on the air, named by its position, or a description by its hash."""
 
-    position: chip.Position
+    named: chip.Position | bytes
     topic: str
     envelope: bytes
     retained: bool
@@ -52,6 +59,7 @@ class Uplink:
         keys: Seal to the site.
         radio: The air.
         ahead_s: Real seconds for which the air is kept busy.
+        patience: ns for which a description that was sent is not sent again.
     """
 
     def __init__(
@@ -63,6 +71,7 @@ class Uplink:
         keys: NodeKeys,
         radio: Radio,
         ahead_s: float,
+        patience: int,
     ) -> None:
         self._outbox = outbox
         self._client = client
@@ -70,14 +79,29 @@ class Uplink:
         self._keys = keys
         self._radio = radio
         self._ahead_s = ahead_s
+        self._patience = patience
+        # In the order in which they are sent.
+        self._descriptions: dict[bytes, None] = {}
+        self._described: dict[bytes, int] = {}
+        self._introduced = True
         self._aired: deque[_Transmission] = deque()
         # What paho still has: its window, and what waits behind.
         self._deliveries: dict[chip.Position, mqtt.MQTTMessageInfo] = {}
 
-    def clear(self) -> None:
-        """Forget what is in flight, after a new connection."""
+    def connect(self) -> None:
+        """After a new connection, forget what is in flight, and send all descriptions."""
         self._aired.clear()
         self._deliveries.clear()
+        self._described.clear()
+        self._introduced = False
+        self._descriptions = dict.fromkeys(self._outbox.descriptions())
+
+    def describe(self, wanted: Iterable[bytes], now: int) -> None:
+        """Send descriptions that a gateway lacks, by their hashes; now: monotonic ns."""
+        for name in wanted:
+            sent = self._described.get(name)
+            if sent is None or now - sent > self._patience:
+                self._descriptions[name] = None
 
     def count_received(self, topic: str, payload: bytes) -> None:
         """Count a message that came, and its acknowledgement to the broker."""
@@ -88,7 +112,15 @@ class Uplink:
         """Send what is due, as far as the air has room until the next turn; now: monotonic ns."""
         # Once a turn is enough: a lower position than the true one is safe.
         held = Position(*self._outbox.held())
-        while self._radio.is_free(self._ahead_s) and (due := self._outbox.due(now, _AT_ONCE)):
+        # With a status a gateway knows the node, with the descriptions it can read frames.
+        if not self._introduced:
+            self._send(deque(self._outbox.due(now, 1)), held, now)
+            self._introduced = True
+        self._send_descriptions(held, now)
+        while not self._descriptions and self._radio.is_free(self._ahead_s):
+            due = self._outbox.due(now, _AT_ONCE)
+            if not due:
+                break
             self._send(deque(due), held, now)
         self._pass_on(now)
 
@@ -106,6 +138,22 @@ class Uplink:
         if delivery.rc == mqtt.MQTT_ERR_QUEUE_SIZE:
             return True
         return delivery.rc == mqtt.MQTT_ERR_SUCCESS and delivery.is_published()
+
+    def _send_descriptions(self, held: Position, now: int) -> None:
+        topic = node_topic(self._node, Stream.LAYOUTS)
+        while self._descriptions and self._radio.is_free(self._ahead_s):
+            name = next(iter(self._descriptions))
+            body = self._outbox.description(name)
+            if body is None:
+                log.warning("description not sent, unknown: hash=%s", name.hex())
+            else:
+                envelope = self._keys.sealer.seal(body, topic=topic, held=held)
+                end, arrives = self._radio.send(publish_size(topic, envelope))
+                self._aired.append(
+                    _Transmission(name, topic, envelope, retained=False, end=end, arrives=arrives)
+                )
+            self._described[name] = now
+            del self._descriptions[name]
 
     def _send(self, due: deque[chip.StoredMessage], held: Position, now: int) -> None:
         try:
@@ -128,12 +176,18 @@ class Uplink:
         """Give the broker what has crossed the air by now."""
         while self._aired and self._radio.has_reached(self._aired[0].end):
             aired = self._aired.popleft()
+            delivery = None
             if aired.arrives:
-                self._deliveries[aired.position] = self._client.publish(
+                delivery = self._client.publish(
                     aired.topic, aired.envelope, qos=1, retain=aired.retained
                 )
+            if isinstance(aired.named, bytes):
+                if delivery is None or delivery.rc == mqtt.MQTT_ERR_QUEUE_SIZE:
+                    self._descriptions[aired.named] = None
+            elif delivery is None:
+                self._outbox.mark_sent(aired.named, now)
             else:
-                self._outbox.mark_sent(aired.position, now)
+                self._deliveries[aired.named] = delivery
 
 
 def publish_size(topic: str, payload: bytes | bytearray, qos: int = 1) -> int:

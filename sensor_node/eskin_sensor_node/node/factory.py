@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from types import ModuleType
 
+    from eskin_sensor_node.firmware.message_writer import Numbers
     from eskin_sensor_node.machine.flash.flash import Partition
     from eskin_sensor_node.node.ground_truth import GroundTruth
     from eskin_sensor_node.settings import BrokerSection, NodeSettings
@@ -61,7 +62,7 @@ def build_outbox(
     *,
     capacity: int,
     broker: BrokerSection,
-    message_writer: type[MessageWriter] = MessageWriter,
+    message_writer: Callable[[int, Numbers], MessageWriter] = MessageWriter,
 ) -> Outbox:
     """Put an outbox on a flash, for several threads; its moments are ns."""
     return Outbox(
@@ -102,7 +103,7 @@ def build_node(
     require_speed(settings, measured_around(settings.taxel))
     require_depth(settings)
     seed = truth.seed(settings.node.seed)
-    begin = _begin(truth, time.time_ns() if start is None else start)
+    begin = first_moment(truth, time.time_ns() if start is None else start)
     clock = build_clock(settings, seed=seed, boot=outbox.boot, start=begin)
     node = Node(settings, clock=clock, outbox=outbox, truth=truth, seed=seed, functions=functions)
     return node, clock
@@ -141,7 +142,8 @@ def build_clock(
     )
 
 
-def _begin(truth: GroundTruth, start: int) -> int:
+def first_moment(truth: GroundTruth, start: int) -> int:
+    """True UTC in ns at which emulated time begins: the wanted one, or after the latest sample."""
     end = truth.end()
     if end is None or end + REBOOT <= start:
         return start

@@ -103,3 +103,12 @@ class MemoryChip:
     def store_charge(self, body: bytes) -> None:
         assert self._before is not None
         self._charge = body
+
+    def store_descriptions(self, layout: bytes, descriptions: "dict[bytes, bytes]") -> None:
+        raise NotImplementedError
+
+    def descriptions(self) -> "list[bytes]":
+        return []
+
+    def description(self, name: bytes) -> "bytes | None":
+        raise NotImplementedError

@@ -1,7 +1,7 @@
 """Works off a script of what happens to an outbox; runs under CPython and MicroPython alike."""
 
 from eskin_sensor_node.firmware.encoding import F64
-from eskin_sensor_node.firmware.message_writer import RESULT, Channel, Record
+from eskin_sensor_node.firmware.message_writer import RESULT, Channel, MessageWriter, Record
 from eskin_sensor_node.firmware.outbox import Outbox
 from eskin_sensor_node.firmware.peaks import CERTAIN, PeakEvent, Span
 
@@ -11,6 +11,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Any
+
+    from eskin_sensor_node.firmware.message_writer import Numbers
 
 CHANNEL = Channel("t01.capacitance", "F", 1000, 1.0)
 
@@ -23,9 +25,18 @@ class Delivery:
         window: Messages under way at once.
         resend_after: When it sends again.
         status_every: Time between two status messages.
+        layout: Hash of the layout of a node that writes frames, in hexadecimal.
     """
 
-    def __init__(self, capacity: int, window: int, resend_after: int, status_every: int) -> None:
+    def __init__(
+        self,
+        capacity: int,
+        window: int,
+        resend_after: int,
+        status_every: int,
+        layout: str = "",
+    ) -> None:
+        self._layout = bytes.fromhex(layout)
         self._limits = capacity, window, resend_after, status_every
         self.chip = MemoryChip()
         self.now = 0
@@ -39,12 +50,27 @@ class Delivery:
             window=window,
             resend_after=resend_after,
             status_every=status_every,
+            message_writer=self._writer,
         )
 
+    def _writer(self, boot: int, numbers: "Numbers") -> MessageWriter:
+        return MessageWriter(boot, numbers, self._layout)
+
     def written(self, kind: str, n: int) -> Record:
-        """A message of a kind; n: samples of a block."""
+        """A message of a kind; n: samples of a block or a frame."""
         message_writer = self.outbox.message_writer
         time = self.now, self.now + 5
+        if kind == "frame":
+            codes = bytes(range(n))
+            patches = [[2, 0, 1, n, -4, 9, codes, {2: b"\1"}]]
+            grids = [(0, 20000000, 9, 1, 0.5)]
+            return message_writer.frame(
+                0, self.now, time, grids, patches, samples=n, lasting=30000000
+            )
+        if kind == "statements":
+            peak = 2, 0, time, CERTAIN, (1, 1), (0.5, 1.0), (0.25, float("inf")), 0.5
+            verdict = "grip", time, 0, True, 0, 1.0
+            return message_writer.statements(time, peaks=[peak], verdicts=[verdict])
         if kind == "block":
             values = [0.5] * n
             return message_writer.block(CHANNEL, self.now, time, F64, values, values, n)

@@ -14,6 +14,7 @@ from eskin.errors import UnknownSenderError
 from eskin.identity import ChainVerifier, client_context, thumbprint
 from eskin.identity.identity_kind import IdentityKind
 from eskin.wire.envelope import Opener, Sealer, introduction
+from eskin.wire.frames import content_hash
 from eskin.wire.messages import Acknowledgement, decode_message
 from eskin.wire.topics import Stream, node_topic
 
@@ -30,6 +31,7 @@ class Peer:
     Attributes:
         acknowledging: Whether it answers.
         order: Positions in order of their first arrival.
+        timeline: Names of descriptions and positions of messages, each as often as it came.
         held: The last that the node said it still holds.
         strangers: Messages that came before their sender's introduction.
     """
@@ -39,6 +41,7 @@ class Peer:
         self._messages: dict[Position, Message] = {}
         self._copies: Counter[Position] = Counter()
         self.order: list[Position] = []
+        self.timeline: list[bytes | Position] = []
         self.held: Position | None = None
         self._retained: Counter[str] = Counter()
         self.strangers = 0
@@ -89,17 +92,22 @@ class Peer:
         topic: str = "",
         watched: int = 0,
         time_ns: int | None = None,
+        want: tuple[bytes, ...] = (),
     ) -> None:
-        """Acknowledge messages; a client watches for some ms; by a clock that says ``time_ns``."""
+        """Acknowledge messages; a client watches for some ms; by a clock that says ``time_ns``.
+
+        ``want``: descriptions that it lacks.
+        """
         spans = tuple((p.boot, p.sequence, p.sequence) for p in positions)
         topic = topic or node_topic(node, Stream.ACKS)
         sealed = self._sealers[node].seal(
-            Acknowledgement(time_ns or time.time_ns(), spans, watched).encode(), topic=topic
+            Acknowledgement(time_ns or time.time_ns(), spans, watched, want).encode(),
+            topic=topic,
         )
         self.client.publish(node_topic(node, Stream.ACKS), sealed, qos=1)
 
     def _on_connect(self, client: mqtt.Client, *_: Any) -> None:
-        streams = (Stream.BLOCKS, Stream.EVENTS, Stream.STATUS)
+        streams = (Stream.BLOCKS, Stream.LAYOUTS, Stream.EVENTS, Stream.STATUS)
         client.subscribe([(node_topic("+", stream), 1) for stream in streams])
 
     def _on_message(self, _client: mqtt.Client, _data: Any, message: mqtt.MQTTMessage) -> None:
@@ -118,7 +126,11 @@ class Peer:
         if opened.sender not in self._sealers:
             node = next(c for c in self._known.values() if opened.sender in str(c.subject))
             self._sealers[opened.sender] = Sealer(self._identities.site, node)
+        if message.topic.endswith(Stream.LAYOUTS):
+            self.timeline.append(content_hash(opened.plaintext))
+            return
         said = decode_message(opened.plaintext)
+        self.timeline.append(said.position)
         self.held = opened.held
         if said.position not in self._messages:
             self.order.append(said.position)

@@ -55,6 +55,13 @@ _SCHEMA: Final = (
         member INTEGER PRIMARY KEY,
         body BLOB NOT NULL
     ) STRICT""",
+    """CREATE TABLE IF NOT EXISTS description ( -- layouts and patches, by which frames are read
+        id INTEGER PRIMARY KEY,      -- in the order of their first keeping
+        member INTEGER NOT NULL,
+        hash BLOB NOT NULL,
+        body BLOB NOT NULL,          -- sealed
+        UNIQUE (member, hash)
+    ) STRICT""",
     """CREATE TABLE IF NOT EXISTS unreadable ( -- records that could not be decrypted
         member INTEGER PRIMARY KEY,
         records INTEGER NOT NULL
@@ -84,7 +91,7 @@ _TRIM: Final = """DELETE FROM ended WHERE ? < (SELECT count(*) FROM ended AS lat
     WHERE later.member = ended.member AND later.boot >= ended.boot)"""
 _RECORDS: Final = """SELECT name, message.boot, sequence, kind, body, earliest, latest, samples,
     stands_for FROM message JOIN member ON id = member"""
-_BY_MEMBER: Final = ("message", "answer", "charge", "unreadable", "ended")
+_BY_MEMBER: Final = ("message", "answer", "charge", "description", "unreadable", "ended")
 _KEY_CHECK: Final = "key_check"
 _BUSY_TIMEOUT_MS: Final = 5000
 MOST_ENDED: Final = 8
@@ -172,7 +179,7 @@ class FlashFile:
             if self.db.in_transaction:
                 self.db.execute("ROLLBACK")
 
-    def query(self, statement: str, *values: int) -> list[tuple[Any, ...]]:
+    def query(self, statement: str, *values: int | bytes) -> list[tuple[Any, ...]]:
         """Rows of a SELECT."""
         try:
             return self.db.execute(statement, values).fetchall()

@@ -14,6 +14,7 @@ from eskin_sensor_node.machine.flash.file import MOST_ENDED, FlashFile
 from eskin_sensor_node.machine.flash.sealing import ANSWER, Row, lost_record_gap, read_row
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from eskin_sensor_node.firmware.chip import Position, StoredMessage
@@ -29,6 +30,9 @@ _GIVE_UP: Final = (
     "UPDATE message SET kind = ?, body = ? WHERE member = ? AND boot = ? AND sequence = ?"
 )
 _CHARGE: Final = "charge"
+_FORGET: Final = "DELETE FROM description WHERE member = ? AND hash = ?"
+_DESCRIBE: Final = """INSERT INTO description (member, hash, body) VALUES (?, ?, ?)
+    ON CONFLICT (member, hash) DO UPDATE SET body = excluded.body"""
 
 
 class Partition:
@@ -47,7 +51,7 @@ class Partition:
     """
 
     __slots__ = (
-        *("_member", "_name", "_nested", "_sealing", "_uncounted", "_unreadable"),
+        *("_layout", "_member", "_name", "_nested", "_sealing", "_uncounted", "_unreadable"),
         *("boot", "file"),
     )
 
@@ -56,6 +60,7 @@ class Partition:
         self._name = name
         self._member, self.boot = file.members[name]
         self._sealing = file.sealing(name)
+        self._layout = b""
         self._unreadable = 0
         self._nested = self._uncounted = False
 
@@ -179,6 +184,41 @@ class Partition:
         sealed = self._sealing.seal_last(ANSWER, body)
         self._write("INSERT OR REPLACE INTO answer VALUES (?, ?)", self._member, sealed)
 
+    def store_descriptions(self, layout: bytes, descriptions: Mapping[bytes, bytes]) -> None:
+        """Store descriptions by their hashes; while no message waits, all others are deleted."""
+        self.begin()
+        try:
+            if not self.level()[0]:
+                for name in self.descriptions():
+                    if name not in descriptions:
+                        self._write(_FORGET, self._member, name)
+            for name, body in descriptions.items():
+                if self.description(name) is None:
+                    sealed = self._sealing.seal_last(_description(name), body)
+                    self._write(_DESCRIBE, self._member, name, sealed)
+            self.commit()
+        except FlashError:
+            self.roll_back()
+            raise
+        self._layout = layout
+
+    def descriptions(self) -> list[bytes]:
+        """The hashes of all descriptions, in the order of their first storing."""
+        query = "SELECT hash FROM description WHERE member = ? ORDER BY id"
+        rows = self.file.query(query, self._member)
+        return [row[0] for row in rows if type(row[0]) is bytes]  # a damaged file may give anything
+
+    def description(self, name: bytes) -> bytes | None:
+        """The description of a hash; ``None`` where there is none, or where it does not open."""
+        query = "SELECT body FROM description WHERE member = ? AND hash = ?"
+        rows = self.file.query(query, self._member, name)
+        if not rows:
+            return None
+        body = self._sealing.open_last(_description(name), rows[0][0])
+        if body is None:
+            log.error("description lost: path=%s cause=damaged", self.file.path)
+        return body
+
     def charge(self) -> bytes:
         """What was stored of the supply; empty where nothing was, or where it does not open."""
         rows = self.file.query("SELECT body FROM charge WHERE member = ?", self._member)
@@ -206,11 +246,15 @@ class Partition:
 
     def _give_up(self, row: Row) -> StoredMessage:
         """Replace a record that does not open by a gap that names it."""
-        gap = lost_record_gap(row)
+        gap = lost_record_gap(row, self._layout)
         body = self._sealing.seal(gap).body
         self._write(_GIVE_UP, gap.kind, body, self._member, *gap.position)
         log.error("record lost: node=%s boot=%d sequence=%d", self._sealing, *gap.position)
         return gap
+
+
+def _description(name: bytes) -> str:
+    return f"description {name.hex()}"
 
 
 class Flash(Partition):

@@ -18,12 +18,13 @@ from cryptography.exceptions import InvalidTag
 from eskin.errors import FlashError
 from eskin.privacy.derivation import derive, nonce
 from eskin.privacy.sealed_message import SALT_BYTES, whole_minutes
+from eskin.wire import frames
 from eskin.wire.messages import Gap
 from eskin.wire.messages import Position as Place
 from eskin.wire.messages.cbor_map import MOST_COUNT
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_sensor_node.firmware.chip import StoredMessage
-from eskin_sensor_node.firmware.message_writer import GAP
+from eskin_sensor_node.firmware.message_writer import GAP, STATEMENTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -193,16 +194,21 @@ class Sealing:
         return b"%b message %d %d %d" % (self._node, *position, kind)
 
 
-def lost_record_gap(row: Row) -> StoredMessage:
+def lost_record_gap(row: Row, layout: bytes = b"") -> StoredMessage:
     """The gap that replaces a record which does not open.
 
     It takes the record's number, so that the node's order does not change, and stands for as many
-    messages. It reports the clear columns as far as a gap can.
+    messages. It reports the clear columns as far as a gap can. A node that writes frames states it
+    with the hash of its ``layout``.
     """
     position = row.boot, row.sequence
     earliest, latest = (max(-MOST_MOMENT, min(each, MOST_MOMENT)) for each in row[4:6])
     samples, messages = (max(0, min(each, MOST_COUNT)) for each in row[6:8])
     time = min(earliest, latest), max(earliest, latest)
     lost = ((row.boot, row.sequence, row.sequence),)
+    if layout:
+        stated = frames.Gap(UNREADABLE, time, messages, samples, lost)
+        body = frames.Statements(Place(*position), layout, gaps=(stated,)).encode()
+        return StoredMessage(position, STATEMENTS, body, time, samples, messages)
     gap = Gap(Place(*position), UNREADABLE, time, messages, samples, lost)
     return StoredMessage(position, GAP, gap.encode(), time, samples, messages)

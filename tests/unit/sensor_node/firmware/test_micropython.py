@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from eskin_sensor_node.firmware.charge import write_charge
 from eskin_sensor_node.firmware.gap_reasons import FAILED, FULL, TEXTS
-from eskin_sensor_node.firmware.message_writer import GAP
+from eskin_sensor_node.firmware.message_writer import FRAME, GAP, STATEMENTS
 from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.world.scenario.file import scenario_text
@@ -25,12 +25,13 @@ from eskin_sensor_node.world.scenario.file import scenario_text
 from eskin.identity import IdentityKind
 from eskin.interval import Interval
 from eskin.wire.envelope import sign
-from eskin.wire.frames import Sampling, encode_samples
+from eskin.wire.frames import Sampling, Statements, encode_samples
 from eskin.wire.messages import (
     Block,
     Command,
     CommandName,
     Gap,
+    Kind,
     Outcome,
     Peak,
     Result,
@@ -175,6 +176,25 @@ def test_outbox_decides_and_writes_the_same(tmp_path: Path) -> None:
     gaps = [Gap.decode(bytes.fromhex(body)) for _, kind, body in sent if kind == GAP]
     assert {gap.reason for gap in gaps} == {TEXTS[FULL], TEXTS[FAILED]}
     assert max(len(gap.lost) for gap in gaps) > 1
+
+
+def test_outbox_of_frames_decides_and_writes_the_same(tmp_path: Path) -> None:
+    named = {"block": "frame", "peak": "statements"}
+    script = [
+        [
+            name,
+            *([named.get(each[0], each[0]), each[1]] if name == "say" else each for each in told),
+        ]
+        for name, *told in fate(7)
+    ]
+    job = {"limits": [6000, 8, 60, 100, "5a" * 32], "script": script}
+    expected = json.loads(json.dumps(deliver(job)))
+    assert under_micropython(job, tmp_path) == expected
+    sent = [m for step in expected[:-1:2] if type(step) is list for m in step if type(m) is list]
+    assert {kind for _, kind, _ in sent} == {FRAME, STATEMENTS, Kind.STATUS, Kind.RESULT}
+    told = [Statements.decode(bytes.fromhex(body)) for _, kind, body in sent if kind == STATEMENTS]
+    assert {gap.reason for each in told for gap in each.gaps} == {TEXTS[FULL], TEXTS[FAILED]}
+    assert any(each.peaks and each.verdicts for each in told)
 
 
 def test_same_bytes_of_every_taxel_in_a_scenario(

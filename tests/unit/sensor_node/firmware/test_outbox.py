@@ -6,36 +6,47 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from eskin_sensor_node.firmware.gap_reasons import FAILED, FULL, TEXTS
-from eskin_sensor_node.firmware.message_writer import GAP
+from eskin_sensor_node.firmware.message_writer import BLOCK, GAP, STATEMENTS
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
+from eskin.wire import frames
 from eskin.wire.messages import Gap
 from tests.contract.micropython.delivery import Delivery
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from eskin_sensor_node.firmware.chip import Position, StoredMessage
 
 CAPACITY = 9000
 PATIENCE = 20
 ALL = 100_000
-SAID = st.lists(
-    st.one_of(
-        st.tuples(st.just("block"), st.integers(1, 60)),
-        st.tuples(st.sampled_from(["peak", "status"]), st.just(0)),
-    ),
-    min_size=1,
-    max_size=12,
-)
+LAYOUT = "5a" * 32
+
+
+def said(samples: str, statement: str) -> st.SearchStrategy[list[tuple[str, int]]]:
+    """Messages with samples, and others."""
+    return st.lists(
+        st.one_of(
+            st.tuples(st.just(samples), st.integers(1, 60)),
+            st.tuples(st.sampled_from([statement, "status"]), st.just(0)),
+        ),
+        min_size=1,
+        max_size=12,
+    )
 
 
 class Life(RuleBasedStateMachine):
     """A node's life, with what it said, and what a gateway has got and acknowledged."""
 
+    layout = ""
+    said = said("block", "peak")
+
     def __init__(self) -> None:
         super().__init__()
-        self.node = Delivery(CAPACITY, 16, PATIENCE, 200)
+        self.node = Delivery(CAPACITY, 16, PATIENCE, 200, self.layout)
         self.blocks: set[Position] = set()
         self.events: set[Position] = set()
         self.given_up: set[Position] = set()
@@ -52,18 +63,27 @@ class Life(RuleBasedStateMachine):
         """How many gaps name a position, of those that wait or that a gateway has."""
         found: Counter[Position] = Counter()
         for kept in [*self.waiting().values(), *self.forgotten.values()]:
-            if kept.kind == GAP and (gap := Gap.decode(kept.body)).reason == reason:
-                found.update((b, n) for b, first, last in gap.lost for n in range(first, last + 1))
+            for gap in self.gaps(kept):
+                if gap.reason == reason:
+                    spans = gap.lost
+                    found.update((b, n) for b, first, last in spans for n in range(first, last + 1))
         return found
 
-    @rule(said=SAID)
-    def say(self, said: list[tuple[str, int]]) -> None:
+    def gaps(self, kept: StoredMessage) -> Sequence[Gap | frames.Gap]:
+        """The gaps that a message states."""
+        return [Gap.decode(kept.body)] if kept.kind == GAP else []
+
+    @rule(data=st.data())
+    def say(self, data: st.DataObject) -> None:
+        said = data.draw(self.said)
         numbers = self.node.say(*said)
         assert numbers is not None
         # A gap comes first where something failed before.
         own = numbers[len(numbers) - len(said) :]
         for number, (kind, _) in zip(own, said, strict=True):
-            (self.blocks if kind == "block" else self.events).add((self.node.outbox.boot, number))
+            (self.blocks if kind in {"block", "frame"} else self.events).add(
+                (self.node.outbox.boot, number)
+            )
         self.check_losses()
 
     def check_losses(self) -> None:
@@ -86,8 +106,9 @@ class Life(RuleBasedStateMachine):
         )
         assert self.node.outbox.usage()[1] <= CAPACITY
 
-    @rule(said=SAID)
-    def fail_to_say(self, said: list[tuple[str, int]]) -> None:
+    @rule(data=st.data())
+    def fail_to_say(self, data: st.DataObject) -> None:
+        said = data.draw(self.said)
         first = self.node.outbox._sequence
         self.node.wear_out()
         assert self.node.say(*said) is None
@@ -179,5 +200,19 @@ class Life(RuleBasedStateMachine):
         assert self.node.outbox.usage()[:2] == (0, 0)
 
 
+class LifeWithFrames(Life):
+    """The same of a node whose messages are frames and statements."""
+
+    layout = LAYOUT
+    said = said("frame", "statements")
+
+    def gaps(self, kept: StoredMessage) -> Sequence[Gap | frames.Gap]:
+        """The gaps that a message states."""
+        assert kept.kind not in {GAP, BLOCK}
+        return frames.Statements.decode(kept.body).gaps if kept.kind == STATEMENTS else []
+
+
 Life.TestCase.settings = settings(max_examples=60, stateful_step_count=50, deadline=None)
 test_life = Life.TestCase
+LifeWithFrames.TestCase.settings = Life.TestCase.settings
+test_life_with_frames = LifeWithFrames.TestCase

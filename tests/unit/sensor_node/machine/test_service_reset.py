@@ -7,9 +7,8 @@ import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
-from eskin_sensor_node.service import _serve
+from eskin_sensor_node.service import serve
 
 from eskin.wire.messages import Gap, ResetCause, Result, Status
 from tests.support.processes import wait_until
@@ -33,10 +32,9 @@ if TYPE_CHECKING:
 def serving(given: NodeSettings) -> Iterator[None]:
     """A node's service in a thread."""
     flash = open_flash(given.flash.path)
-    outbox = build_outbox(flash, capacity=10**8, broker=given.broker)
     truth = GroundTruth(given.truth.path, limit=10**8)
     stop = threading.Event()
-    thread = threading.Thread(target=_serve, args=(given, outbox, truth, stop))
+    thread = threading.Thread(target=serve, args=(given, flash, truth, stop))
     thread.start()
     try:
         yield
