@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from eskin_cloud.rollup.picture_reading import PictureReader
+from eskin_cloud.rollup.picture_reading import PictureReader, choose_pictures
 from eskin_cloud.store.read.window import Window
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
@@ -47,7 +47,7 @@ def test_pictures_are_those_of_the_frames(
     brought = carry_out(store, steps)
     with store.read() as connection:
         reader = PictureReader(connection, TILED, [SKEWED])
-        buckets = reader.choose(window, points)
+        buckets = choose_pictures([reader], window, points)
         found = reader.fold(buckets)
         plain = PictureReader(connection, PLAIN, [SKEWED])
         other = plain.fold(buckets)

@@ -20,7 +20,7 @@ from eskin_cloud.store.schema.tables import nodes
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sqlalchemy import Connection, RowMapping
 
@@ -98,6 +98,12 @@ def read_pages(connection: Connection, node: str) -> list[RowMapping]:
     rows = connection.execute(_PAGES, {"slot": slot_of(node), "node": node}).mappings()
     found = intact_rows(connection, pages, rows)
     return sorted(found, key=lambda row: (row["t_last"] is None, -(row["t_last"] or 0)))
+
+
+def find_last(connection: Connection, node: str) -> int | None:
+    """The time of a node's last sample in frames, UTC ns; ``None`` if there is none."""
+    times = (row["t_last"] for row in read_pages(connection, node))
+    return max((t for t in times if t is not None), default=None)
 
 
 def find_layouts(connection: Connection, node: str) -> list[DescribedLayout]:
@@ -235,12 +241,13 @@ def _bounds(window: Window, longest: int) -> dict[str, int]:
 
 
 def runs_of_frames(
-    rows: Sequence[RowMapping], described: DescribedLayout, numbers: Sequence[int]
+    rows: Sequence[Mapping[Any, Any]], described: DescribedLayout, numbers: Sequence[int]
 ) -> Iterator[tuple[int, PatchRun]]:
     """The runs of some patches in frames of one layout, each with the number of its patch.
 
     Args:
-        rows: Intact rows of `schema.frame_tables.frames`.
+        rows: ``boot``, ``sequence`` and ``data`` of frames, as intact rows of
+            `schema.frame_tables.frames` have them.
         described: The layout.
         numbers: Of the patches in the layout.
     """
