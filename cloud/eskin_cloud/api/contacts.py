@@ -41,7 +41,7 @@ class ContactsQuery(WindowQuery):
 def get_contacts(
     cloud: CloudState, reader: Reader, query: Annotated[ContactsQuery, Query()]
 ) -> Response:
-    """Find the contacts of a node's skin at instants, whichever nodes sample it.
+    """Find the contacts of a node's whole skin at instants.
 
     They are read by the node's latest layout. A sample holds until the next, and before a gap for
     its period; instants at which nothing is known are left out.

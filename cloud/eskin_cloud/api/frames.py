@@ -52,7 +52,7 @@ def get_frames(
     query: Annotated[PicturesQuery, Query()],
     accept: Annotated[str | None, Header(include_in_schema=False)] = None,
 ) -> Response:
-    """Read pictures of a node's skin, whichever nodes sample it.
+    """Read pictures of a node's whole skin.
 
     Each is the hull of all samples in its stretch of time, and lasts 1.5 sampling periods at least.
     """

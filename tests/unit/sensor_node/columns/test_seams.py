@@ -11,55 +11,73 @@ from tests.unit.sensor_node.columns.skins import columns_of, whole
 from tests.unit.sensor_node.designs import SECOND, settings
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
     from pathlib import Path
 
-    from eskin_sensor_node.columns import PadColumns
+    from eskin_sensor_node.settings import NodeSettings
+    from eskin_sensor_node.world.skin import Skin
 
     from eskin.interval import Floats
 
+    Design = Callable[[str, tuple[str, ...]], NodeSettings]
+    Sampled = dict[str, tuple[Floats, Floats, Floats]]
+
 NODES = ("n1", "n2", "n3", "n4")
-BEGIN, END = 11 * SECOND, 13 * SECOND
-"""While the scenario of the small hand holds a grip."""
 
 
-def share(folder: Path, node: str, nodes: tuple[str, ...], *, drift: int = 0) -> PadColumns:
-    design = settings(
-        folder, "small-hand", node={"name": node}, skin={"controllers": nodes, "threshold_pa": 3e3}
-    )
-    return columns_of(design, drift=drift)
-
-
-def sampled(columns: PadColumns) -> dict[str, tuple[Floats, Floats, Floats]]:
-    """Bounds and truth of each taxel during the grip."""
-    columns.skip(BEGIN)
-    lo, hi, truth = whole(columns, columns.advance(END))
+def sampled(design: NodeSettings, begin: int, end: int, *, drift: int = 0) -> Sampled:
+    """Bounds and truth of each taxel of a node, between two ticks."""
+    columns = columns_of(design, drift=drift)
+    columns.skip(begin)
+    lo, hi, truth = whole(columns, columns.advance(end))
     names = sorted(columns.columns)
     return {name: (lo[:, k], hi[:, k], truth[:, k]) for k, name in enumerate(names)}
 
 
-def test_pressures_at_seams_enclose_the_truth_that_other_nodes_hand_on(tmp_path: Path) -> None:
-    alone = sampled(share(tmp_path, "n1", ("n1",)))
+def share(design: Design, begin: int, end: int) -> tuple[Sampled, dict[str, str]]:
+    """What four nodes sample of a skin, and which of them has each taxel."""
+    found: Sampled = {}
     owner: dict[str, str] = {}
-    found: dict[str, tuple[Floats, Floats, Floats]] = {}
     for number, node in enumerate(NODES):
-        mine = sampled(share(tmp_path, node, NODES, drift=7000 * (number - 2)))
+        mine = sampled(design(node, NODES), begin, end, drift=7000 * (number - 2))
         owner |= dict.fromkeys(mine, node)
         found |= mine
-    assert found.keys() == alone.keys()
-    for lo, hi, truth in found.values():
-        assert np.all((lo <= truth) & (truth <= hi))
-    skin = settings(tmp_path, "small-hand").skin.skin
-    seams = {
+    return found, owner
+
+
+def at_seams(skin: Skin, owner: dict[str, str]) -> set[str]:
+    """The taxels with a neighbour that another node samples."""
+    return {
         name
-        for name in found
+        for name in owner
         for other in skin.neighbours[skin.numbers[name]].tolist()
         if other != NO_NEIGHBOUR and owner[skin.names[other]] != owner[name]
     }
+
+
+def require_enclosed(found: Iterable[tuple[Floats, Floats, Floats]]) -> None:
+    for lo, hi, truth in found:
+        assert np.all((lo <= truth) & (truth <= hi))
+
+
+def width(of: tuple[Floats, Floats, Floats]) -> float:
+    return float(np.mean(of[1] - of[0]))
+
+
+def test_grip_over_a_seam_is_enclosed_and_one_node_would_know_more(tmp_path: Path) -> None:
+    def design(node: str, nodes: tuple[str, ...]) -> NodeSettings:
+        skin = {"controllers": nodes}
+        return settings(tmp_path, "small-hand", node={"name": node}, skin=skin)
+
+    begin, end = 11 * SECOND, 13 * SECOND  # of the scenario's grip
+    found, owner = share(design, begin, end)
+    alone = sampled(design("n1", ("n1",)), begin, end)
+    assert found.keys() == alone.keys()
+    require_enclosed(found.values())
+    seams = at_seams(settings(tmp_path, "small-hand").skin.skin, owner)
     pressed = {name for name in seams if found[name][2].max() > 3e3}
     assert len({owner[name] for name in pressed}) > 1, "the grip lies over a seam"
     for name in pressed:
-        here, there = (float(np.mean(of[name][1] - of[name][0])) for of in (found, alone))
-        assert here > 1.01 * there, "one node would know more"
+        assert width(found[name]) > 1.01 * width(alone[name])
     for name in found.keys() - seams:
-        here, there = (float(np.mean(of[name][1] - of[name][0])) for of in (found, alone))
-        assert abs(here - there) < 0.01 * there
+        assert abs(width(found[name]) - width(alone[name])) < 0.01 * width(alone[name])
