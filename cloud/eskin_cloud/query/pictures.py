@@ -125,24 +125,26 @@ def read_pictures(
     if len(taxels) * points > MOST_VALUES:
         most = MOST_VALUES // len(taxels)
         raise QueryError("points", f"is {points}; {node} has {len(taxels)} taxels: at most {most}")
-    spread = len(shares) > 1
     readers = [
         PictureReader(
             connection,
             share.node,
-            [patches[number] for number in each] if share.stated else [],
-            spread=spread,
+            [patches[number] for number in each],
+            spread=len(shares) > 1,
             share=len(shares),
         )
+        if share.stated
+        else None
         for share, each in zip(shares, mine, strict=True)
     ]
-    buckets = choose_pictures(readers, window, points)
+    read = [reader for reader in readers if reader is not None]
+    buckets = choose_pictures(read, window, points)
     hulls = PictureHulls.joined(
         [
-            reader.fold(buckets)
-            if share.stated
-            else PictureHulls.empty(buckets.count, sum(len(patches[k].taxels) for k in each))
-            for share, each, reader in zip(shares, mine, readers, strict=True)
+            PictureHulls.empty(buckets.count, sum(len(patches[number].taxels) for number in each))
+            if reader is None
+            else reader.fold(buckets)
+            for reader, each in zip(readers, mine, strict=True)
         ]
     )
     seen = hulls.n > 0
@@ -158,9 +160,9 @@ def read_pictures(
         hi=np.where(seen, hulls.hi, np.inf),
         contact=_contact(hulls, [patches[number] for number in numbers]),
         coverage=union_coverage(
-            min(reader.coverage for reader in readers), n=int(hulls.n.max(initial=0))
+            min((reader.coverage for reader in read), default=1.0), n=int(hulls.n.max(initial=0))
         ),
-        time_error=max(reader.time_error for reader in readers),
+        time_error=max((reader.time_error for reader in read), default=0),
     )
 
 

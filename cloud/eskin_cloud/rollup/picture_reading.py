@@ -377,7 +377,7 @@ def choose_pictures(readers: Sequence[PictureReader], window: Window, points: in
     known = [grain for grain in grains if grain is not None]
     grain = max(known, default=0)
     if not grains or len(known) < len(grains) or window.span >> grain < -(-points // _COARSER):
-        step = max(reader.step(window) for reader in readers)
+        step = max((reader.step(window) for reader in readers), default=1)
         width = max(bucket_width(window.span, points), step)
         return Buckets(window.start, width, -(-window.span // width))
     level = grain

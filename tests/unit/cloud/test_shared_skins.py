@@ -166,6 +166,18 @@ async def test_a_skin_is_read_from_any_of_its_nodes(stand: Stand) -> None:
     assert len(latest) == 1
 
 
+async def test_layout_of_which_no_node_is_known_is_drawn_as_unknown(stand: Stand) -> None:
+    world = make_world(5)
+    describe(stand.cloud.store, world.layout, *world.patches, node="other")
+    frame = world.frames["n0"][0]
+    put(stand.cloud.store, frame, node="other")
+    whole = (await stand.get("/api/v1/nodes/other/frames", points=3)).json()
+    assert whole["taxels"] == world.taxels
+    assert {hi for row in whole["hi"] for hi in row} == {None}
+    assert (await stand.get("/api/v1/contacts", node="other")).json()["items"] == []
+    assert (await stand.get("/api/v1/nodes/other/frames", own=True)).status_code == 422
+
+
 async def test_nodes_that_did_not_state_the_layout_are_unknown(stand: Stand) -> None:
     """A node cannot draw another node's samples into a skin by naming it."""
     world = make_world(5)

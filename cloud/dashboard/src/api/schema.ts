@@ -71,9 +71,28 @@ export interface ComparisonTotalsDocument {
   readonly coverage: number;
 }
 
+export interface ContactsDocument {
+  readonly node: string;
+  readonly nodes: readonly string[];
+  readonly t: string;
+  readonly time_error: number;
+  readonly threshold: number;
+  readonly unit: string;
+  readonly cores: readonly CoreDocument[];
+  readonly regions: readonly RegionDocument[];
+}
+
 export interface ControllerDocument {
   readonly node: string;
   readonly pages: number;
+}
+
+export interface CoreDocument {
+  readonly cells: readonly [number, number];
+  readonly area: readonly [number | null, number | null];
+  readonly force: readonly [number | null, number | null];
+  readonly centroid: readonly (readonly [number | null, number | null])[];
+  readonly taxels: readonly string[];
 }
 
 export interface CountDocument {
@@ -232,6 +251,7 @@ export interface PatchDocument {
   readonly threshold: number | null;
   readonly cell_area: number | null;
   readonly page: number;
+  readonly node: string;
 }
 
 export interface PicturesDocument {
@@ -261,6 +281,11 @@ export interface PredictionDocument {
   readonly lo: readonly (number | null)[];
   readonly hi: readonly (number | null)[];
   readonly dt: number;
+}
+
+export interface RegionDocument {
+  readonly contacts: readonly [number, number];
+  readonly taxels: readonly string[];
 }
 
 export interface RemovedDocument {
