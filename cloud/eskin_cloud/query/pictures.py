@@ -117,7 +117,9 @@ def read_pictures(
     numbers = tuple(number for each in mine for number in each)
     if not numbers:
         names = ", ".join(sorted({patches[k].quantity for each in shares for k in each.patches}))
-        raise QueryError("quantity", f"{chosen!r} is that of no patch of {node}; it has {names or 'none'}")
+        raise QueryError(
+            "quantity", f"{chosen!r} is that of no patch of {node}; it has {names or 'none'}"
+        )
     units = sorted({patches[number].unit for number in numbers})
     if len(units) > 1:
         raise QueryError("quantity", f"{chosen!r} has several units: {', '.join(units)}")
