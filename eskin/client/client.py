@@ -131,6 +131,7 @@ class Client(Queries):
         end: Moment | None = None,
         points: int = 100,
         quantity: str | None = None,
+        own: bool = False,
     ) -> Frames:
         """Pictures of a node's skin; a window that is left out is the last minute of data.
 
@@ -142,6 +143,7 @@ class Client(Queries):
             end: Excluded.
             points: Most pictures.
             quantity: Such as ``pressure``; else that of the layout's first patch.
+            own: Whether only the node's own taxels are read, of a skin that several nodes share.
 
         Raises:
             QueryError: A moment without a time zone.
@@ -149,6 +151,7 @@ class Client(Queries):
         """
         params: dict[str, Any] = written_moments(start=start, end=end) | {"points": points}
         params |= {} if quantity is None else {"quantity": quantity}
+        params |= {"own": "true"} if own else {}
         answer = self._pages.get(f"{API}/nodes/{node}/frames", params, accept=_ARROW)
         return Frames.read(answer.content)
 

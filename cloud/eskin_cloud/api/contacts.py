@@ -10,12 +10,11 @@ from eskin_cloud.api.dependencies import CloudState, Reader
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.window_params import WindowQuery
-from eskin_cloud.query.contacts import ContactSkin
+from eskin_cloud.query.contacts import ContactSkin, find_common_end
 from eskin_cloud.schemas.base import PageDocument, page
 from eskin_cloud.schemas.contacts import ContactsDocument, describe_contacts
-from eskin_cloud.store.descriptions import find_layout
+from eskin_cloud.store.descriptions import find_layout, find_shares
 from eskin_cloud.store.read.lookup import find_node
-from eskin_cloud.store.read.patch_runs import read_pages
 from eskin_cloud.store.read.window import parse_window
 
 router = APIRouter(tags=["contacts"])
@@ -42,10 +41,10 @@ class ContactsQuery(WindowQuery):
 def get_contacts(
     cloud: CloudState, reader: Reader, query: Annotated[ContactsQuery, Query()]
 ) -> Response:
-    """Find the contacts of a node's skin at instants.
+    """Find the contacts of a node's whole skin at instants.
 
-    They are read by the node's latest layout. A sample holds for its period at most; instants at
-    which nothing is known are left out.
+    They are read by the node's latest layout. A sample holds until the next, and before a gap for
+    its period; instants at which nothing is known are left out.
     """
     del reader  # frames of biometric patches are not stored
     found = []
@@ -53,16 +52,15 @@ def get_contacts(
         name = find_node(connection, query.node)["layout"]
         described = None if name is None else find_layout(connection, query.node, name)
         skin = None if described is None else ContactSkin.of(described)
-        ends = [row["t_last"] for row in read_pages(connection, query.node)]
-        last = max((end for end in ends if end is not None), default=cloud.clock())
-        window = parse_window(query.start, query.end, last=last)
+        shares = [] if described is None else find_shares(connection, query.node, described)
+        last = find_common_end(connection, shares)
+        window = parse_window(query.start, query.end, last=cloud.clock() if last is None else last)
         if described is not None and skin is not None:
-            moments = [
-                window.start + (number + 1) * window.span // query.points - 1
-                for number in range(query.points)
-            ]
-            for pressures in skin.read_at(connection, query.node, described, moments):
+            nodes = [share.node for share in shares]
+            for number in range(query.points):
+                t = window.start + (number + 1) * window.span // query.points - 1
+                pressures = skin.read_at(connection, shares, described, t)
                 if pressures.known:
                     contacts = skin.find(pressures)
-                    found.append(describe_contacts(query.node, skin, pressures, contacts))
+                    found.append(describe_contacts(nodes, skin, pressures, contacts))
     return as_json(page(found, None))

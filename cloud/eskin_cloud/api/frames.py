@@ -12,9 +12,10 @@ from eskin_cloud.api.picture_formats import WRITERS
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import choose
 from eskin_cloud.api.window_params import WindowQuery
-from eskin_cloud.query.pictures import find_last, read_pictures
+from eskin_cloud.query.pictures import read_pictures
 from eskin_cloud.schemas.frames import PicturesDocument
 from eskin_cloud.store.read.lookup import find_node
+from eskin_cloud.store.read.patch_runs import find_last
 from eskin_cloud.store.read.window import parse_window
 
 router = APIRouter(tags=["nodes"])
@@ -28,6 +29,10 @@ class PicturesQuery(WindowQuery):
         default=None,
         max_length=31,
         description="such as pressure; else that of the layout's first patch",
+    )
+    own: bool = Field(
+        default=False,
+        description="only what the node itself samples, of a skin that several nodes share",
     )
 
 
@@ -47,7 +52,7 @@ def get_frames(
     query: Annotated[PicturesQuery, Query()],
     accept: Annotated[str | None, Header(include_in_schema=False)] = None,
 ) -> Response:
-    """Read pictures of a node's skin.
+    """Read pictures of a node's whole skin.
 
     Each is the hull of all samples in its stretch of time, and lasts 1.5 sampling periods at least.
     """
@@ -59,6 +64,11 @@ def get_frames(
         last = find_last(connection, node)
         window = parse_window(query.start, query.end, last=cloud.clock() if last is None else last)
         pictures = read_pictures(
-            connection, node, window, points=query.points, quantity=query.quantity
+            connection,
+            node,
+            window,
+            points=query.points,
+            quantity=query.quantity,
+            own=query.own,
         )
     return Response(WRITERS[media](pictures), media_type=media, headers={"Vary": "Accept"})

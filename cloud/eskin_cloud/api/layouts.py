@@ -36,7 +36,7 @@ def get_layout(
         known = find_layouts(connection, node)
     if not known:
         raise UnknownChannelError("node", f"{node} states no layout: its channels are no patches")
-    return as_json(describe_layout(known[0]))
+    return as_json(describe_layout(node, known[0]))
 
 
 @router.get(
@@ -64,6 +64,6 @@ def get_layout_by_hash(
                 "layout",
                 f"{layout} is none of {node}; GET /api/v1/nodes/{node}/layout has the latest",
             ) from error
-    answer = as_json(describe_layout(described))
+    answer = as_json(describe_layout(node, described))
     answer.headers.update(_FOR_EVER)
     return answer

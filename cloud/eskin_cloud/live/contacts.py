@@ -11,11 +11,14 @@ from cachetools import LRUCache
 
 from eskin.errors import EskinError
 from eskin.wire.frames.frame_parts import read_head
+from eskin_cloud.live.shared_skin import SharedSkin
 from eskin_cloud.query.contacts import ContactSkin
 from eskin_cloud.schemas.base import dump
 from eskin_cloud.schemas.contacts import describe_contacts
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
     from eskin_cloud.live.feed import Feed
     from eskin_cloud.store.descriptions import DescribedLayout
     from eskin_cloud.store.feed_entry import FeedEntry
@@ -48,19 +51,22 @@ class FoundContacts:
 
     Attributes:
         cursor: That of the stretch's last frame.
+        node: The skin's first node.
         text: In JSON.
     """
 
     cursor: int
+    node: str
     text: str
 
 
 class LiveContacts:
-    """Finds contacts at the last instant of each stretch.
+    """Finds contacts once a stretch, in a thread, one skin after the other.
 
-    One thread serves all skins. Streams hand over what they read, so nothing is computed for a
-    node that no client watches. A stretch that is not computed when the next one is complete is
-    skipped.
+    Those of a skin that one node samples are at the last instant of each stretch; those of a skin
+    of several nodes are at an instant that all of them have reached (`SharedSkin`). Streams hand
+    over what they read, so nothing is computed for a skin that none watches. A stretch that is not
+    computed when the next one is complete is skipped.
 
     Args:
         feed: Whose frames are read.
@@ -73,60 +79,97 @@ class LiveContacts:
         self._feed = feed
         self._skins: LRUCache[bytes, ContactSkin | None] = LRUCache(_NODES)
         self._pictures: LRUCache[str, Picture] = LRUCache(_NODES)
-        self._due: dict[str, Picture] = {}
+        self._shared: LRUCache[bytes, SharedSkin] = LRUCache(_NODES)
+        self._due: dict[str | bytes, Picture | SharedSkin] = {}
         self._task: asyncio.Task[None] | None = None
         self.latest: LRUCache[str, FoundContacts] = LRUCache(_NODES)
 
-    def take(self, entry: FeedEntry) -> None:
-        """Take a frame that a viewer of its node is about to get; each counts once."""
+    def take(self, entry: FeedEntry, nodes: Collection[str]) -> None:
+        """Take a frame that a viewer reads, if it is of a watched skin; each counts once.
+
+        Args:
+            entry: The frame.
+            nodes: Those that the viewer watches.
+        """
         described = self._feed.layouts.get(entry.layout)
-        picture = self._pictures.get(entry.node)
-        known = picture is not None and entry.cursor <= picture.cursor
-        if described is None or entry.frame is None or entry.layout is None or known:
+        if described is None or entry.frame is None or entry.layout is None:
             return
-        head = read_head(entry.frame)
-        if picture is None or (picture.stretch, picture.layout) != (head.stretch, entry.layout):
+        if len(set(described.controllers)) > 1:
+            if not set(described.controllers).isdisjoint(nodes):
+                self._take_share(entry, described)
+        elif entry.node in nodes:
+            self._take_page(entry, described)
+
+    def _take_share(self, entry: FeedEntry, described: DescribedLayout) -> None:
+        skin = self._shared.get(described.hash)
+        if skin is None:
+            skin = self._shared[described.hash] = SharedSkin(described)
+        if skin.take(entry):
+            self._begin(described.hash, skin)
+
+    def _take_page(self, entry: FeedEntry, described: DescribedLayout) -> None:
+        picture = self._pictures.get(entry.node)
+        if picture is not None and entry.cursor <= picture.cursor:
+            return
+        head = read_head(entry.frame or b"")
+        if picture is None or (picture.stretch, picture.layout) != (head.stretch, described.hash):
             if picture is not None and picture.frames:  # a page of it is missing
                 self._begin(entry.node, picture)
-            picture = self._pictures[entry.node] = Picture(head.stretch, entry.layout, entry.cursor)
+            picture = self._pictures[entry.node] = Picture(
+                head.stretch, described.hash, entry.cursor
+            )
         picture.cursor = entry.cursor
-        picture.frames[head.page] = entry.frame
+        picture.frames[head.page] = entry.frame or b""
         if len(picture.frames) == len(described.layout.pages):
             self._begin(entry.node, picture)
             # A page that comes twice begins anew.
-            self._pictures[entry.node] = Picture(head.stretch, entry.layout, entry.cursor)
+            self._pictures[entry.node] = Picture(head.stretch, described.hash, entry.cursor)
 
-    def _begin(self, node: str, picture: Picture) -> None:
-        self._due[node] = picture
+    def _begin(self, key: str | bytes, work: Picture | SharedSkin) -> None:
+        self._due[key] = work
         if self._task is None:
             self._task = asyncio.create_task(self._work())
 
     async def _work(self) -> None:
         try:
             while self._due:
-                node, picture = next(iter(self._due.items()))
-                del self._due[node]
-                described = self._feed.layouts.get(picture.layout)
-                if described is not None:
-                    text = await asyncio.to_thread(self._find, node, picture, described)
-                    if text is not None:
-                        self.latest[node] = FoundContacts(picture.cursor, text)
-                        self._feed.wake()
+                key, work = next(iter(self._due.items()))
+                del self._due[key]
+                described = self._feed.layouts.get(work.layout)
+                if described is None:
+                    continue
+                nodes = (
+                    [key] if isinstance(key, str) else list(dict.fromkeys(described.controllers))
+                )
+                cursor = work.cursor
+                text = await asyncio.to_thread(self._find, nodes, work, described)
+                if text is None:
+                    continue
+                found = FoundContacts(cursor, nodes[0], text)
+                # Other nodes that the layout names may be of another skin.
+                for node in nodes if isinstance(work, Picture) else work.heard:
+                    self.latest[node] = found
+                self._feed.wake()
         finally:
             self._task = None
 
-    def _find(self, node: str, picture: Picture, described: DescribedLayout) -> str | None:
+    def _find(
+        self, nodes: Sequence[str], work: Picture | SharedSkin, described: DescribedLayout
+    ) -> str | None:
         try:
-            if picture.layout not in self._skins:
-                self._skins[picture.layout] = ContactSkin.of(described)
-            skin = self._skins[picture.layout]
+            if work.layout not in self._skins:
+                self._skins[work.layout] = ContactSkin.of(described)
+            skin = self._skins[work.layout]
             if skin is None:
                 return None
-            pressures = skin.read_last(list(picture.frames.values()))
-            if not pressures.known:
+            if isinstance(work, SharedSkin):
+                pressures = work.advance(skin)
+            else:
+                pressures = skin.read_last(list(work.frames.values()))
+            if pressures is None or not pressures.known:
                 return None
-            found = describe_contacts(node, skin, pressures, skin.find(pressures))
+            found = describe_contacts(nodes, skin, pressures, skin.find(pressures))
         except EskinError as error:
-            log.warning("contacts cannot be found: node=%s reason=%s", node, error)
+            log.warning("contacts cannot be found: node=%s reason=%s", nodes[0], error)
             return None
         return dump(found).decode()

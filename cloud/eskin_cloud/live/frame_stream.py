@@ -31,7 +31,7 @@ class FrameStream:
 
     Args:
         feed: Where it is read.
-        contacts: Those of the nodes that the client selects by name.
+        contacts: Those of the skins whose nodes the client selects by name.
         cursor: Where to begin.
         backlog: How far behind it may be; beyond, it moves on.
         heartbeat: Seconds between signs of life.
@@ -129,6 +129,8 @@ class FrameStream:
 
     def _of_entry(self, entry: FeedEntry) -> Iterator[bytes]:
         """Messages of an entry; none where it is dropped or not asked for."""
+        if entry.cursor > self._present and self.selection.nodes is not None:
+            self._contacts.take(entry, self.selection.nodes)
         if not self.selection.takes(entry):
             return
         if entry.frame is not None:
@@ -142,8 +144,6 @@ class FrameStream:
 
     def _of_frame(self, entry: FeedEntry) -> Iterator[bytes]:
         live, write = entry.cursor > self._present, self._feed.frame_encoder
-        if live and self.selection.nodes is not None:
-            self._contacts.take(entry)
         message = write.frame(entry, self.selection)
         if message is None:
             return
@@ -166,8 +166,10 @@ class FrameStream:
     def _new_contacts(self) -> Iterator[bytes]:
         for node in self.selection.nodes or ():
             found = self._contacts.latest.get(node)
-            if found is not None and found.cursor > self._last_contacts.get(node, self._present):
-                self._last_contacts[node] = found.cursor
+            if found is None:
+                continue
+            if found.cursor > self._last_contacts.get(found.node, self._present):
+                self._last_contacts[found.node] = found.cursor
                 if self._skipped:
                     yield self._lagging()
-                yield self._feed.frame_encoder.contacts(self._place, node, found.text)
+                yield self._feed.frame_encoder.contacts(self._place, found.node, found.text)

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 import numpy as np
 
 from eskin.contacts import Skin, find_contacts
 from eskin.wire.frames import Sampling
 from eskin.wire.frames.frame_scan import Part, scan_frames
-from eskin_cloud.store.read.patch_runs import (
-    CompactedRuns,
-    last_frame_rows,
-    runs_of_frames,
-)
+from eskin_cloud.store.read.patch_runs import find_last, read_described_runs
+from eskin_cloud.store.read.window import Window, before
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -26,14 +23,14 @@ if TYPE_CHECKING:
     from eskin.contacts import Contacts
     from eskin.interval import Floats
     from eskin.wire.frames import Patch
-    from eskin_cloud.store.descriptions import DescribedLayout
+    from eskin_cloud.store.descriptions import DescribedLayout, Share
     from eskin_cloud.store.patch_run import PatchRun
 
 UNIT: Final = "Pa"
 LONGEST_HOLD: Final = 2_000_000_000
 """An earlier sample counts for an instant no longer than this, in ns, whatever its period is."""
 _MICROMETRE: Final = 1e6
-_NEVER: Final = -(2**63)
+_NEVER: Final = np.iinfo(np.int64).max
 
 
 class Pressures:
@@ -45,7 +42,6 @@ class Pressures:
         t: Middle of the instant, UTC ns: that of the latest sample, unless it was asked for.
         error: Greatest distance of a sample's time from its middle, ns.
         known: Whether there is a sample.
-        moments: Middle of the time of each taxel's sample, UTC ns, where instants are asked for.
     """
 
     def __init__(self, taxels: int, t: int = 0) -> None:
@@ -54,7 +50,6 @@ class Pressures:
         self.t = t
         self.error = 0
         self.known = False
-        self.moments = np.full(taxels, _NEVER, np.int64)
 
     def put(self, taxels: NDArray[np.int64], lo: Floats, hi: Floats, error: int) -> None:
         """State some taxels."""
@@ -144,51 +139,53 @@ class ContactSkin:
         return found
 
     def read_at(
-        self, connection: Connection, node: str, described: DescribedLayout, moments: Sequence[int]
-    ) -> list[Pressures]:
-        """What is known of each taxel at some instants: a sample holds for its period at most.
+        self,
+        connection: Connection,
+        shares: Sequence[Share],
+        described: DescribedLayout,
+        t: int,
+    ) -> Pressures:
+        """What is known of each taxel at an instant.
 
         Args:
             connection: In a read transaction.
-            node: The node.
+            shares: Those of the layout; nodes that did not state it are unknown.
             described: The layout of this skin.
-            moments: UTC ns.
+            t: UTC ns.
         """
-        found = [Pressures(len(self.taxels), t) for t in moments]
-        for number, place in self.places.items():
-            patch = described.patches[number]
-            rows = CompactedRuns(connection, node, patch.patch_id)
-            for pressures in found:
-                for run in rows.until(pressures.t, LONGEST_HOLD):
-                    if run.patch == described.layout.patches[number]:
-                        _put_held(pressures, place.start, run, patch)
-        for page, numbers in enumerate(described.page_ranges):
-            wanted = [number for number in numbers if number in self.places]
-            if wanted:
-                for pressures in found:
-                    self._read_frames(connection, node, described, page, wanted, pressures)
-        return found
+        ahead = LONGEST_HOLD if len(shares) > 1 else 0
+        window = Window(before(t, LONGEST_HOLD), t + 1 + ahead)
+        runs: dict[int, list[PatchRun]] = {}
+        for name, numbers, stated in shares:
+            if stated:
+                own = [number for number in numbers if number in self.places]
+                runs |= read_described_runs(connection, name, described, own, window)
+        return self.hold(described, runs, t, spread=len(shares) > 1)
 
-    def _read_frames(
+    def hold(
         self,
-        connection: Connection,
-        node: str,
         described: DescribedLayout,
-        page: int,
-        wanted: Sequence[int],
-        pressures: Pressures,
-    ) -> None:
-        """Take the latest samples of a page's patches before an instant, from its last frames."""
-        missing = set(wanted)
-        for row in last_frame_rows(connection, node, page, pressures.t, LONGEST_HOLD):
-            if bytes(row["layout"]) != described.hash:
-                continue
-            for number, run in runs_of_frames([row], described, sorted(missing)):
+        runs: Mapping[int, Sequence[PatchRun]],
+        t: int,
+        *,
+        spread: bool,
+    ) -> Pressures:
+        """What each taxel's sample is at an instant: one holds until the next, a period at a gap.
+
+        Args:
+            described: The layout of this skin.
+            runs: By the number of their patch, in order of time.
+            t: UTC ns.
+            spread: Whether the samples are of several clocks: then those are enclosed that may have
+                held at ``t``, wherever in their bounds the samples' times are. Else ``t`` is the
+                node's own statement, and its error is stated.
+        """
+        found = Pressures(len(self.taxels), t)
+        for number, of_patch in runs.items():
+            if of_patch:
                 place, patch = self.places[number], described.patches[number]
-                if _put_held(pressures, place.start, run, patch).all():
-                    missing.discard(number)
-            if not missing:
-                return
+                _put_held(found, place.start, of_patch, patch, spread=spread)
+        return found
 
     def find(self, pressures: Pressures) -> Contacts:
         """The contacts at one instant."""
@@ -202,6 +199,16 @@ class ContactSkin:
         return find_contacts(lo, hi, self.skin, least)
 
 
+def find_common_end(connection: Connection, shares: Iterable[Share]) -> int | None:
+    """The latest time up to which all nodes of a skin have sent samples, UTC ns.
+
+    A node that is later by `LONGEST_HOLD` than another one is silent, and is not waited for.
+    """
+    found = (find_last(connection, share.node) for share in shares if share.stated)
+    ends = [end for end in found if end is not None]
+    return min((end for end in ends if end > max(ends) - LONGEST_HOLD), default=None)
+
+
 def last_rows(mask: NDArray[np.bool_], until: NDArray[np.int64]) -> NDArray[np.int64]:
     """The row of each column's last sample; -1 where it has none.
 
@@ -213,25 +220,54 @@ def last_rows(mask: NDArray[np.bool_], until: NDArray[np.int64]) -> NDArray[np.i
     return np.asarray(np.where(mask & (rows <= until), rows, -1).max(axis=0), np.int64)
 
 
-def _put_held(found: Pressures, begin: int, run: PatchRun, patch: Patch) -> NDArray[np.bool_]:
-    """State the columns of a run whose sample is the latest one before an instant.
+def _put_held(
+    found: Pressures, begin: int, runs: Sequence[PatchRun], patch: Patch, *, spread: bool
+) -> None:
+    """State the columns of a patch by the samples that hold at an instant, or may hold."""
+    t = found.t
+    skew = np.array(patch.skew or (0,) * len(patch.taxels), np.int64)
+    parts = [_Times.of(run, skew, spread=spread) for run in runs]
+    early, middle, late, step, sampled = (np.concatenate(each) for each in zip(*parts, strict=True))
+    follows = _following(np.where(sampled, late, _NEVER))
+    gap = _following(np.where(sampled, middle, _NEVER)) - middle > step + step // 2
+    # Of two starts of a node, the order of samples is known only as far as their bounds go.
+    current = sampled & (early <= t) & (np.maximum(follows, late + spread) > t)
+    lost = np.any(current & gap & (early + step < t), axis=0)
+    lost |= ~np.any(sampled & (late <= t), axis=0)
+    chosen = np.flatnonzero(np.any(current, axis=0) & ~lost)
+    lo, hi = (np.concatenate([getattr(run, side) for run in runs]) for side in ("lo", "hi"))
+    found.put(
+        begin + chosen,
+        np.where(current, lo, np.inf).min(axis=0)[chosen],
+        np.where(current, hi, -np.inf).max(axis=0)[chosen],
+        0 if spread else max(run.error for run in runs),
+    )
 
-    Columns that are stated already by a later sample stay as they are. Gives which are stated.
-    """
-    rows, columns = run.lo.shape
-    skew = np.array(patch.skew or (0,) * columns, np.int64)
-    until = np.clip((found.t - run.t - skew) // run.dt, -1, rows - 1)
-    sampling = Sampling(rows, columns, run.first_row, run.strides)
-    last = last_rows(sampling.mask, until)
-    steps = run.dt << np.frombuffer(run.strides or bytes(columns), np.uint8).astype(np.int64)
-    moments = run.t + skew + last * run.dt
-    # Half a period late is no gap yet, as everywhere (`store.read.block_index.longest_step`).
-    held = (last >= 0) & (found.t - moments <= steps + steps // 2)
-    stated = found.moments[begin : begin + columns]
-    chosen = np.flatnonzero(held & (moments >= stated))
-    found.put(begin + chosen, run.lo[last[chosen], chosen], run.hi[last[chosen], chosen], run.error)
-    stated[chosen] = moments[chosen]
-    return stated > _NEVER
+
+class _Times(NamedTuple):
+    """Of each cell of a run: bounds and middle of its time, step, whether it is a sample."""
+
+    early: NDArray[np.int64]
+    middle: NDArray[np.int64]
+    late: NDArray[np.int64]
+    step: NDArray[np.int64]
+    sampled: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, run: PatchRun, skew: NDArray[np.int64], *, spread: bool) -> Self:
+        rows, columns = run.lo.shape
+        error = run.error if spread else 0
+        middle = run.t + skew + run.dt * np.arange(rows)[:, np.newaxis]
+        strides = np.frombuffer(run.strides or bytes(columns), np.uint8).astype(np.int64)
+        step = np.broadcast_to(run.dt << strides, middle.shape)
+        sampled = Sampling(rows, columns, run.first_row, run.strides).mask
+        return cls(middle - error, middle, middle + error, step, sampled)
+
+
+def _following(times: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The least time of all later rows, for each cell."""
+    least = np.minimum.accumulate(times[::-1], axis=0)[::-1]
+    return np.concatenate([least[1:], np.full_like(times[:1], _NEVER)])
 
 
 def _positions(patches: Iterable[Patch]) -> Floats:

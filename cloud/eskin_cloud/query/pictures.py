@@ -1,8 +1,10 @@
 """Pictures of a skin: hulls of all channels of one quantity, over neighbouring stretches of time.
 
-A picture is the hull of the samples of each channel in ``[t, t + dt)``, whichever clock they were
-taken by. Pictures are read under the latest layout of their window; samples of other layouts are
-those of the channels with the same names.
+A picture is the hull of the samples of each channel in ``[t, t + dt)``. Those of a skin that one
+node samples are by that node's clock. Of a skin of several nodes, whose clocks are uncertain by
+different errors, a sample belongs to each picture that its true time may lie in. Pictures are read
+under the latest layout of their window; samples of other layouts are those of the channels with the
+same names.
 """
 
 from __future__ import annotations
@@ -14,8 +16,9 @@ import numpy as np
 
 from eskin.errors import QueryError
 from eskin.union_bound import union_coverage
-from eskin_cloud.rollup.picture_reading import PictureReader
-from eskin_cloud.store.descriptions import DescribedLayout, find_layout
+from eskin_cloud.rollup.picture_fold import PictureHulls
+from eskin_cloud.rollup.picture_reading import PictureReader, choose_pictures
+from eskin_cloud.store.descriptions import DescribedLayout, find_layout, find_shares
 from eskin_cloud.store.read.lookup import UnknownChannelError
 from eskin_cloud.store.read.patch_runs import find_layouts, read_pages
 
@@ -29,7 +32,6 @@ if TYPE_CHECKING:
     from eskin.wire.frames import Patch
     from eskin_cloud.rollup.aggregates import Integers
     from eskin_cloud.rollup.blocks import Buckets
-    from eskin_cloud.rollup.picture_fold import PictureHulls
     from eskin_cloud.store.read.window import Window
 
 MOST_VALUES: Final = 4_000_000
@@ -75,14 +77,14 @@ class Pictures:
         return self.buckets.width * np.arange(self.buckets.count, dtype=np.int64)
 
 
-def find_last(connection: Connection, node: str) -> int | None:
-    """The time of a node's last sample in frames, UTC ns; ``None`` if there is none."""
-    times = (row["t_last"] for row in read_pages(connection, node))
-    return max((t for t in times if t is not None), default=None)
-
-
 def read_pictures(
-    connection: Connection, node: str, window: Window, *, points: int, quantity: str | None = None
+    connection: Connection,
+    node: str,
+    window: Window,
+    *,
+    points: int,
+    quantity: str | None = None,
+    own: bool = False,
 ) -> Pictures:
     """Read pictures of a node's skin.
 
@@ -94,6 +96,7 @@ def read_pictures(
         window: The window.
         points: Most pictures.
         quantity: Which; else that of the layout's first patch.
+        own: Whether only what the node itself samples is read; else all nodes of its skin.
 
     Raises:
         UnknownChannelError: The node has no layout.
@@ -104,10 +107,19 @@ def read_pictures(
     described = _find_layout_of(connection, node, window)
     patches = described.patches
     chosen = patches[0].quantity if quantity is None else quantity
-    numbers = tuple(k for k, patch in enumerate(patches) if patch.quantity == chosen)
+    shares = find_shares(connection, node, described)
+    if own:
+        shares = [share for share in shares if share.node == node]
+    mine = [
+        [number for number in share.patches if patches[number].quantity == chosen]
+        for share in shares
+    ]
+    numbers = tuple(number for each in mine for number in each)
     if not numbers:
-        names = ", ".join(sorted({patch.quantity for patch in patches}))
-        raise QueryError("quantity", f"{chosen!r} is that of no patch of {node}; it has {names}")
+        names = ", ".join(sorted({patches[k].quantity for each in shares for k in each.patches}))
+        raise QueryError(
+            "quantity", f"{chosen!r} is that of no patch of {node}; it has {names or 'none'}"
+        )
     units = sorted({patches[number].unit for number in numbers})
     if len(units) > 1:
         raise QueryError("quantity", f"{chosen!r} has several units: {', '.join(units)}")
@@ -115,9 +127,28 @@ def read_pictures(
     if len(taxels) * points > MOST_VALUES:
         most = MOST_VALUES // len(taxels)
         raise QueryError("points", f"is {points}; {node} has {len(taxels)} taxels: at most {most}")
-    reader = PictureReader(connection, node, [patches[number] for number in numbers])
-    buckets = reader.choose(window, points)
-    hulls = reader.fold(buckets)
+    readers = [
+        PictureReader(
+            connection,
+            share.node,
+            [patches[number] for number in each],
+            spread=len(shares) > 1,
+            share=len(shares),
+        )
+        if share.stated
+        else None
+        for share, each in zip(shares, mine, strict=True)
+    ]
+    read = [reader for reader in readers if reader is not None]
+    buckets = choose_pictures(read, window, points)
+    hulls = PictureHulls.joined(
+        [
+            PictureHulls.empty(buckets.count, sum(len(patches[number].taxels) for number in each))
+            if reader is None
+            else reader.fold(buckets)
+            for reader, each in zip(readers, mine, strict=True)
+        ]
+    )
     seen = hulls.n > 0
     return Pictures(
         node=node,
@@ -130,8 +161,10 @@ def read_pictures(
         lo=np.where(seen, hulls.lo, -np.inf),
         hi=np.where(seen, hulls.hi, np.inf),
         contact=_contact(hulls, [patches[number] for number in numbers]),
-        coverage=union_coverage(reader.coverage, n=int(hulls.n.max(initial=0))),
-        time_error=reader.time_error,
+        coverage=union_coverage(
+            min((reader.coverage for reader in read), default=1.0), n=int(hulls.n.max(initial=0))
+        ),
+        time_error=max((reader.time_error for reader in read), default=0),
     )
 
 

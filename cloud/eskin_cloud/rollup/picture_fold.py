@@ -43,6 +43,7 @@ class PictureHulls(NamedTuple):
         gap: Whether a channel is unknown at some time of a picture.
         last: Time of each channel's last sample so far, UTC ns.
         dt: Its period, ns; 0 before the first sample.
+        error: By how much its time is uncertain, ns; 0 where pictures are of the node's own clock.
     """
 
     lo: Floats
@@ -52,6 +53,7 @@ class PictureHulls(NamedTuple):
     gap: NDArray[np.bool_]
     last: Integers
     dt: Integers
+    error: Integers
 
     @classmethod
     def empty(cls, pictures: int, channels: int) -> PictureHulls:
@@ -63,9 +65,13 @@ class PictureHulls(NamedTuple):
             np.full(shape, -np.inf),
             np.zeros(shape, np.int32),
             np.zeros(shape, np.bool_),
-            np.zeros(channels, np.int64),
-            np.zeros(channels, np.int64),
+            *np.zeros((3, channels), np.int64),
         )
+
+    @classmethod
+    def joined(cls, parts: Sequence[PictureHulls]) -> PictureHulls:
+        """Pictures of several groups of channels, one group after the other."""
+        return cls(*(np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)))
 
 
 class ColumnPlaces(NamedTuple):
@@ -87,7 +93,12 @@ class ColumnPlaces(NamedTuple):
 
 
 def fold_records(
-    records: Records, places: ColumnPlaces, grid: tuple[int, int], out: PictureHulls
+    records: Records,
+    places: ColumnPlaces,
+    grid: tuple[int, int],
+    out: PictureHulls,
+    *,
+    spread: bool = False,
 ) -> None:
     """Add the samples of records.
 
@@ -96,13 +107,21 @@ def fold_records(
         places: Of that layout's columns.
         grid: Start of the first picture, and the width of all, ns.
         out: The hulls so far.
+        spread: Whether a sample belongs to each picture that its true time may lie in; else to the
+            one of the middle of its time.
     """
     if len(records.whole):
-        _fold_records(records.data, records.whole, (records.lo, records.hi), places, grid, out)
+        bounds = records.lo, records.hi
+        _fold_records(records.data, records.whole, bounds, places, grid, out, spread)
 
 
 def fold_runs(
-    runs: Sequence[PatchRun], places: ColumnPlaces, grid: tuple[int, int], out: PictureHulls
+    runs: Sequence[PatchRun],
+    places: ColumnPlaces,
+    grid: tuple[int, int],
+    out: PictureHulls,
+    *,
+    spread: bool = False,
 ) -> None:
     """Add the samples of runs of one description, in order of time.
 
@@ -111,12 +130,13 @@ def fold_runs(
         places: Of its columns: the first row of the arrays.
         grid: As in `fold_records`.
         out: As in `fold_records`.
+        spread: As in `fold_records`.
     """
     whole = np.zeros((len(runs), len(Part)), np.int64)
     begin = strides = 0
     for row, run in zip(whole, runs, strict=True):
         rows, columns = run.lo.shape
-        row[_EARLIEST] = row[_LATEST] = run.t
+        row[_EARLIEST], row[_LATEST] = run.t - run.error, run.t + run.error
         row[_PERIOD], row[_FIRST_ROW] = run.dt, run.first_row
         row[_ROWS], row[_COLUMNS], row[_BEGIN] = rows, columns, begin
         row[_STRIDES] = strides if run.strides else -1
@@ -126,7 +146,7 @@ def fold_runs(
         np.concatenate([run.lo.ravel() for run in runs]),
         np.concatenate([run.hi.ravel() for run in runs]),
     )
-    _fold_records(data, whole, bounds, places, grid, out)
+    _fold_records(data, whole, bounds, places, grid, out, spread)
 
 
 def fold_tiles(
@@ -135,6 +155,8 @@ def fold_tiles(
     within: tuple[int, int],
     grid: tuple[int, int],
     out: PictureHulls,
+    *,
+    spread: bool = False,
 ) -> None:
     """Add the tiles of a chunk, each of which lies within a picture.
 
@@ -144,9 +166,10 @@ def fold_tiles(
         within: Tiles that begin from a time on, and before another, are added; UTC ns.
         grid: As in `fold_records`.
         out: As in `fold_records`; ``peak`` gets the least lower bound of a tile.
+        spread: As in `fold_records`, for all samples of a tile.
     """
     column, whole, lo, hi = chunk.hulls_and_times()
-    _fold_tiles(channels[column], whole, (lo, hi), within, grid, out)
+    _fold_tiles(channels[column], whole, (lo, hi), within, grid, out, spread)
 
 
 @kernel
@@ -157,6 +180,7 @@ def _fold_records(
     places: ColumnPlaces,
     grid: tuple[int, int],
     out: PictureHulls,
+    spread: bool,  # noqa: FBT001 - a kernel's
 ) -> None:
     for record in range(len(whole)):
         row = whole[record]
@@ -167,9 +191,10 @@ def _fold_records(
             strides = data[row[_STRIDES] : row[_STRIDES] + columns]
         earliest, latest = row[_EARLIEST], row[_LATEST]
         t = (earliest & latest) + ((earliest ^ latest) >> 1) + row[_DELAY]
+        error: Any = (latest - earliest + 1) // 2 if spread else 0
         mine = bounds[0][begin : begin + size], bounds[1][begin : begin + size]
         _fold(
-            mine, (row[_ROWS], columns), (t, row[_PERIOD], row[_FIRST_ROW] % 2**16), strides,
+            mine, (row[_ROWS], columns), (t, row[_PERIOD], row[_FIRST_ROW] % 2**16, error), strides,
             (places.channel[patch], places.skew[patch]), grid, out,
         )  # fmt: skip
 
@@ -182,44 +207,53 @@ def _fold_tiles(
     within: tuple[int, int],
     grid: tuple[int, int],
     out: PictureHulls,
+    spread: bool,  # noqa: FBT001 - a kernel's
 ) -> None:
     low, high = bounds
     least, most, peak, number = out.lo, out.hi, out.peak, out.n
-    latest, periods, gap = out.last, out.dt, out.gap
+    latest, periods, gap, errors = out.last, out.dt, out.gap, out.error
     for k in range(channels.size):
         channel, first, last = channels[k], whole[0, k], whole[1, k]
-        picture = (first - grid[0]) // grid[1]
+        error = whole[6, k] if spread else np.int64(0)
+        begin = (first - error - grid[0]) // grid[1]
+        end = begin if not spread else (last + error - grid[0]) // grid[1]
         outside = first < within[0] or first >= within[1]
-        if channel < 0 or outside or picture < 0 or picture >= len(least):
+        if channel < 0 or outside or end < 0 or begin >= len(least):
             continue
         before = periods[channel]
         if not before:
-            _mark(grid[0], first, channel, grid, gap)
+            _mark(grid[0], first + error, channel, grid, gap)
         elif first - latest[channel] > before + before // 2:
-            _mark(latest[channel] + before, first, channel, grid, gap)
-        if whole[3, k]:
-            gap[picture, channel] = True
+            until = latest[channel] + before - errors[channel]
+            _mark(until, first + error, channel, grid, gap)
         if not before or last >= latest[channel]:
-            latest[channel], periods[channel] = last, whole[4, k]
-        least[picture, channel] = lesser(low[k], least[picture, channel])
-        most[picture, channel] = greater(high[k], most[picture, channel])
-        peak[picture, channel] = greater(low[k], peak[picture, channel])
-        number[picture, channel] += whole[2, k]
+            latest[channel], periods[channel], errors[channel] = last, whole[4, k], error
+        for picture in range(max(begin, 0), min(end + 1, len(least))):
+            if whole[3, k]:
+                gap[picture, channel] = True
+            least[picture, channel] = lesser(low[k], least[picture, channel])
+            most[picture, channel] = greater(high[k], most[picture, channel])
+            number[picture, channel] += whole[2, k]
+        if begin == end:
+            peak[begin, channel] = greater(low[k], peak[begin, channel])
 
 
 @part
 def _fold(
     bounds: tuple[Floats, Floats],
     shape: tuple[int, int],
-    when: tuple[int, int, int],
+    when: tuple[int, int, int, int],
     strides: Bytes,
     places: tuple[Integers, Integers],
     grid: tuple[int, int],
     out: PictureHulls,
 ) -> None:
-    """Add a matrix of samples: ``when`` is the first row's time, the period, and its number."""
+    """Add a matrix of samples: ``when`` is the first row's time, the period, its number, error."""
     channels, skews = places
-    _follow(shape, when, strides, places, grid, (out.last, out.dt, out.gap))
+    _follow(shape, when, strides, places, grid, (out.last, out.dt, out.error, out.gap))
+    if when[3]:
+        _spread(bounds, shape, when, strides, places, grid, out)
+        return
     # An array that is taken out of a tuple in a loop costs more there than a sample.
     low, high = bounds
     least, most, peak, number = out.lo, out.hi, out.peak, out.n
@@ -245,17 +279,50 @@ def _fold(
 
 
 @part
-def _follow(
+def _spread(
+    bounds: tuple[Floats, Floats],
     shape: tuple[int, int],
-    when: tuple[int, int, int],
+    when: tuple[int, int, int, int],
     strides: Bytes,
     places: tuple[Integers, Integers],
     grid: tuple[int, int],
-    known: tuple[Integers, Integers, NDArray[np.bool_]],
+    out: PictureHulls,
+) -> None:
+    """Add each sample of a matrix to all pictures that its true time may lie in."""
+    channels, skews = places
+    low, high = bounds
+    least, most, peak, number = out.lo, out.hi, out.peak, out.n
+    for row in range(shape[0]):
+        behind = when[0] + row * when[1] - grid[0]
+        for column in range(shape[1]):
+            channel = channels[column]
+            if channel < 0:
+                continue
+            if strides.size and (when[2] + row) & ((1 << np.int64(strides[column])) - 1):
+                continue
+            late = behind + skews[column]
+            cell = row * shape[1] + column
+            begin, end = (late - when[3]) // grid[1], (late + when[3]) // grid[1]
+            for picture in range(max(begin, 0), min(end + 1, len(least))):
+                least[picture, channel] = lesser(low[cell], least[picture, channel])
+                most[picture, channel] = greater(high[cell], most[picture, channel])
+                number[picture, channel] += 1
+            if begin == end and 0 <= begin < len(least):
+                peak[begin, channel] = greater(low[cell], peak[begin, channel])
+
+
+@part
+def _follow(
+    shape: tuple[int, int],
+    when: tuple[int, int, int, int],
+    strides: Bytes,
+    places: tuple[Integers, Integers],
+    grid: tuple[int, int],
+    known: tuple[Integers, Integers, Integers, NDArray[np.bool_]],
 ) -> None:
     """Mark gaps before the samples of a matrix, and remember the last of each column."""
     channels, skews = places
-    latest, periods, gap = known
+    latest, periods, errors, gap = known
     for column in range(shape[1]):
         channel = channels[column]
         if channel < 0:
@@ -271,11 +338,12 @@ def _follow(
         end = when[0] + skews[column] + final * when[1]
         before = periods[channel]
         if not before:
-            _mark(grid[0], begin, channel, grid, gap)
+            _mark(grid[0], begin + when[3], channel, grid, gap)
         elif begin - latest[channel] > before + before // 2:
-            _mark(latest[channel] + before, begin, channel, grid, gap)
+            until = latest[channel] + before - errors[channel]
+            _mark(until, begin + when[3], channel, grid, gap)
         if not before or end >= latest[channel]:
-            latest[channel], periods[channel] = end, dt
+            latest[channel], periods[channel], errors[channel] = end, dt, when[3]
 
 
 @part
@@ -291,11 +359,11 @@ def _mark(
 @kernel
 def close_gaps(grid: tuple[int, int], out: PictureHulls) -> None:
     """Mark what lies after the last sample of each channel, once all are added."""
-    latest, periods, gap = out.last, out.dt, out.gap
+    latest, periods, errors, gap = out.last, out.dt, out.error, out.gap
     end = grid[0] + grid[1] * len(gap)
     for channel in range(latest.size):
-        before = periods[channel]
+        before, last = periods[channel], latest[channel] - errors[channel]
         if not before:
             _mark(grid[0], end, channel, grid, gap)
-        elif end - latest[channel] > before + before // 2:
-            _mark(latest[channel] + before, end, channel, grid, gap)
+        elif end - last > before + before // 2:
+            _mark(last + before, end, channel, grid, gap)

@@ -58,6 +58,9 @@ _COARSER: Final = 4
 """Pictures may be so many times longer than asked for, if they are tiles."""
 _TILE_SAMPLES: Final = 16
 """Samples of a column in the smallest tile, at least."""
+FARTHEST: Final = 60_000_000_000
+"""A sample beside the pictures is looked at if its true time lies at most so far from its middle,
+in ns. One whose time is less certain is a gap in what its node says."""
 
 
 class _Tiles(NamedTuple):
@@ -80,6 +83,9 @@ class PictureReader:
         connection: In a read transaction.
         node: The node.
         chosen: The patches whose columns are the pictures' channels, in this order.
+        spread: Whether a sample belongs to each picture that its true time may lie in, because
+            samples of other clocks are beside it; else to the one of the middle of its time.
+        share: A reader of so many that read for an answer, and so much less than all may be read.
 
     Attributes:
         coverage: Least coverage of all samples that were read.
@@ -89,8 +95,17 @@ class PictureReader:
         UnknownDescriptionError: A description is damaged in the store.
     """
 
-    def __init__(self, connection: Connection, node: str, chosen: Sequence[Patch]) -> None:
+    def __init__(
+        self,
+        connection: Connection,
+        node: str,
+        chosen: Sequence[Patch],
+        *,
+        spread: bool = False,
+        share: int = 1,
+    ) -> None:
         self.coverage, self.time_error = 1.0, 0
+        self._spread, self._share = spread, share
         self._connection, self._node = connection, node
         names = (name for patch in chosen for name in patch.channels)
         self._channels = {name: number for number, name in enumerate(names)}
@@ -110,20 +125,15 @@ class PictureReader:
         grains = [row["grain"] for row in self._compacted.values()]
         self._grain: int | None = None if not grains or None in grains else max(grains)
 
-    def choose(self, window: Window, points: int) -> Buckets:
-        """At most ``points`` pictures of a window, each 1.5 sampling periods long at least.
+    @property
+    def grain(self) -> int | None:
+        """The lowest level at which all channels have tiles; ``None`` if there is none."""
+        return self._grain
 
-        They are tiles if the window has a quarter as many, because to decode so long a window costs
-        more than it shows.
-        """
-        grain = self._grain
-        if grain is None or window.span >> grain < -(-points // _COARSER):
-            width = max(bucket_width(window.span, points), self._step(window))
-            return Buckets(window.start, width, -(-window.span // width))
-        level = self._level(window.span, points)
-        first, end = window.start >> level, ((window.end - 1) >> level) + 1
-        each = -(-(end - first) // points)
-        return Buckets(first << level, each << level, -(-(end - first) // each))
+    @property
+    def is_silent(self) -> bool:
+        """Whether there are no samples at all."""
+        return not self._longest and not self._compacted
 
     def fold(self, buckets: Buckets) -> PictureHulls:
         """Hulls of all samples in some pictures, as `choose` gives them.
@@ -133,20 +143,53 @@ class PictureReader:
         """
         hulls = PictureHulls.empty(buckets.count, len(self._channels))
         grid = buckets.start, buckets.width
-        window = buckets.window
-        for part in self._parts(buckets):
+        looked = self._widened(buckets) if self._spread else buckets
+        window, whole = buckets.window, looked.window
+        margin = self.step(window) + (self._reach(window) if self._spread else 0)
+        seen = Window(before(window.start, margin), min(window.end + margin, MOST_MOMENT))
+        for part in self._parts(looked):
             if isinstance(part, _Tiles):
                 self._fold_tiles(part, grid, hulls)
-            else:
-                margin = self._step(window)
-                start, end = part.start, part.end
-                if start == window.start:
-                    start = before(start, margin)
-                if end == window.end:
-                    end = min(end + margin, MOST_MOMENT)
+                continue
+            start = seen.start if part.start == whole.start else max(part.start, seen.start)
+            end = seen.end if part.end == whole.end else min(part.end, seen.end)
+            if start < end:
                 self._fold_samples(Window(start, end), grid, hulls)
         close_gaps(grid, hulls)
         return hulls
+
+    def _widened(self, buckets: Buckets) -> Buckets:
+        """The pictures, and so many before and after as samples of them may be stated in."""
+        count = -(-FARTHEST // buckets.width)
+        start = buckets.start - count * buckets.width
+        return Buckets(start, buckets.width, buckets.count + 2 * count)
+
+    def _reach(self, window: Window) -> int:
+        """How far beside a window samples may be stated that belong to it, ns."""
+        found = 0
+        edges = (
+            Window(before(window.start, FARTHEST), window.start),
+            Window(window.end, min(window.end + FARTHEST, MOST_MOMENT)),
+        )
+        for edge in edges:
+            for page, longest in self._longest.items():
+                found = max(
+                    found, self._greatest_error(frames, edge, longest, frames.c.page == page)
+                )
+            if self._compacted:
+                longest = max(row["longest"] for row in self._compacted.values())
+                mine = patch_rows.c.patch.in_(list(self._compacted))
+                found = max(found, self._greatest_error(patch_rows, edge, longest, mine))
+        return min(found, FARTHEST)
+
+    def _greatest_error(
+        self, table: Table, window: Window, longest: int, mine: ColumnElement[bool]
+    ) -> int:
+        t = table.c
+        query = select(func.max(t.error)).where(
+            self._here(table), mine, t.t >= before(window.start, longest), t.t < window.end
+        )
+        return self._connection.execute(query).scalar_one() or 0
 
     def _parts(self, buckets: Buckets) -> list[_Tiles | Window]:
         """Where tiles are read, and where samples, in order of time."""
@@ -169,14 +212,7 @@ class PictureReader:
             region = refined(_common(region, holes), STEP)
         return sorted(found, key=lambda part: part.start)
 
-    def _level(self, span: int, points: int) -> int:
-        assert self._grain is not None  # noqa: S101 - `choose` asks
-        level = self._grain
-        while level + STEP <= TOP and span >> (level + STEP) >= 2 * points:
-            level += STEP
-        return level
-
-    def _step(self, window: Window) -> int:
+    def step(self, window: Window) -> int:
         """The longest step to the next sample without a gap, ns, by the last frames."""
         found = 1 if self._grain is None else (1 << self._grain) // _TILE_SAMPLES
         periods = []
@@ -249,7 +285,7 @@ class PictureReader:
                 places[chunk.names] = np.array(
                     [self._channels.get(f"{taxel}.{quantity}", -1) for taxel in taxels]
                 )
-            fold_tiles(chunk, places[chunk.names], within, grid, hulls)
+            fold_tiles(chunk, places[chunk.names], within, grid, hulls, spread=self._spread)
             self.coverage = min(self.coverage, float(chunk.times[7].view(np.float64).min()))
             self.time_error = max(self.time_error, int(chunk.times[6].max()))
 
@@ -262,12 +298,13 @@ class PictureReader:
                 self._here(frames), f.page == page, f.t >= earliest, f.t < window.end
             )
             count += self._connection.execute(query).scalar_one()
-        _require_few(count, MOST_FRAMES, "frames")
+        _require_few(count, MOST_FRAMES // self._share, "frames")
         for page, longest in self._longest.items():
             rows = read_frame_rows(self._connection, self._node, page, window, longest)
             for some in _batches(rows):
                 records = self._scan(some)
-                fold_records(records, self._layouts[bytes(some[0]["layout"])], grid, hulls)
+                places = self._layouts[bytes(some[0]["layout"])]
+                fold_records(records, places, grid, hulls, spread=self._spread)
                 if len(records.whole):
                     self.coverage = min(self.coverage, float(records.coverage.min()))
                     self.time_error = max(self.time_error, *(row["error"] for row in some))
@@ -286,7 +323,7 @@ class PictureReader:
             p.t_end >= window.start,
         )
         count = select(func.count()).where(here)
-        _require_few(self._connection.execute(count).scalar_one(), MOST_ROWS, "rows")
+        _require_few(self._connection.execute(count).scalar_one(), MOST_ROWS // self._share, "rows")
         query = select(patch_rows).where(here).order_by(p.patch, p.t, p.boot, p.sequence)
         places: dict[bytes, ColumnPlaces] = {}
         for row in self._connection.execute(query).mappings():
@@ -296,7 +333,7 @@ class PictureReader:
             name = runs[0].patch
             if name not in places:
                 places[name] = self._place([find_patch(self._connection, self._node, name)])
-            fold_runs(runs, places[name], grid, hulls)
+            fold_runs(runs, places[name], grid, hulls, spread=self._spread)
             self.coverage = min(self.coverage, row["coverage"])
             self.time_error = max(self.time_error, row["error"])
 
@@ -323,6 +360,32 @@ class PictureReader:
         """Decode frames of one layout."""
         wanted = np.any(self._layouts[bytes(rows[0]["layout"])].channel >= 0, axis=1)
         return scan_frames([row["data"] for row in rows], wanted)
+
+
+def choose_pictures(readers: Sequence[PictureReader], window: Window, points: int) -> Buckets:
+    """At most ``points`` pictures of a window, each 1.5 sampling periods long at least.
+
+    They are tiles if the window has a quarter as many, because to decode so long a window costs
+    more than it shows.
+
+    Args:
+        readers: Of all channels.
+        window: The window.
+        points: Most pictures.
+    """
+    grains = [reader.grain for reader in readers if not reader.is_silent]
+    known = [grain for grain in grains if grain is not None]
+    grain = max(known, default=0)
+    if not grains or len(known) < len(grains) or window.span >> grain < -(-points // _COARSER):
+        step = max((reader.step(window) for reader in readers), default=1)
+        width = max(bucket_width(window.span, points), step)
+        return Buckets(window.start, width, -(-window.span // width))
+    level = grain
+    while level + STEP <= TOP and window.span >> (level + STEP) >= 2 * points:
+        level += STEP
+    first, end = window.start >> level, ((window.end - 1) >> level) + 1
+    each = -(-(end - first) // points)
+    return Buckets(first << level, each << level, -(-(end - first) // each))
 
 
 def _require_few(count: int, most: int, what: str) -> None:

@@ -1,5 +1,6 @@
 """Contacts of a skin at one instant."""
 
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -38,11 +39,14 @@ class RegionDocument(TypedDict):
 class ContactsDocument(TypedDict):
     """The contacts of a node's skin at one instant.
 
-    The true moments of the samples lie within ``time_error`` ns of the stated ones. ``threshold``
-    is the least of all taxels. Taxels of which nothing is known are possibly pressed.
+    ``nodes`` sample the skin. Of one node, the true moments of its samples lie within
+    ``time_error`` ns of the stated ones; of several, all that their samples may have been at ``t``
+    is enclosed, and it is 0. ``threshold`` is the least of all taxels. Taxels of which nothing is
+    known are possibly pressed.
     """
 
     node: str
+    nodes: list[str]
     t: Moment
     time_error: int
     threshold: float
@@ -52,13 +56,14 @@ class ContactsDocument(TypedDict):
 
 
 def describe_contacts(
-    node: str, skin: ContactSkin, pressures: Pressures, contacts: Contacts
+    nodes: Sequence[str], skin: ContactSkin, pressures: Pressures, contacts: Contacts
 ) -> ContactsDocument:
-    """The contacts of a node's skin at one instant."""
+    """The contacts of a skin at one instant; the first of its nodes is ``node``."""
     of_core = _names(skin, contacts.core_of, len(contacts))
     of_region = _names(skin, contacts.region_of, len(contacts.regions))
     return {
-        "node": node,
+        "node": nodes[0],
+        "nodes": list(nodes),
         "t": format_timestamp(pressures.t),
         "time_error": pressures.error,
         "threshold": float(skin.threshold.min()),

@@ -19,7 +19,8 @@ class PatchDocument(TypedDict):
 
     ``positions`` are x and y, or x, y and z of all taxels, in m; ``neighbours`` are pairs of taxels
     that touch, by number; ``threshold`` is the value from which on there is a contact, in the unit;
-    ``cell_area`` is what a taxel covers, in m²; ``page`` is that of its frames.
+    ``cell_area`` is what a taxel covers, in m²; ``page`` is that of its frames, and ``node`` sends
+    them: channel ``{taxel}.{quantity}`` is that node's.
     """
 
     patch: str
@@ -33,6 +34,7 @@ class PatchDocument(TypedDict):
     threshold: float | None
     cell_area: float | None
     page: int
+    node: str
 
 
 class SeamDocument(TypedDict):
@@ -51,7 +53,10 @@ class ControllerDocument(TypedDict):
 
 
 class LayoutDocument(TypedDict):
-    """What a node's frames are read by; ``layout`` is its hash."""
+    """What a node's frames are read by; ``layout`` is its hash.
+
+    Where several nodes share the skin, all state the same layout, and ``controllers`` names them.
+    """
 
     layout: str
     patches: list[PatchDocument]
@@ -85,14 +90,15 @@ class PicturesDocument(TypedDict):
     contact: list[list[int]] | None
 
 
-def describe_layout(described: DescribedLayout) -> LayoutDocument:
-    """A layout with its patches."""
+def describe_layout(node: str, described: DescribedLayout) -> LayoutDocument:
+    """A layout with its patches, as a node states it."""
     layout = described.layout
     pages = [page for page, size in enumerate(layout.pages) for _ in range(size)]
+    owners = described.controllers or (node,) * len(layout.pages)
     return {
         "layout": described.hash.hex(),
         "patches": [
-            _patch(patch, name.hex(), page)
+            _patch(patch, name.hex(), page, owners[page])
             for patch, name, page in zip(described.patches, layout.patches, pages, strict=True)
         ],
         "seams": [
@@ -123,7 +129,7 @@ def describe_pictures(pictures: Pictures) -> Json:
     }
 
 
-def _patch(patch: Patch, name: str, page: int) -> PatchDocument:
+def _patch(patch: Patch, name: str, page: int, node: str) -> PatchDocument:
     return {
         "patch": patch.patch_id,
         "hash": name,
@@ -136,4 +142,5 @@ def _patch(patch: Patch, name: str, page: int) -> PatchDocument:
         "threshold": patch.threshold,
         "cell_area": patch.cell_area,
         "page": page,
+        "node": node,
     }

@@ -17,7 +17,7 @@ from sqlalchemy import and_, delete, func, insert, select
 
 from eskin.errors import MessageError, StoreError
 from eskin.privacy import is_biometric
-from eskin.wire.frames import Layout, Patch, Privacy, content_hash
+from eskin.wire.frames import Controller, Layout, Patch, Privacy, content_hash
 from eskin.wire.messages.cbor_map import load
 from eskin.wire.messages.header import Kind
 from eskin_cloud.store.damage import report_damaged
@@ -71,6 +71,20 @@ class Description(NamedTuple):
     data: bytes
 
 
+class Share(NamedTuple):
+    """What one node samples of a skin.
+
+    Attributes:
+        node: The node.
+        patches: Their numbers in the layout.
+        stated: Whether that node stated this layout itself: else its frames are not of this skin.
+    """
+
+    node: str
+    patches: range
+    stated: bool
+
+
 @dataclass(frozen=True, eq=False)
 class DescribedLayout:
     """A layout with its patches.
@@ -103,6 +117,11 @@ class DescribedLayout:
             for number, patch in enumerate(self.patches)
             for column, channel in enumerate(patch.channels)
         }
+
+    @cached_property
+    def controllers(self) -> tuple[str, ...]:
+        """Who samples each page; empty where the node that states the layout is the only one."""
+        return tuple(c.node for c in self.layout.controllers for _ in range(c.pages))
 
     @cached_property
     def units(self) -> dict[str, str]:
@@ -273,6 +292,25 @@ def require_stated(connection: Connection, node: str, described: DescribedLayout
     want = [name for name in names if name not in found]
     if want:
         raise UnknownDescriptionError(node, want)
+
+
+def find_shares(connection: Connection, node: str, described: DescribedLayout) -> list[Share]:
+    """Which nodes sample the patches of a layout, in its order.
+
+    Args:
+        connection: Any.
+        node: A node that stated it; it samples all where the layout names no controllers.
+        described: The layout.
+    """
+    layout, found, page = described.layout, [], 0
+    for controller in layout.controllers or (Controller(node, len(layout.pages)),):
+        own = described.page_ranges[page : page + controller.pages]
+        page += controller.pages
+        stated = controller.node == node or described.hash in find_descriptions(
+            connection, controller.node, [described.hash]
+        )
+        found.append(Share(controller.node, range(own[0].start, own[-1].stop), stated))
+    return found
 
 
 def _find_patches(connection: Connection, node: str, names: Sequence[bytes]) -> list[_Decoded]:

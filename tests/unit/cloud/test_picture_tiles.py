@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from eskin_cloud.rollup.picture_reading import PictureReader
+from eskin_cloud.rollup.picture_reading import PictureReader, choose_pictures
 from eskin_cloud.store.read.window import Window
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
@@ -47,10 +47,14 @@ def test_pictures_are_those_of_the_frames(
     brought = carry_out(store, steps)
     with store.read() as connection:
         reader = PictureReader(connection, TILED, [SKEWED])
-        buckets = reader.choose(window, points)
+        buckets = choose_pictures([reader], window, points)
         found = reader.fold(buckets)
         plain = PictureReader(connection, PLAIN, [SKEWED])
         other = plain.fold(buckets)
+        spread = [
+            PictureReader(connection, node, [SKEWED], spread=True).fold(buckets)
+            for node in (TILED, PLAIN)
+        ]
     assert buckets.count <= points
     assert buckets.window.start <= window.start
     assert buckets.window.end >= window.end
@@ -67,4 +71,9 @@ def test_pictures_are_those_of_the_frames(
     assert np.all(found.gap >= other.gap)
     assert np.all(found.n >= other.n)
     assert reader.coverage <= plain.coverage
+    # A tile belongs to all pictures that one of its samples may lie in.
+    for narrow, wide in ((spread[1], spread[0]), (other, spread[1])):
+        assert np.all((wide.lo <= narrow.lo) & (wide.hi >= narrow.hi))
+        assert np.all(wide.peak <= narrow.peak)
+        assert np.all((wide.gap >= narrow.gap) & (wide.n >= narrow.n))
     assert reader.time_error >= plain.time_error

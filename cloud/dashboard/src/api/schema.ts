@@ -73,6 +73,7 @@ export interface ComparisonTotalsDocument {
 
 export interface ContactsDocument {
   readonly node: string;
+  readonly nodes: readonly string[];
   readonly t: string;
   readonly time_error: number;
   readonly threshold: number;
@@ -250,6 +251,7 @@ export interface PatchDocument {
   readonly threshold: number | null;
   readonly cell_area: number | null;
   readonly page: number;
+  readonly node: string;
 }
 
 export interface PicturesDocument {

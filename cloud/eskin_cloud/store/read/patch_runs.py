@@ -20,7 +20,7 @@ from eskin_cloud.store.schema.tables import nodes
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sqlalchemy import Connection, RowMapping
 
@@ -52,23 +52,6 @@ _ROWS: Final = (
     select(patch_rows)
     .where(_here(patch_rows), patch_rows.c.patch == bindparam("patch"), _overlapping(patch_rows))
     .order_by(patch_rows.c.t, patch_rows.c.boot, patch_rows.c.sequence)
-)
-_LAST_FRAMES: Final = (
-    select(frames)
-    .where(_here(frames), frames.c.page == bindparam("page"), _overlapping(frames))
-    .order_by(frames.c.t.desc(), frames.c.boot.desc(), frames.c.sequence.desc())
-)
-_ROW_KEYS: Final = (
-    select(patch_rows.c.t, patch_rows.c.boot, patch_rows.c.sequence)
-    .where(_here(patch_rows), patch_rows.c.patch == bindparam("patch"), _overlapping(patch_rows))
-    .order_by(patch_rows.c.t, patch_rows.c.boot, patch_rows.c.sequence)
-)
-_ROW: Final = select(patch_rows).where(
-    _here(patch_rows),
-    patch_rows.c.patch == bindparam("patch"),
-    patch_rows.c.t == bindparam("t"),
-    patch_rows.c.boot == bindparam("boot"),
-    patch_rows.c.sequence == bindparam("sequence"),
 )
 _FRAME_STARTS: Final = (
     select(frames.c.t)
@@ -115,6 +98,12 @@ def read_pages(connection: Connection, node: str) -> list[RowMapping]:
     rows = connection.execute(_PAGES, {"slot": slot_of(node), "node": node}).mappings()
     found = intact_rows(connection, pages, rows)
     return sorted(found, key=lambda row: (row["t_last"] is None, -(row["t_last"] or 0)))
+
+
+def find_last(connection: Connection, node: str) -> int | None:
+    """The time of a node's last sample in frames, UTC ns; ``None`` if there is none."""
+    times = (row["t_last"] for row in read_pages(connection, node))
+    return max((t for t in times if t is not None), default=None)
 
 
 def find_layouts(connection: Connection, node: str) -> list[DescribedLayout]:
@@ -194,53 +183,42 @@ def read_compacted(
     return [run for row in rows if is_intact_patch_row(row) for run in decode_runs(row["data"])]
 
 
-class CompactedRuns:
-    """The compacted rows of a patch around instants; each is decoded once.
+def read_described_runs(
+    connection: Connection,
+    node: str,
+    described: DescribedLayout,
+    numbers: Sequence[int],
+    window: Window,
+) -> dict[int, list[PatchRun]]:
+    """The runs of many patches in a window, by their numbers; only those of these descriptions.
+
+    Each frame is decoded once for all of its patches. Otherwise as `read_runs`.
 
     Args:
         connection: In a read transaction.
         node: The node.
-        patch_id: The patch.
+        described: The layout that describes the patches.
+        numbers: Of the patches in that layout.
+        window: The window.
     """
-
-    def __init__(self, connection: Connection, node: str, patch_id: str) -> None:
-        self._connection = connection
-        self._key = {"slot": slot_of(node), "node": node, "patch": patch_id}
-        totals = read_patch(connection, node, patch_id)
-        self._longest = None if totals is None else totals["longest"]
-        self._decoded: dict[tuple[int, int, int], list[PatchRun]] = {}
-
-    def until(self, t: int, span: int) -> list[PatchRun]:
-        """The runs that have samples in a span before an instant, and at it, UTC ns."""
-        if self._longest is None:
-            return []
-        window = Window(before(t, span), t + 1)
-        bounds = self._key | _bounds(window, self._longest)
-        found: list[PatchRun] = []
-        for place in self._connection.execute(_ROW_KEYS, bounds):
-            runs = self._decoded.get(tuple(place))
-            if runs is None:
-                runs = self._decoded[tuple(place)] = self._decode(*place)
-            found += (
-                run for run in runs if run.t <= t and run.t + run.dt * len(run.lo) >= window.start
-            )
-        return found
-
-    def _decode(self, t: int, boot: int, sequence: int) -> list[PatchRun]:
-        key = self._key | {"t": t, "boot": boot, "sequence": sequence}
-        row = self._connection.execute(_ROW, key).mappings().one()
-        return decode_runs(row["data"]) if is_intact_patch_row(row) else []
-
-
-def last_frame_rows(
-    connection: Connection, node: str, page: int, t: int, span: int
-) -> Iterator[RowMapping]:
-    """The intact rows of a page's frames in a span before an instant, and at it; latest first."""
-    key = {"slot": slot_of(node), "node": node, "page": page}
-    bounds = key | {"earliest": before(t, span), "end": t + 1, "start": before(t, span)}
-    for row in connection.execute(_LAST_FRAMES, bounds).mappings():
-        if is_intact_frame(row["data"], FrameHeader.of(row), row["head"]):
-            yield row
+    names = {described.layout.patches[number]: number for number in numbers}
+    found: dict[int, list[PatchRun]] = {}
+    for name, number in names.items():
+        rows = read_compacted(connection, node, described.patches[number].patch_id, window)
+        found[number] = [run for run in rows if run.patch == name]
+    for row in read_pages(connection, node):
+        other = find_layout(connection, node, bytes(row["layout"]))
+        mine = [k for k in other.page_ranges[row["page"]] if other.layout.patches[k] in names]
+        if not mine:
+            continue
+        frame_rows = read_frame_rows(connection, node, row["page"], window, row["longest"])
+        of_layout = [each for each in frame_rows if bytes(each["layout"]) == other.hash]
+        if of_layout:
+            for _, run in runs_of_frames(of_layout, other, mine):
+                found[names[run.patch]].append(run)
+    for runs in found.values():
+        runs.sort(key=lambda run: (run.t, run.boot, run.sequence))
+    return found
 
 
 def read_frame_rows(
@@ -301,12 +279,13 @@ def _bounds(window: Window, longest: int) -> dict[str, int]:
 
 
 def runs_of_frames(
-    rows: Sequence[RowMapping], described: DescribedLayout, numbers: Sequence[int]
+    rows: Sequence[Mapping[Any, Any]], described: DescribedLayout, numbers: Sequence[int]
 ) -> Iterator[tuple[int, PatchRun]]:
     """The runs of some patches in frames of one layout, each with the number of its patch.
 
     Args:
-        rows: Intact rows of `schema.frame_tables.frames`.
+        rows: ``boot``, ``sequence`` and ``data`` of frames, as intact rows of
+            `schema.frame_tables.frames` have them.
         described: The layout.
         numbers: Of the patches in the layout.
     """
