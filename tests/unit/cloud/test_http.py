@@ -143,6 +143,7 @@ async def test_nodes_tell_latest_status(stand: Stand) -> None:
             "offset": {"lo_ns": 5 - 3601 * 10**9, "hi_ns": None},
             "references_agree": True,
         },
+        "layout": None,
         "missing": None,
     }
     assert (await stand.get(f"/api/v1/nodes/{NODE}")).json() == node
@@ -216,6 +217,7 @@ async def test_channels_sum_over_blocks(stand: Stand) -> None:
         "last": "2027-01-15T08:00:00.010000000Z",
         "bounds": {"lo": 0.5, "hi": None},
         "biometric": False,
+        "patch": None,
         "removed": None,
     }
     assert items[1]["blocks"] == 0
