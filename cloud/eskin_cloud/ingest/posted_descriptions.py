@@ -10,10 +10,11 @@ from eskin.wire.frames import content_hash
 from eskin.wire.messages.cbor_map import MOST_BYTES, items, load_any, octets
 from eskin_cloud.ingest.errors import MalformedBatchError
 from eskin_cloud.store.descriptions import (
+    MOST_DESCRIPTIONS,
     Description,
     read_description,
     refuse_description,
-    store_description,
+    store_descriptions,
 )
 
 if TYPE_CHECKING:
@@ -80,7 +81,16 @@ def store_posted(
         What became of each, in its order.
     """
     sites = cache.sites(connection, {each.node for each in posted})
-    return [_store(connection, each, known=sites.get(each.node) == site) for each in posted]
+    results = [_judge(each, known=sites.get(each.node) == site) for each in posted]
+    of_nodes: dict[str, dict[int, Description]] = {}
+    for number, (each, result) in enumerate(zip(posted, results, strict=True)):
+        if result is None and each.description is not None:
+            of_nodes.setdefault(each.node, {})[number] = each.description
+    for node, some in of_nodes.items():
+        stored = _store(connection, node, list(some.values()))
+        for number, result in zip(some, stored, strict=True):
+            results[number] = result
+    return [each for each in results if each is not None]
 
 
 def _read(value: object) -> Posted:
@@ -100,21 +110,26 @@ def _read(value: object) -> Posted:
         return Posted(value[0], Description("", content_hash(data), b""), str(error))
 
 
-def _store(connection: Connection, posted: Posted, *, known: bool) -> PostedResult:
+def _judge(posted: Posted, *, known: bool) -> PostedResult | None:
+    """What becomes of a description without looking for it; ``None`` if it may be stored."""
     if posted.node and not known:
         return PostedResult(
             "unknown_node",
             "no certificate of this node is known for the gateway's site; present it",
         )
-    reason, fresh = posted.reason, False
-    if posted.description is None:
-        return PostedResult("rejected", reason)
-    if reason is None:
-        try:
-            fresh = store_description(connection, posted.node, posted.description)
-        except MessageError as error:
-            reason = str(error)
-    if reason is not None:
-        refuse_description(posted.node, posted.description.hash, reason)
-        return PostedResult("rejected", reason)
-    return PostedResult("stored" if fresh else "duplicate")
+    if posted.reason is None:
+        return None
+    if posted.description is not None:
+        refuse_description(posted.node, posted.description.hash, posted.reason)
+    return PostedResult("rejected", posted.reason)
+
+
+def _store(connection: Connection, node: str, some: Sequence[Description]) -> list[PostedResult]:
+    results = []
+    for each, result in zip(some, store_descriptions(connection, node, some), strict=True):
+        reason = None
+        if result == "rejected":
+            reason = f"{node} has {MOST_DESCRIPTIONS} descriptions; use these, or another node"
+            refuse_description(node, each.hash, reason)
+        results.append(PostedResult(result, reason))
+    return results

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 MOST_DESCRIPTIONS: Final = 20_000
 """Of a node: each costs a row that is never deleted."""
-_CACHE_BYTES: Final = 64 << 20
+_CACHE_BYTES: Final = 128 << 20
 _MOST_REFUSED: Final = 10_000
-_DECODED: Final = 16
+_DECODED: Final = 32
 """Bytes of memory that a byte of a description takes when it is decoded, at most."""
 _BIOMETRIC: Final = (
     "patch of biometric channels: sealed frames are not supported yet; send only public patches"
@@ -160,30 +160,35 @@ def read_description(data: bytes) -> Description:
     return Description(Kind(kind).name.lower(), content_hash(data), data)
 
 
-def store_description(connection: Connection, node: str, each: Description) -> bool:
-    """Store a description; returns whether it is new. A damaged row is replaced.
+def store_descriptions(
+    connection: Connection, node: str, presented: Sequence[Description]
+) -> list[str]:
+    """Store a node's descriptions, as far as it may have more. Damaged rows are replaced.
 
     Args:
         connection: The writer's, in a transaction.
-        node: The node that stated it.
-        each: The description.
+        node: The node that stated them.
+        presented: The descriptions.
 
-    Raises:
-        MessageError: The node has too many.
+    Returns:
+        For each ``stored``, ``duplicate`` or ``rejected``; the same for the same one.
     """
-    if find_descriptions(connection, node, [each.hash]):
-        return False
+    found = find_descriptions(connection, node, (each.hash for each in presented))
+    fresh = {each.hash: each for each in presented if each.hash not in found}
+    if not fresh:
+        return ["duplicate"] * len(presented)
     d, slot = descriptions.c, slot_of(node)
     here = and_(d.slot == slot, d.node == node)
+    connection.execute(delete(descriptions).where(here, d.hash.in_(fresh)))
     count = select(func.count()).select_from(descriptions).where(here)
-    if connection.execute(count).scalar_one() >= MOST_DESCRIPTIONS:
-        raise MessageError(
-            f"{node} has {MOST_DESCRIPTIONS} descriptions; use those that it has, or another node"
-        )
-    connection.execute(delete(descriptions).where(here, d.hash == each.hash))
-    row = {"slot": slot, "node": node, **each._asdict()}
-    connection.execute(insert(descriptions), row)
-    return True
+    room = max(0, MOST_DESCRIPTIONS - connection.execute(count).scalar_one())
+    rows = [{"slot": slot, "node": node, **each._asdict()} for each in fresh.values()]
+    if room:
+        connection.execute(insert(descriptions), rows[:room])
+    results = dict.fromkeys(found, "duplicate")
+    results |= dict.fromkeys(list(fresh)[:room], "stored")
+    results |= dict.fromkeys(list(fresh)[room:], "rejected")
+    return [results[each.hash] for each in presented]
 
 
 def find_descriptions(

@@ -7,18 +7,36 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_cloud.store.damage import DamagedRowError, require_intact_frame
-from eskin_cloud.store.descriptions import find_layout
-from eskin_cloud.store.frame_row import patch_record, read_frame_head, read_patch_bounds
+from eskin_cloud.store.descriptions import DescribedLayout, find_layout
+from eskin_cloud.store.frame_row import (
+    fit_frame,
+    patch_record,
+    read_frame_head,
+    read_patch_bounds,
+)
 from eskin_cloud.store.schema.frame_tables import descriptions, frames, pages
 from eskin_cloud.store.schema.tables import dead_letters, events, lost_ranges, nodes, sequences
 from eskin_cloud.store.write.ingest import DUPLICATE, REJECTED, STORED, UNKNOWN_LAYOUT
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from sqlalchemy import select, update
 
-from eskin.wire.frames import decode_samples
+from eskin.errors import MessageError
+from eskin.wire.frames import Frame, FrameSummary, Grid, PatchSamples, decode_samples
+from eskin.wire.messages import Position
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import NODE, START
-from tests.unit.cloud.skins import HAND, PATCHES, describe, frame, layout, patch, statements
+from tests.unit.cloud.skins import (
+    HAND,
+    PATCHES,
+    describe,
+    frame,
+    layout,
+    patch,
+    samples,
+    statements,
+)
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
@@ -198,3 +216,47 @@ def test_layout_may_change_in_mid_boot(store: Store) -> None:
             3,
             2,
         )
+
+
+@given(st.data())
+@settings(deadline=None, max_examples=60)
+def test_first_and_last_sample_are_those_of_all_cells(data: st.DataObject) -> None:
+    """Skews, delays and strides included, against every cell of every patch."""
+    patches, packed, grids, moments = [], [], [], []
+    for number in range(data.draw(st.integers(1, 3))):
+        columns = data.draw(st.integers(1, 4))
+        skew = tuple(data.draw(st.lists(st.integers(0, 9), min_size=columns, max_size=columns)))
+        each = patch(f"p{number}", columns, skew=skew if any(skew) else ())
+        strides = bytes(data.draw(st.lists(st.integers(0, 2), min_size=columns, max_size=columns)))
+        numbers = st.integers(0, 50)
+        grid = Grid(data.draw(numbers), 1 + data.draw(numbers), data.draw(numbers), 5, 0.5)
+        if grid not in grids:
+            grids.append(grid)
+        patches.append(each)
+        packed.append(
+            PatchSamples.pack(
+                samples(5, columns),
+                64.0,
+                patch=number,
+                grid=grids.index(grid),
+                first_row=grid.first_row,
+                strides=strides if any(strides) else b"",
+            )
+        )
+        moments += [
+            grid.delay + row * grid.period + skew[column]
+            for row in range(5)
+            for column in range(columns)
+            if (grid.first_row + row) % (1 << strides[column]) == 0
+        ]
+    of = layout(patches, (len(patches),))
+    try:
+        said = Frame(
+            Position(1, 0), of.content_hash, 0, 0, (START, START), tuple(grids), tuple(packed)
+        )
+    except MessageError:  # a patch without any sample
+        return
+    encoded = said.encode()
+    fitting = fit_frame(FrameSummary.decode(encoded), DescribedLayout.of(of, patches), encoded)
+    assert (fitting.first, fitting.last) == (min(moments), max(moments))
+    assert fitting.samples == len(moments)

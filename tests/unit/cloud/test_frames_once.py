@@ -129,7 +129,7 @@ def present(store: Store, model: Model, node: str, some: Sequence[Layout | Patch
     for each, result in zip(some, describe(store, *some, node=node), strict=True):
         fresh = each.content_hash not in model.known[node]
         assert result.result == (STORED if fresh else DUPLICATE)
-        model.known[node].add(each.content_hash)
+    model.known[node] |= {each.content_hash for each in some}
 
 
 @settings(

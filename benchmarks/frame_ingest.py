@@ -1,0 +1,129 @@
+"""Samples of frames that one process reads and commits: `python -m benchmarks.frame_ingest`.
+
+Into SQLite in a temporary folder, each batch with a synced commit. The processor's time is printed,
+too, as other processes do not change it much.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import cbor2
+import numpy as np
+from eskin_cloud.ingest.batch import read_batch
+from eskin_cloud.store import Store
+from eskin_cloud.store.descriptions import read_description, store_descriptions
+from eskin_cloud.store.write.ingest import STORED, ingest
+
+from eskin.interval import Interval
+from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
+from eskin.wire.messages import Position
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_NODE: Final = "hand"
+_START: Final = 1_790_000_000_000_000_000
+_BATCHES: Final = 10
+_ROUNDS: Final = 3
+
+
+class Case(NamedTuple):
+    """Frames that are measured.
+
+    Attributes:
+        name: What they are.
+        columns: Of each patch.
+        rows: Of each frame.
+        period: From row to row, ns.
+        frames: How many.
+    """
+
+    name: str
+    columns: tuple[int, ...]
+    rows: int
+    period: int
+    frames: int
+
+
+_CASES: Final = (
+    Case("13 patches, 83 channels, 12 rows", (7,) * 5 + (6,) * 8, 12, 4_000_000, 2000),
+    Case("30 patches of 64 channels, 5 rows", (64,) * 30, 5, 20_000_000, 400),
+)
+
+
+def make(case: Case) -> tuple[list[bytes], list[bytes]]:
+    """Descriptions, and frames whose samples walk at random."""
+    patches = [
+        Patch(f"p{k}", "pressure", "Pa", tuple(f"p{k}-{c}" for c in range(size)), 64.0)
+        for k, size in enumerate(case.columns)
+    ]
+    layout = Layout(tuple(each.content_hash for each in patches), (len(patches),))
+    random, grid = np.random.default_rng(1), Grid(0, case.period, 0, case.rows, 1.0)
+    total = sum(case.columns)
+    steps = random.normal(0.0, 8.0, (case.frames * case.rows, total))
+    lo = random.normal(1000.0, 100.0, total) + np.cumsum(steps, axis=0)
+    hi = lo + 64.0 + 8.0 * random.random(lo.shape)
+    ends = np.cumsum((0, *case.columns))
+    frames = []
+    for number in range(case.frames):
+        rows = slice(number * case.rows, (number + 1) * case.rows)
+        packed = tuple(
+            PatchSamples.pack(
+                Interval(lo[rows, begin:end], hi[rows, begin:end]),
+                64.0,
+                patch=patch,
+                grid=0,
+                first_row=0,
+            )
+            for patch, (begin, end) in enumerate(pairwise(ends))
+        )
+        at = _START + number * case.rows * case.period
+        name = layout.content_hash
+        frames.append(Frame(Position(1, number), name, 0, number, (at, at + 4000), (grid,), packed))
+    described = [layout.encode(), *(each.encode() for each in patches)]
+    return described, [each.encode() for each in frames]
+
+
+def run(described: Sequence[bytes], bodies: Sequence[bytes]) -> tuple[float, float]:
+    """Seconds, and seconds of the processor, to read and commit all bodies."""
+    with tempfile.TemporaryDirectory() as folder, Store(Path(folder) / "store.sqlite") as store:
+        known = [read_description(data) for data in described]
+        store.write_and_wait(lambda connection: store_descriptions(connection, _NODE, known))
+        begun, used = time.perf_counter(), time.process_time()
+        for body in bodies:
+            items = read_batch(body)
+            outcome = store.write_and_wait(
+                lambda connection, items=items: ingest(  # type: ignore[misc]  # inferred
+                    connection, store.cache, items, gateway="g", now=_START, dead_letters=1
+                )
+            )
+            assert {receipt.result for receipt in outcome.results} == {STORED}
+        return time.perf_counter() - begun, time.process_time() - used
+
+
+def main() -> None:
+    """Print the best of some rounds of each case."""
+    for case in _CASES:
+        described, frames = make(case)
+        size = len(frames) // _BATCHES
+        bodies = [
+            cbor2.dumps([[_NODE, data] for data in frames[begin : begin + size]])
+            for begin in range(0, len(frames), size)
+        ]
+        read_batch(bodies[0])
+        rounds = [run(described, bodies) for _ in range(_ROUNDS)]
+        samples = sum(case.columns) * case.rows * case.frames / 1e6
+        wall, used = (min(each[k] for each in rounds) for k in range(2))
+        print(
+            f"{case.name}: {samples / wall:.1f} M samples/s; {samples / used:.1f} a second of the "
+            f"processor; {len(frames[-1])} bytes a frame"
+        )
+
+
+if __name__ == "__main__":
+    main()
