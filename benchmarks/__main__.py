@@ -12,6 +12,7 @@ from benchmarks.contacts import measure_contacts
 from benchmarks.dashboard import measure_dashboard
 from benchmarks.envelope import measure_envelope
 from benchmarks.fleet import measure_emulation, measure_fleet
+from benchmarks.frame_viewers import measure_frame_viewers
 from benchmarks.gateway import measure_gateway
 from benchmarks.icm import measure_icm
 from benchmarks.ingest import measure_ingest
@@ -76,6 +77,8 @@ def main() -> None:
             rows += measure_storage(data / "disk", seconds=2 * options.seconds)
         with console.status("the live stream to 200 viewers …"):
             rows += measure_viewers(data / "viewers", seconds=options.seconds)
+        with console.status("frames of 8,400 taxels to 50 viewers …"):
+            rows += measure_frame_viewers(data / "frames", seconds=options.seconds)
         with console.status("the dashboard's frames, and its pictures of months …"):
             rows += measure_dashboard(data / "stage", seconds=20.0, samples=30_000_000)
     console.print(as_table(rows))

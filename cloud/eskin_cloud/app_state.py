@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from eskin_cloud.commands import Notifier
     from eskin_cloud.ingest.gateway_trust import GatewayTrust
     from eskin_cloud.ingest.upload_budget import UploadBudget
-    from eskin_cloud.live import Feed, Viewers
+    from eskin_cloud.live import Feed, LiveContacts, Viewers
     from eskin_cloud.metrics import Metrics
     from eskin_cloud.privacy.key_access import KeyAccess
     from eskin_cloud.settings import CloudSettings
@@ -29,6 +29,7 @@ class AppState:
         store: Keeps everything.
         feed: The live feed of what is stored.
         viewers: Which nodes are viewed live.
+        contacts: Contacts of the nodes that streams of frames have chosen.
         notifier: Wakes gateways that wait for commands.
         gateway_trust: Verifies certificates of gateways, and those of nodes that they present.
         uploads: Room for what gateways bring.
@@ -43,6 +44,7 @@ class AppState:
     store: Store
     feed: Feed
     viewers: Viewers
+    contacts: LiveContacts
     notifier: Notifier
     gateway_trust: GatewayTrust
     uploads: UploadBudget

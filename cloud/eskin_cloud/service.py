@@ -22,6 +22,7 @@ from eskin.runtime.http_server.protocol import LOCALHOST, HttpLimits
 from eskin.runtime.http_server.rate_limit import RateLimit
 from eskin.runtime.memory import freeze_gc
 from eskin.wire.timestamp import SECOND
+from eskin_cloud.api.live import MOST_MESSAGE_BYTES
 from eskin_cloud.app import gateway_application, people_application
 from eskin_cloud.app_state import AppState
 from eskin_cloud.commands import Notifier
@@ -38,7 +39,7 @@ from eskin_cloud.jobs.pg_listener import listen
 from eskin_cloud.jobs.retention import apply_retention
 from eskin_cloud.jobs.silence import watch_silence
 from eskin_cloud.jobs.viewers import announce_viewed_nodes
-from eskin_cloud.live import Feed, Viewers
+from eskin_cloud.live import Feed, LiveContacts, Viewers
 from eskin_cloud.metrics import Metrics
 from eskin_cloud.privacy.key_access import KeyAccess
 from eskin_cloud.store import Store
@@ -103,6 +104,7 @@ def make_cloud(
         settings=settings,
         store=store,
         feed=feed,
+        contacts=LiveContacts(feed),
         viewers=Viewers(most=live.watched_nodes, lasting=live.watched_s),
         notifier=notifier,
         gateway_trust=GatewayTrust(
@@ -135,6 +137,7 @@ def _listeners(cloud: AppState) -> tuple[Listener, Listener]:
             bounds=replace(
                 bounds,
                 body_bytes=limits.body_bytes,
+                message_bytes=MOST_MESSAGE_BYTES,
                 hosts=plain if context is None else None,
                 proxies=tuple(people.proxies),
                 forwarded=people.forwarded,

@@ -9,12 +9,14 @@ from functools import partial
 from typing import Annotated, Final
 from urllib.parse import urlsplit
 
-from fastapi import Depends, Request
+from fastapi import Depends, Request, WebSocket
 from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
+from fastapi.security.utils import get_authorization_scheme_param
 from sqlalchemy import Connection
+from starlette.requests import HTTPConnection
 
+from eskin.runtime.http_server.counted_connection import CALLER
 from eskin.runtime.http_server.problems import ProblemError
-from eskin.runtime.http_server.protocol import CALLER
 from eskin_cloud.access import Actor, Principal, Scope, find_session, find_token
 from eskin_cloud.api.middleware.answer import recheck
 from eskin_cloud.app_state import AppState
@@ -73,12 +75,12 @@ class Access:
         return Actor(self.holder.name, self.address)
 
 
-def address_of(request: Request) -> str:
+def address_of(request: HTTPConnection) -> str:
     """The caller's address; empty where the server does not know it."""
     return "" if request.client is None else request.client.host.removeprefix("::ffff:")
 
 
-async def the_cloud(request: Request) -> AppState:
+async def the_cloud(request: HTTPConnection) -> AppState:
     """The shared state."""
     cloud: AppState = request.app.state.cloud
     return cloud
@@ -114,10 +116,15 @@ def find_access(
     session: SessionCookie,
 ) -> Access | None:
     """The caller, by bearer token or else by session; ``None`` without either."""
+    return _find(cloud, request, None if bearer is None else bearer.credentials, session)
 
+
+def _find(
+    cloud: AppState, request: HTTPConnection, token: str | None, session: str | None
+) -> Access | None:
     def holder() -> Principal | None:
-        if bearer is not None:
-            return find_token(cloud.store, bearer.credentials[:_LONGEST_SECRET])
+        if token is not None:
+            return find_token(cloud.store, token[:_LONGEST_SECRET])
         if session is not None:
             return find_session(cloud.store, session[:_LONGEST_SECRET])
         return None
@@ -128,7 +135,7 @@ def find_access(
     opened: set[tuple[str, str]] = set()
     # The connection counts for its caller, and no more for an address that many may share.
     if caller := request.scope.get("extensions", {}).get(CALLER):
-        caller["identify"](bearer.credentials if bearer is not None else session)
+        caller["identify"](session if token is None else token)
     access = Access(found, address_of(request), lambda: holder() is not None, opened)
     recheck(request, access.require)
     recheck(request, partial(_require_unerased, cloud, opened), each_piece_with=opened)
@@ -177,6 +184,25 @@ async def require_admin(request: Request, caller: MaybePrincipal) -> Access:
     return _require(caller, Scope.ADMIN)
 
 
+def require_viewer(cloud: CloudState, websocket: WebSocket) -> Access:
+    """Require a caller who may read, on a WebSocket; with a session from our own pages only.
+
+    Browsers send the session's cookie with a WebSocket that a page of any site opens, and let that
+    page read what comes. They name the page's origin (RFC 6455, section 10.2).
+
+    Raises:
+        ProblemError: 401 without proof, 403 without the scope, or from another site.
+    """
+    scheme, token = get_authorization_scheme_param(websocket.headers.get("authorization"))
+    if scheme.lower() == "bearer" and token:
+        return _require(_find(cloud, websocket, token, None), Scope.READ)
+    session = websocket.cookies.get(cookie_name(cloud))
+    origin, host = websocket.headers.get("origin"), websocket.headers.get("host", "")
+    if session is not None and (origin is None or _host_of(origin) != host):
+        raise _cross_site()
+    return _require(_find(cloud, websocket, None, session), Scope.READ)
+
+
 def require_same_site(request: Request) -> None:
     """Refuse what other sites have a browser send.
 
@@ -191,11 +217,15 @@ def require_same_site(request: Request) -> None:
     else:
         own = origin is None or _host_of(origin) == request.headers.get("host", "")
     if not own:
-        raise ProblemError(
-            403,
-            "another site had this sent; do it on this page, or with a token",
-            kind="cross-site-request",
-        )
+        raise _cross_site()
+
+
+def _cross_site() -> ProblemError:
+    return ProblemError(
+        403,
+        "another site had this sent; do it on this page, or with a token",
+        kind="cross-site-request",
+    )
 
 
 def _host_of(origin: str) -> str | None:
@@ -230,5 +260,6 @@ async def require_biometric(caller: MaybePrincipal) -> Access:
 
 BiometricReader = Annotated[Access, Depends(require_biometric)]
 Reader = Annotated[Access, Depends(require_read)]
+Viewer = Annotated[Access, Depends(require_viewer)]
 Operator = Annotated[Access, Depends(require_operate)]
 Administrator = Annotated[Access, Depends(require_admin)]

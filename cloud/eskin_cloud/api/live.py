@@ -1,21 +1,25 @@
 """The live stream."""
 
 import asyncio
+import contextlib
+from collections.abc import Collection
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Header, Query
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import APIRouter, Header, Query, WebSocket, WebSocketDisconnect
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.responses import Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
-from eskin.errors import QueryError
+from eskin.errors import EskinError, QueryError, StoreError
 from eskin.privacy import is_biometric
 from eskin.runtime.http_server.problems import ProblemError
 from eskin.runtime.http_server.protocol import PROMPT
 from eskin_cloud.access import Scope as AccessScope
-from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.dependencies import CloudState, Reader, Viewer
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.app_state import AppState
+from eskin_cloud.live.frame_selection import FrameSelection
+from eskin_cloud.live.frame_stream import FrameStream
 from eskin_cloud.live.stream import stream
 from eskin_cloud.live.subscription import Subscription
 from eskin_cloud.store.read.lookup import find_node, parse_channel
@@ -23,6 +27,12 @@ from eskin_cloud.store.read.lookup import find_node, parse_channel
 router = APIRouter(tags=["live"])
 
 _MEDIA_TYPE: Final = "text/event-stream"
+MOST_MESSAGE_BYTES: Final = 4096
+"""Length of a client's message on a WebSocket."""
+_RESTARTING, _UNSUPPORTED, _INVALID, _REFUSED, _FAILED = 1012, 1003, 1007, 1008, 1013
+"""Codes with which a WebSocket is closed (RFC 6455, section 7.4, and IANA's registry)."""
+_LONGEST_REASON: Final = 100
+"""In characters; a close frame holds 123 bytes."""
 
 
 class LiveQuery(BaseModel):
@@ -45,6 +55,33 @@ class LiveQuery(BaseModel):
     )
 
 
+class FramesQuery(BaseModel):
+    """Parameters of a WebSocket."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    node: list[str] = Field(default=[], max_length=1000)
+    cursor: str | None = Field(default=None, max_length=100)
+
+
+class SelectionMessage(BaseModel):
+    """What a client asks for on its WebSocket; ``null`` stands for all."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    nodes: list[str] | None = None
+    patches: list[str] | None = None
+
+    @property
+    def selection(self) -> FrameSelection:
+        """The same for a stream."""
+        nodes, patches = self.nodes, self.patches
+        return FrameSelection(
+            None if nodes is None else frozenset(nodes),
+            None if patches is None else frozenset(patches),
+        )
+
+
 class EventStream(StreamingResponse):
     """Server-sent events, sent with as little buffering as possible."""
 
@@ -61,7 +98,10 @@ class EventStream(StreamingResponse):
     "/live",
     response_class=EventStream,
     responses={
-        200: {"description": "server-sent events: block, peak, gap, status, command, lagging"},
+        101: {"description": "a WebSocket, where one was asked for: docs/rest.md, *Live frames*"},
+        200: {
+            "description": "server-sent events: frame, block, peak, gap, status, command, lagging"
+        },
         **REFUSALS_OF_PLACE,
     },
 )
@@ -75,21 +115,21 @@ async def get_live(
 ) -> Response:
     """Stream what is stored, as it arrives.
 
-    Resumes after ``Last-Event-ID`` without gaps.
+    Resumes after ``Last-Event-ID`` without gaps. A request to upgrade to a WebSocket, with ``node``
+    and ``cursor`` as its parameters, is answered with frames in CBOR, as their nodes encoded them.
     """
     feed, live = cloud.feed, cloud.settings.live
-    cursor = _cursor(cloud, last_event_id)
+    cursor = _cursor(cloud, last_event_id, "Last-Event-ID")
     selection = Subscription(
         frozenset(query.node),
         frozenset(parse_channel(text) for text in query.channel),
         query.points,
         query.grain,
     )
-    await asyncio.to_thread(_require_known, cloud, selection)
+    await asyncio.to_thread(_require_known, cloud, selection.looked_at)
     if any(is_biometric(channel) for _, channel in selection.channels):
         cloud.key_access.require(reader.holder.scopes)
-    if feed.subscribers >= live.subscribers:
-        raise ProblemError(503, f"{feed.subscribers} streams are open already; try again later")
+    _require_room(cloud)
     events = stream(
         feed,
         selection,
@@ -103,21 +143,101 @@ async def get_live(
     return EventStream(events, headers={"X-Accel-Buffering": "no"})
 
 
-def _require_known(cloud: AppState, selection: Subscription) -> None:
-    if selection.looked_at:
+@router.websocket("/live")
+async def watch_live(
+    websocket: WebSocket,
+    cloud: CloudState,
+    viewer: Viewer,
+    query: Annotated[FramesQuery, Query()],
+) -> None:
+    """Stream frames, events and contacts as they are stored, in CBOR."""
+    live, scopes = cloud.settings.live, viewer.holder.scopes
+    cursor = _cursor(cloud, query.cursor, "cursor")
+    nodes = frozenset(query.node)
+    await asyncio.to_thread(_require_known, cloud, nodes)
+    _require_room(cloud)
+    frames = FrameStream(
+        cloud.feed,
+        cloud.contacts,
+        selection=FrameSelection(nodes or None),
+        cursor=cursor,
+        backlog=live.backlog,
+        heartbeat=live.heartbeat_s,
+        reveal=cloud.key_access.reveal(scopes),
+        sealed=AccessScope.BIOMETRIC in scopes,
+    )
+    await websocket.accept()
+    tasks = [
+        asyncio.create_task(_send(websocket, frames)),
+        asyncio.create_task(_receive(websocket, frames)),
+    ]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    await _close(websocket, done.pop().result())
+
+
+async def _send(websocket: WebSocket, frames: FrameStream) -> tuple[int, str] | None:
+    """Send what comes; gives code and reason with which the WebSocket is closed."""
+    try:
+        async with contextlib.aclosing(frames.messages()) as messages:
+            async for message in messages:
+                await websocket.send_bytes(message)
+    except WebSocketDisconnect:
+        return None
+    except StoreError as error:
+        return _FAILED, str(error)
+    except EskinError as error:  # the token was revoked, or a person erased
+        return _REFUSED, str(error)
+    return _RESTARTING, "the server stops; connect again"
+
+
+async def _receive(websocket: WebSocket, frames: FrameStream) -> tuple[int, str] | None:
+    """Take what the client asks for; gives code and reason as `_send`."""
+    while True:
+        try:
+            said = SelectionMessage.model_validate_json(await websocket.receive_text())
+        except WebSocketDisconnect:
+            return None
+        except KeyError:
+            return _UNSUPPORTED, "send text, not binary data"
+        except ValidationError as error:
+            fault = error.errors(include_url=False, include_input=False)[0]
+            place = ".".join(map(str, fault["loc"])) or "message"
+            return _INVALID, f"{place}: {fault['msg']}"
+        frames.selection = said.selection
+
+
+async def _close(websocket: WebSocket, said: tuple[int, str] | None) -> None:
+    if said is not None:
+        code, reason = said
+        text = reason[:_LONGEST_REASON].encode("ascii", "replace").decode()
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it is closed already
+            await websocket.close(code, text)
+
+
+def _require_room(cloud: AppState) -> None:
+    open_ones = cloud.feed.subscribers
+    if open_ones >= cloud.settings.live.subscribers:
+        raise ProblemError(503, f"{open_ones} streams are open already; try again later")
+
+
+def _require_known(cloud: AppState, nodes: Collection[str]) -> None:
+    if nodes:
         with cloud.store.read() as connection:
-            for node in sorted(selection.looked_at):
+            for node in sorted(nodes):
                 find_node(connection, node)
 
 
-def _cursor(cloud: AppState, text: str | None) -> int:
+def _cursor(cloud: AppState, text: str | None, parameter: str) -> int:
     last = cloud.feed.last
     if text is None or not text:
         return last
     try:
         (cursor,) = cloud.feed.ids.read(text, 1)
     except QueryError as error:
-        raise QueryError(
-            "Last-Event-ID", f"{text!r} is no id of this stream; leave it out"
-        ) from error
+        raise QueryError(parameter, f"{text!r} is no id of this stream; leave it out") from error
     return min(cursor, last)

@@ -12,19 +12,22 @@ from contextlib import contextmanager
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
-from sqlalchemy import select
+from sqlalchemy import func, select
 
 from eskin.wire.messages.compression import decompress
+from eskin_cloud.live.frame_encoder import FrameEncoder
+from eskin_cloud.live.layouts import Layouts
 from eskin_cloud.live.sse_encoder import SseEncoder
 from eskin_cloud.query.opaque_ids import OpaqueIds
-from eskin_cloud.store.damage import RowHeader, is_intact_block
+from eskin_cloud.store.damage import FrameHeader, RowHeader, is_intact_block, is_intact_frame
 from eskin_cloud.store.feed_entry import FeedEntry
 from eskin_cloud.store.row_digests import intact_rows
+from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import blocks, events, feed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
     from concurrent.futures import Future
 
     from sqlalchemy import Connection
@@ -43,7 +46,9 @@ class Feed:
 
     Attributes:
         ids: Writes and reads cursors.
-        encoder: Writes entries for all streams.
+        layouts: Those of the frames that streams send.
+        encoder: Writes entries for all streams of server-sent events.
+        frame_encoder: Writes entries for all streams of frames.
         closed: Whether streams should end.
         subscribers: How many streams there are.
     """
@@ -58,7 +63,10 @@ class Feed:
             self.ids = OpaqueIds.of(connection)
         self._recent: deque[FeedEntry] = deque()
         self._news = asyncio.Event()
-        self.encoder = SseEncoder(self.ids)
+        self._newest_frames: dict[str, int] = {}
+        self.layouts = Layouts(store)
+        self.encoder = SseEncoder(self.ids, self.layouts)
+        self.frame_encoder = FrameEncoder(self.ids, self.layouts)
         self.closed = False
         self.subscribers = 0
 
@@ -87,11 +95,12 @@ class Feed:
         self._recent.extend(fresh)
         self._used += sum(entry.size for entry in fresh)
         self._last = fresh[-1].cursor
+        self._note_frames(fresh)
         while len(self._recent) > self._most or self._used > self._most_bytes:
             oldest = self._recent.popleft()
             self._used -= oldest.size
             self._floor = oldest.cursor
-        self._wake()
+        self.wake()
 
     def advance(self, cursor: int) -> None:
         """Have streams read the store up to a cursor: another process stored some of it."""
@@ -99,7 +108,7 @@ class Feed:
             self._recent.clear()
             self._used = 0
             self._last = self._floor = cursor
-            self._wake()
+            self.wake()
 
     async def catch_up(self) -> None:
         """Go on to what is stored by now, by any process.
@@ -126,9 +135,20 @@ class Feed:
     def close(self) -> None:
         """Have all streams end."""
         self.closed = True
-        self._wake()
+        self.wake()
 
-    def _wake(self) -> None:
+    def newest_frame(self, node: str) -> int:
+        """When the newest frame of a node was stored that this process knows of, UTC ns."""
+        return self._newest_frames.get(node, 0)
+
+    def _note_frames(self, entries: Iterable[FeedEntry]) -> None:
+        newest = self._newest_frames
+        for entry in entries:
+            if entry.frame is not None:
+                newest[entry.node] = max(entry.received, newest.get(entry.node, 0))
+
+    def wake(self) -> None:
+        """Have all streams look whether there is something for them."""
         self._news.set()
         self._news = asyncio.Event()
 
@@ -155,14 +175,31 @@ class Feed:
             most: How many.
             sealed: Whether sealed ones count, and are given; else nothing depends on them.
         """
+        found: Sequence[FeedEntry]
         if cursor >= self._floor:
             newer = takewhile(lambda entry: entry.cursor > cursor, reversed(self._recent))
             found = [entry for entry in newer if sealed or entry.sealed is None][: -most - 1 : -1]
             return found, found[-1].cursor if found else self._last
-        if not sealed:
-            return await asyncio.to_thread(self._read_open, cursor, most)
-        end = min(cursor + most, self._floor)
-        return await asyncio.to_thread(self._read, cursor, end), end
+        if sealed:
+            end = min(cursor + most, self._floor)
+            found = await asyncio.to_thread(self._read, cursor, end)
+        else:
+            found, end = await asyncio.to_thread(self._read_open, cursor, most)
+        self._note_frames(found)
+        return found, end
+
+    async def count_frames(self, after: int, end: int, nodes: Collection[str] | None) -> int:
+        """How many frames are in ``(after, end]``, of some nodes or of all."""
+
+        def look() -> int:
+            c = frames.c
+            query = select(func.count()).where(c.cursor > after, c.cursor <= end)
+            if nodes is not None:
+                query = query.where(c.node.in_(nodes))
+            with self._store.read() as connection:
+                return connection.execute(query).scalar_one()
+
+        return await asyncio.to_thread(look)
 
     async def open_before(self, cursor: int) -> int:
         """The latest place up to a cursor, or at it, of something that is not sealed."""
@@ -213,7 +250,7 @@ def _open_places(
 ) -> list[int]:
     """The first or latest places in ``(after, end]`` of what is not sealed, in that order."""
     places: list[int] = []
-    for column in (blocks.c.cursor, events.c.cursor):
+    for column in (blocks.c.cursor, events.c.cursor, frames.c.cursor):
         query = select(column).where(column > after, column <= end)
         query = query.order_by(column.desc() if latest else column).limit(most)
         places += connection.execute(query).scalars()
@@ -236,6 +273,14 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedE
         FeedEntry(row["cursor"], row["node"], row["channel"], None, dict(row), row["received"])
         for row in intact_rows(connection, events, named)
     ]
+    f = frames.c
+    framed = select(frames).where(f.cursor > after, f.cursor <= end)
+    found += [
+        FeedEntry(row["cursor"], row["node"], None, None, None, row["received"],
+                  frame=row["data"], layout=row["layout"])
+        for row in connection.execute(framed).mappings()
+        if is_intact_frame(row["data"], FrameHeader.of(row), row["head"])
+    ]  # fmt: skip
     v = sealed_messages.c
     sealed = select(v.cursor, v.node, v.channel, v.data, v.received)
     found += [

@@ -12,6 +12,7 @@ from cachetools import FIFOCache
 from eskin.union_bound import union_coverage
 from eskin.wire.messages import Block, BlockSummary, decode_summary
 from eskin.wire.timestamp import format_timestamp
+from eskin_cloud.live.frame_hulls import describe_frames, join_frames, read_hulls
 from eskin_cloud.query.series import Series, reduce_samples
 from eskin_cloud.schemas.base import Json, dump
 from eskin_cloud.schemas.events import describe_event
@@ -21,6 +22,7 @@ from eskin_cloud.store.read.block_index import Samples
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from eskin_cloud.live.layouts import Layouts
     from eskin_cloud.live.subscription import Subscription
     from eskin_cloud.query.opaque_ids import OpaqueIds
     from eskin_cloud.store.feed_entry import FeedEntry
@@ -36,11 +38,14 @@ class SseEncoder:
 
     Args:
         ids: Writes cursors.
+        layouts: Those of the frames, loaded.
     """
 
-    def __init__(self, ids: OpaqueIds) -> None:
+    def __init__(self, ids: OpaqueIds, layouts: Layouts) -> None:
         self.ids = ids
+        self._layouts = layouts
         self._kept = lru_cache(_KEPT)(self._of_block)
+        self._frames: FIFOCache[tuple[int, frozenset[str] | None], bytes] = FIFOCache(_KEPT)
         self._pages: FIFOCache[tuple[int, int, Subscription], bytes] = FIFOCache(_PAGES)
 
     def page(self, found: Sequence[FeedEntry], selection: Subscription) -> bytes:
@@ -64,14 +69,27 @@ class SseEncoder:
             said: Each with whether others may be given the same bytes.
             selection: How finely blocks are asked for.
         """
-        fine = selection.points, selection.grain
-        return b"".join(self._event(entry, *fine, keep=keep) for entry, keep in said)
+        return b"".join(self._event(entry, selection, keep=keep) for entry, keep in said)
 
-    def _event(self, entry: FeedEntry, points: int, grain: int, *, keep: bool) -> bytes:
+    def _event(self, entry: FeedEntry, selection: Subscription, *, keep: bool) -> bytes:
+        if entry.frame is not None:
+            return self._of_frame(entry, selection.channels_of(entry.node))
         if entry.block is None:
             return self.of_row(entry.cursor, entry.event or {})
         write = self._kept if keep else self._of_block
-        return write(entry.cursor, entry.node, entry.block, points, grain, entry.received)
+        fine = selection.points, selection.grain
+        return write(entry.cursor, entry.node, entry.block, *fine, entry.received)
+
+    def _of_frame(self, entry: FeedEntry, channels: frozenset[str] | None) -> bytes:
+        """A frame; nothing where it has none of the channels, or its layout is lost."""
+        key = entry.cursor, channels
+        if key not in self._frames:
+            hulls = read_hulls(entry, self._layouts.get(entry.layout), channels)
+            said = (
+                b"" if hulls is None else self.event("frame", entry.cursor, describe_frames(hulls))
+            )
+            self._frames[key] = said
+        return self._frames[key]
 
     def of_row(self, cursor: int, row: dict[str, Any]) -> bytes:
         """An event's row as an event of the stream."""
@@ -88,20 +106,27 @@ class SseEncoder:
         series = reduce_block(node, Block.decode(data), points, grain)
         return self.event("block", cursor, _shape(series, received))
 
-    def join(self, entries: Sequence[FeedEntry], begun: int) -> bytes:
+    def join(self, entries: Sequence[FeedEntry], begun: int, selection: Subscription) -> bytes:
         """Many entries at once, for one who reads too slowly: fewer events, and wider hulls.
 
-        Blocks of a channel that follow each other without a gap become one hull; all else is sent
-        as it is. Only the last event carries the last entry's cursor, so a reader that breaks off
-        before it is sent all of them again.
+        Blocks of a channel, and frames of a page, that follow each other without a gap become one
+        hull; all else is sent as it is. Only the last event carries the last entry's cursor, so a
+        reader that breaks off before it is sent all of them again.
 
         Args:
             entries: In order of their cursors, at least one.
             begun: The cursor before them.
+            selection: Which channels of frames are asked for.
         """
         events: list[tuple[str, Mapping[str, object]]] = [
             ("block", _shape(run.series, run.received)) for run in _runs(entries)
         ]
+        read = (
+            read_hulls(entry, self._layouts.get(entry.layout), selection.channels_of(entry.node))
+            for entry in entries
+            if entry.frame is not None
+        )
+        events += [("frame", describe_frames(hulls)) for hulls in join_frames(read)]
         rows = [entry.event for entry in entries if entry.block is None and entry.event]
         events += [(str(row["kind"]), describe_event(row, self.ids)) for row in rows]
         cursors = [begun] * (len(events) - 1) + [entries[-1].cursor]

@@ -68,6 +68,7 @@ async def stream(
                 most = _JOINED if pace.slow else _AT_ONCE
                 found, cursor = await feed.after(cursor, most, sealed=sealed)
                 place = cursor if sealed else found[-1].cursor if found else place
+                await feed.layouts.load(found)
                 said = _print(feed, found, selection, reveal, begun if pace.slow else None)
                 if said:
                     yield said
@@ -105,7 +106,8 @@ def _print(
     said = _choose(found, selection, reveal)
     if slow_since is None:
         return feed.encoder.print(said, selection)
-    return feed.encoder.join([entry for entry, _ in said], slow_since) if said else b""
+    entries = [entry for entry, _ in said]
+    return feed.encoder.join(entries, slow_since, selection) if said else b""
 
 
 def _choose(

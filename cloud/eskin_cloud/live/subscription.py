@@ -15,7 +15,8 @@ class Subscription:
 
     Attributes:
         nodes: These only; all if empty.
-        channels: These ``(node, channel)`` only, as far as blocks and peaks go; all if empty.
+        channels: These ``(node, channel)`` only, as far as blocks, frames and peaks go; all if
+            empty.
         points: Entries that a block is reduced to at most.
         grain: Time that an entry need be no shorter than, ns.
     """
@@ -39,3 +40,9 @@ class Subscription:
         if entry.channel is None:
             return any(node == entry.node for node, _ in self.channels)
         return (entry.node, entry.channel) in self.channels
+
+    def channels_of(self, node: str) -> frozenset[str] | None:
+        """Which channels of a node's frames are asked for; ``None`` for all."""
+        if not self.channels:
+            return None
+        return frozenset(channel for name, channel in self.channels if name == node)

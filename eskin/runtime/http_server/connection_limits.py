@@ -10,14 +10,15 @@ if TYPE_CHECKING:
     import asyncio
     from collections.abc import Iterable
 
-    from eskin.runtime.http_server.protocol import GuardedProtocol, HttpLimits
+    from eskin.runtime.http_server.counted_connection import CountedConnection
+    from eskin.runtime.http_server.protocol import HttpLimits
 
 MARGIN: Final = 32
 """So many connections above the limit reach the protocol, which ends an idle one for each."""
 
 
 def make_room(
-    connection: GuardedProtocol, connections: Iterable[object], limits: HttpLimits
+    connection: CountedConnection, connections: Iterable[CountedConnection], limits: HttpLimits
 ) -> bool:
     """End the longest idle connection where there are too many; returns whether there is room.
 
@@ -26,8 +27,8 @@ def make_room(
         connections: All of the listener.
         limits: The most of one client, and in all.
     """
-    mine = (each for each in connections if isinstance(each, type(connection)))
-    others = [each for each in mine if each is not connection and not each.transport.is_closing()]
+    open_ones = (each for each in connections if not each.transport.is_closing())
+    others = [each for each in open_ones if each is not connection]
     same = [each for each in others if each.source == connection.source is not None]
     for crowd, most in ((same, limits.of_one), (others, limits.connections)):
         idle = [each for each in crowd if each.idle]

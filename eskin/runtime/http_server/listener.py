@@ -21,6 +21,7 @@ from eskin.errors import SettingsError
 from eskin.runtime.http_server.connection_limits import make_handshake_room
 from eskin.runtime.http_server.protocol import GuardedProtocol
 from eskin.runtime.http_server.rate_limit import source_of
+from eskin.runtime.http_server.websocket import PING_S, PONG_S
 
 if TYPE_CHECKING:
     import ssl
@@ -69,7 +70,11 @@ class Listener(uvicorn.Server):
             app,
             http=functools.partial(GuardedProtocol, bounds=bounds),  # type: ignore[arg-type]
             loop="asyncio",
-            ws="none",
+            ws="none",  # the protocol upgrades by itself
+            ws_max_size=bounds.message_bytes or 0,
+            ws_ping_interval=PING_S,
+            ws_ping_timeout=PONG_S,
+            ws_per_message_deflate=False,
             lifespan="off",
             headers=list(headers),
             log_config=None,

@@ -13,7 +13,11 @@ from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, Final
 
-from fastapi.exceptions import RequestValidationError
+from fastapi.exceptions import (
+    RequestValidationError,
+    ValidationException,
+    WebSocketRequestValidationError,
+)
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.responses import Response
@@ -141,6 +145,7 @@ class Problems:
         app.add_api_route("/problems/{name}", self.explain, include_in_schema=False)
         app.add_exception_handler(EskinError, self.refuse)
         app.add_exception_handler(RequestValidationError, _on_validation)
+        app.add_exception_handler(WebSocketRequestValidationError, _on_validation)
         app.add_exception_handler(HTTPException, self._on_http)
         app.add_exception_handler(ClientDisconnect, _on_disconnect)
         app.add_exception_handler(Exception, self.refuse)
@@ -252,7 +257,7 @@ def _on_disconnect(request: Request, error: Exception) -> Response:
 
 
 def _on_validation(request: Request, error: Exception) -> Response:
-    assert isinstance(error, RequestValidationError)  # noqa: S101 - what it is registered for
+    assert isinstance(error, ValidationException)  # noqa: S101 - what it is registered for
     text = "; ".join(_fault_text(fault) for fault in error.errors())
     return problem(request.scope, 422, text[:_LONGEST_DETAIL])
 

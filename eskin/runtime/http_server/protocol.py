@@ -8,8 +8,6 @@ rest of it, and the answers, are its own.
 from __future__ import annotations
 
 import functools
-import hashlib
-import socket
 import ssl
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -20,8 +18,14 @@ from urllib.parse import urlsplit
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from eskin.runtime.http_server.connection_limits import make_room
+from eskin.runtime.http_server.counted_connection import (
+    CALLER,
+    CountedConnection,
+    source_name,
+)
 from eskin.runtime.http_server.problems import MEDIA_TYPE, details, kind_of
 from eskin.runtime.http_server.rate_limit import source_of
+from eskin.runtime.http_server.websocket import GuardedWebSocket
 
 if TYPE_CHECKING:
     import asyncio
@@ -33,8 +37,6 @@ _UNSENT_BYTES: Final = 16_384
 """What waits to be sent lies with who makes it, who may still think better of it."""
 _PROMPT_BYTES: Final = 2048
 """The same where what waits grows stale."""
-CALLER: Final = "eskin.caller"
-"""Extension of ASGI: its ``identify`` counts the connection for a caller that proved its name."""
 LOCALHOST: Final = frozenset({"localhost"})
 """As `HttpLimits.hosts`: addresses, and the name that no other machine has."""
 PROMPT: Final = "eskin.prompt"
@@ -66,6 +68,8 @@ class HttpLimits:
         body_s: Seconds in which some of a body must come.
         body_least: How much of it, in bytes.
         body_bytes: A body's length; ``None`` where the application looks after that.
+        message_bytes: Length of a client's message on a WebSocket; ``None`` where the application
+            has none, and requests to upgrade are ordinary ones.
         connections: Open at once.
         of_one: Of these, of one caller who proved who it is, else from one address, or one IPv6
             network of 64 bit.
@@ -80,6 +84,7 @@ class HttpLimits:
     body_s: float = 20.0
     body_least: int = 4096
     body_bytes: int | None = None
+    message_bytes: int | None = None
     connections: int = 768
     of_one: int = 256
     hosts: frozenset[str] | None = None
@@ -95,27 +100,18 @@ class HttpLimits:
         return any(found in network for network in self.proxies)
 
 
-class GuardedProtocol(HttpToolsProtocol):
+class GuardedProtocol(CountedConnection, HttpToolsProtocol):
     """One connection.
 
     Args:
         bounds: What it may take.
         others: As uvicorn gives them.
-
-    Attributes:
-        source: Whom it counts for: a caller who proved who it is, else see `source_of`; ``None``
-            for a proxy, which asks for many.
-        authenticated: Whether a caller proved who it is.
-        idle_since: When it began, or was last answered; the event loop's time.
     """
 
     def __init__(self, *, bounds: HttpLimits, **others: Any) -> None:
         super().__init__(**others)
-        self._bounds = bounds
+        self.bounds = bounds
         self._timer: asyncio.TimerHandle | None = None
-        self._stall: asyncio.TimerHandle | None = None
-        self.source: str | None = None
-        self.authenticated = False
         self._proxied = False
         self._whole = True  # no request is on its way
         self._silent = True  # so far
@@ -128,20 +124,22 @@ class GuardedProtocol(HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # TCP
         """Take a connection, if there is room for it."""
         super().connection_made(transport)
-        self._limit_unsent(_UNSENT_BYTES, _UNSENT_BYTES)
+        self.limit_unsent(_UNSENT_BYTES, _UNSENT_BYTES)
         address = self.client[0] if self.client else ""
-        self._proxied = self._bounds.is_proxy(address)
+        self._proxied = self.bounds.is_proxy(address)
+        self.named = self._proxied
         self.source = None if self._proxied or not address else source_of(address)
         encrypted = transport.get_extra_info("ssl_object")
         if encrypted is not None:
             chain = client_chain(encrypted)
             self._tls = {"tls": {"client_cert_chain": chain}}
             if chain:
-                self.source, self.authenticated = _name("certificate", chain[0]), True
-        if not make_room(self, self.connections, self._bounds):
+                self.source, self.authenticated = source_name("certificate", chain[0]), True
+                self.named = True
+        if not make_room(self, self.connections, self.bounds):
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
             return
-        self._expect(self._bounds.head_s, self._too_slow)
+        self._expect(self.bounds.head_s, self._too_slow)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """It is over."""
@@ -158,37 +156,37 @@ class GuardedProtocol(HttpToolsProtocol):
             self._head_bytes += len(data)
         self._window_bytes += len(data)
         super().data_received(data)
-        if self._in_head and self._head_bytes > self._bounds.head_bytes:
+        if self._in_head and self._head_bytes > self.bounds.head_bytes:
             self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE)
 
     def on_message_begin(self) -> None:
         """A request begins."""
         super().on_message_begin()
-        begin = functools.partial(self._limit_unsent, 0, _PROMPT_BYTES)
+        begin = functools.partial(self.limit_unsent, 0, _PROMPT_BYTES)
         self.scope["extensions"] = {
             PROMPT: {"begin": begin},
-            CALLER: {"identify": self._identify},
+            CALLER: {"identify": self.identify},
             **self._tls,
         }
         self._in_head, self._whole, self._body_bytes = True, False, 0
-        self._expect(self._bounds.head_s, self._too_slow)
+        self._expect(self.bounds.head_s, self._too_slow)
 
     def on_headers_complete(self) -> None:
         """Its head is here."""
         size = len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers)
-        if size > self._bounds.head_bytes:
+        if size > self.bounds.head_bytes:
             self._stop(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE)
         self._require_host()
         if self._proxied and self.client is not None:
             self.scope["client"] = (self._forwarded_for(self.client[0]), 0)
         self._in_head, self._head_bytes, self._window_bytes = False, 0, 0
-        self._expect(self._bounds.body_s, self._look)
+        self._expect(self.bounds.body_s, self._look)
         super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
         """Some of its body is here."""
         self._body_bytes += len(body)
-        most = self._bounds.body_bytes
+        most = self.bounds.body_bytes
         if most is not None and self._body_bytes > most:
             self._stop(HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
         super().on_body(body)
@@ -206,19 +204,33 @@ class GuardedProtocol(HttpToolsProtocol):
         if not self.transport.is_closing() and self.cycle.response_complete:
             # What still waits to be sent has as long as any piece.
             unsent = self.transport.get_write_buffer_size()
-            self._expect(_STALLED_S if unsent else self._bounds.head_s, self.transport.abort)
+            self._expect(_STALLED_S if unsent else self.bounds.head_s, self.transport.abort)
 
     def pause_writing(self) -> None:
         """The client reads more slowly than we answer: the piece that waits has its time."""
         super().pause_writing()
-        self._stall = self.loop.call_later(_STALLED_S, self.transport.abort)
+        self.watch_stall(_STALLED_S)
 
     def resume_writing(self) -> None:
         """It has taken that piece."""
-        if self._stall is not None:
-            self._stall.cancel()
-            self._stall = None
+        self.watch_stall(None)
         super().resume_writing()
+
+    def handle_websocket_upgrade(self) -> None:
+        """Hand the connection over to the WebSocket protocol."""
+        self._expect(None)
+        self.watch_stall(None)
+        self.ws_protocol_class = functools.partial(  # type: ignore[assignment]  # it is called only
+            GuardedWebSocket, upgraded=self, client=self.scope["client"]
+        )
+        super().handle_websocket_upgrade()
+        self.ws_protocol_class = None
+
+    def _should_upgrade_to_ws(self) -> bool:
+        """Whether an upgrade is possible: a GET, while no request before it is being answered."""
+        answering = self.cycle is not None and not self.cycle.response_complete  # type: ignore[redundant-expr]  # before a request it is None
+        served = self.bounds.message_bytes is not None and self.parser.get_method() == b"GET"
+        return served and not answering
 
     def send_400_response(self, msg: str) -> None:
         """Refuse, as problem details (RFC 9457), and end the connection."""
@@ -240,16 +252,8 @@ class GuardedProtocol(HttpToolsProtocol):
         unknown = not self._whole and not self.authenticated
         return (waits or unknown) and not self.transport.is_closing()
 
-    def _identify(self, caller: str) -> None:
-        """Count this connection for a caller that proved its name; from any thread."""
-        source = _name("caller", caller)
-        if self.source != source and not self._proxied and not self._tls.get("client_cert_chain"):
-            self.loop.call_soon_threadsafe(self._count_for, source)
-
-    def _count_for(self, source: str) -> None:
-        self.source, self.authenticated = source, True
-        if self.transport.is_closing() or make_room(self, self.connections, self._bounds):
-            return
+    def refuse_for_room(self) -> None:
+        """End it, because its caller has too many connections."""
         if self.cycle.response_started:
             self.transport.abort()
         else:
@@ -257,7 +261,7 @@ class GuardedProtocol(HttpToolsProtocol):
 
     def _require_host(self) -> None:
         """Refuse a name that is not ours, which a browser sends where DNS leads a page here."""
-        allowed = self._bounds.hosts
+        allowed = self.bounds.hosts
         if allowed is None:
             return
         hosts = [value for name, value in self.headers if name == b"host"]
@@ -272,31 +276,25 @@ class GuardedProtocol(HttpToolsProtocol):
 
     def _forwarded_for(self, peer: str) -> str:
         """For whom a proxy asks: of the hops that it names, the last one that is no proxy."""
-        wanted = self._bounds.forwarded.encode()
+        wanted = self.bounds.forwarded.encode()
         said = b",".join(value for name, value in self.headers if name == wanted)
         last = peer
         for hop in reversed(said.decode("latin-1").split(",")):
-            found = _hop(hop, named=self._bounds.forwarded == "forwarded")
+            found = _hop(hop, named=self.bounds.forwarded == "forwarded")
             if found is None:
                 break
             last = found
-            if not self._bounds.is_proxy(found):
+            if not self.bounds.is_proxy(found):
                 break
         return last
 
-    def _limit_unsent(self, ours: int, kernel: int) -> None:
-        """Have an answer wait when so many bytes do, here or in the kernel."""
-        self.transport.set_write_buffer_limits(ours)
-        connection = self.transport.get_extra_info("socket")
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, kernel)
-
     def _look(self) -> None:
         """Enough of the body came, or we are who did not read it."""
-        if self._window_bytes < self._bounds.body_least and not self.flow.read_paused:
+        if self._window_bytes < self.bounds.body_least and not self.flow.read_paused:
             self._too_slow()
             return
         self._window_bytes = 0
-        self._expect(self._bounds.body_s, self._look)
+        self._expect(self.bounds.body_s, self._look)
 
     def _too_slow(self) -> None:
         if self._silent:
@@ -320,11 +318,6 @@ class GuardedProtocol(HttpToolsProtocol):
             self._timer = None
         if seconds is not None and otherwise is not None:
             self._timer = self.loop.call_later(seconds, otherwise)
-
-
-def _name(kind: str, secret: str) -> str:
-    """Whom a connection counts for, with nothing in it that would be a secret."""
-    return f"{kind} {hashlib.sha256(secret.encode('utf-8', 'surrogatepass')).hexdigest()}"
 
 
 def _is_address(name: str) -> bool:

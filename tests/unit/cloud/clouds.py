@@ -214,6 +214,7 @@ def standing(
     with Store(place or settings.store.place, clock=clock) as store:
         cloud = make_cloud(settings, store, clock=clock, dashboard=folder / "dashboard")
         cloud.feed.ids = cloud.feed.encoder.ids = PlainIds(bytes(32))
+        cloud.feed.frame_encoder.ids = cloud.feed.ids
         token = create_token(store, scopes=[Scope.READ], name="test", lifetime=timedelta(hours=1))
         admit(store, NODE)
         yield Stand(cloud, clock, identities.gateway, token)

@@ -7,7 +7,7 @@ import logging
 import time
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from starlette.requests import Request
+from starlette.requests import HTTPConnection, Request
 
 from eskin.errors import EskinError
 from eskin.runtime.http_server.protocol import PROMPT
@@ -38,7 +38,7 @@ class _Check(NamedTuple):
 
 
 def recheck(
-    request: Request,
+    request: HTTPConnection,
     check: Callable[[], object],
     *,
     each_piece_with: Collection[object] | None = None,
@@ -74,6 +74,9 @@ class AnswerMiddleware:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on."""
+        if scope["type"] == "websocket":
+            await self._app(scope, receive, _judging(scope, send))
+            return
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -92,6 +95,42 @@ class AnswerMiddleware:
                 log.warning("answer broken off: path=%r reason=%s", scope["path"], reason)
 
 
+def _judging(scope: Scope, send: Send) -> Send:
+    """Has a WebSocket judged before its messages: the application gets the refusal as an error."""
+    judgement = _Judgement(scope)
+
+    async def judged(message: Message) -> None:
+        if message["type"] == "websocket.send":
+            await judgement.ask()
+        await send(message)
+
+    return judged
+
+
+class _Judgement:
+    """The checks of one request.
+
+    Attributes:
+        checks: What is asked.
+    """
+
+    def __init__(self, scope: Scope) -> None:
+        self.checks: list[_Check] = scope.setdefault(_KEY, [])
+        self._at = time.monotonic()  # at the earliest
+
+    async def ask(self) -> None:
+        """Ask those that are due.
+
+        Raises:
+            EskinError: The caller may not have the answer any more.
+        """
+        fresh = time.monotonic() < self._at + _FRESH_S
+        due = [check for check in self.checks if not fresh or check.each_piece_with]
+        if due:
+            await asyncio.to_thread(_ask, due)
+            self._at = self._at if fresh else time.monotonic()
+
+
 class _Answer:
     """One answer, judged before it begins and before each piece.
 
@@ -107,8 +146,7 @@ class _Answer:
         self._receive = receive
         self._send = send
         self._damaged = damaged
-        self._checks: list[_Check] = scope.setdefault(_KEY, [])
-        self._judged = time.monotonic()  # at the earliest
+        self._judgement = _Judgement(scope)
         self._piece = _PIECE
         self.begun = False
         self.replaced = False
@@ -118,20 +156,20 @@ class _Answer:
         if message["type"] == "http.response.start":
             await self._begin(message)
             return
-        if self._piece == _PIECE and any(check.each_piece_with for check in self._checks):
+        if self._piece == _PIECE and any(check.each_piece_with for check in self._judgement.checks):
             self._piece = _PROMPT_PIECE
             if prompt := self._scope.get("extensions", {}).get(PROMPT):
                 prompt["begin"]()  # else buffers hold megabytes that no check can call back
         body, more = message.get("body", b""), message.get("more_body", False)
         for at in range(0, max(1, len(body)), self._piece):
-            await self._judge()
+            await self._judgement.ask()
             last = at + self._piece >= len(body)
             piece = body if len(body) <= self._piece else body[at : at + self._piece]
             await self._send({**message, "body": piece, "more_body": more or not last})
 
     async def _begin(self, message: Message) -> None:
         try:
-            await self._judge()
+            await self._judgement.ask()
         except EskinError as error:
             self.replaced = True
             refusal = PROBLEMS.refuse(Request(self._scope), error)
@@ -144,13 +182,6 @@ class _Answer:
             message["headers"] = [*message["headers"], header]
         self.begun = True
         await self._send(message)
-
-    async def _judge(self) -> None:
-        fresh = time.monotonic() < self._judged + _FRESH_S
-        due = [check for check in self._checks if not fresh or check.each_piece_with]
-        if due:
-            await asyncio.to_thread(_ask, due)
-            self._judged = self._judged if fresh else time.monotonic()
 
 
 def _ask(checks: list[_Check]) -> None:

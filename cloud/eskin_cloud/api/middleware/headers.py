@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from typing import TYPE_CHECKING, Final
 
 from starlette.datastructures import MutableHeaders
@@ -44,19 +45,25 @@ class HeadersMiddleware:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on."""
-        if scope["type"] != "http":
+        if scope["type"] not in {"http", "websocket"}:
             await self._app(scope, receive, send)
             return
 
         async def sending(message: Message) -> None:
-            if message["type"] == "http.response.start":
+            kind = message["type"].removeprefix("websocket.")
+            if kind == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in self._headers.items():
                     headers[name] = value
                 headers.setdefault("Cache-Control", "no-store")
-                method = scope["method"] if scope["method"] in _METHODS else "other"
-                if message["status"] >= self._least_status:
-                    self._requests.labels(method, str(message["status"])).inc()
+                self._count(scope, message["status"])
+            elif kind == "accept":
+                self._count(scope, HTTPStatus.SWITCHING_PROTOCOLS)
             await send(message)
 
         await self._app(scope, receive, sending)
+
+    def _count(self, scope: Scope, status: int) -> None:
+        method = scope.get("method", "GET")  # which a WebSocket's handshake is
+        if status >= self._least_status:
+            self._requests.labels(method if method in _METHODS else "other", str(int(status))).inc()

@@ -1,0 +1,66 @@
+"""The contacts of a node's skin, over time."""
+
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Query
+from pydantic import Field
+from starlette.responses import Response
+
+from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
+from eskin_cloud.api.responses import as_json
+from eskin_cloud.api.window_params import WindowQuery
+from eskin_cloud.query.contacts import ContactSkin
+from eskin_cloud.schemas.base import PageDocument, page
+from eskin_cloud.schemas.contacts import ContactsDocument, describe_contacts
+from eskin_cloud.store.descriptions import find_layout
+from eskin_cloud.store.read.lookup import find_node
+from eskin_cloud.store.read.patch_runs import read_pages
+from eskin_cloud.store.read.window import parse_window
+
+router = APIRouter(tags=["contacts"])
+
+MOST_POINTS: Final = 100
+"""Each instant is read for itself, from all pages of the skin."""
+
+
+class ContactsQuery(WindowQuery):
+    """Parameters of contacts."""
+
+    node: str = Field(max_length=100, description="whose skin")
+    points: int = Field(
+        default=20,
+        ge=1,
+        le=MOST_POINTS,
+        description="instants: the window's last one, and others evenly before it",
+    )
+
+
+@router.get(
+    "/contacts", responses={200: {"model": PageDocument[ContactsDocument]}, **REFUSALS_OF_PLACE}
+)
+def get_contacts(
+    cloud: CloudState, reader: Reader, query: Annotated[ContactsQuery, Query()]
+) -> Response:
+    """Find the contacts of a node's skin at instants.
+
+    They are read by the node's latest layout. A sample holds for its period at most; instants at
+    which nothing is known are left out.
+    """
+    del reader  # frames of biometric patches are not stored
+    found = []
+    with cloud.store.read() as connection:
+        name = find_node(connection, query.node)["layout"]
+        described = None if name is None else find_layout(connection, query.node, name)
+        skin = None if described is None else ContactSkin.of(described)
+        ends = [row["t_last"] for row in read_pages(connection, query.node)]
+        last = max((end for end in ends if end is not None), default=cloud.clock())
+        window = parse_window(query.start, query.end, last=last)
+        if described is not None and skin is not None:
+            for number in range(query.points):
+                t = window.start + (number + 1) * window.span // query.points - 1
+                pressures = skin.read_at(connection, query.node, described, t)
+                if pressures.known:
+                    contacts = skin.find(pressures)
+                    found.append(describe_contacts(query.node, skin, pressures, contacts))
+    return as_json(page(found, None))

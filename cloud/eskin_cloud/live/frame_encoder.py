@@ -1,0 +1,85 @@
+"""Messages of a stream of frames, each written once for all clients that want the same."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import cbor2
+from cachetools import FIFOCache
+
+from eskin.wire.frames.frame_parts import read_head, select_patches
+from eskin_cloud.schemas.base import dump
+from eskin_cloud.schemas.events import describe_event
+
+if TYPE_CHECKING:
+    from eskin_cloud.live.frame_selection import FrameSelection
+    from eskin_cloud.live.layouts import Layouts
+    from eskin_cloud.query.opaque_ids import OpaqueIds
+    from eskin_cloud.store.feed_entry import FeedEntry
+
+_KEPT: Final = 512
+
+
+class FrameMessage(NamedTuple):
+    """A frame as a message.
+
+    Attributes:
+        stretch: Names its stretch within the node.
+        data: The message.
+    """
+
+    stretch: tuple[int, int]
+    data: bytes
+
+
+class FrameEncoder:
+    """Writes messages, and keeps the latest frames for the next client.
+
+    Args:
+        ids: Writes cursors.
+        layouts: Those of the frames, loaded.
+    """
+
+    def __init__(self, ids: OpaqueIds, layouts: Layouts) -> None:
+        self.ids = ids
+        self._layouts = layouts
+        self._kept: FIFOCache[tuple[int, frozenset[str] | None], FrameMessage | None] = FIFOCache(
+            _KEPT
+        )
+
+    def frame(self, entry: FeedEntry, selection: FrameSelection) -> FrameMessage | None:
+        """A frame, reduced to the patches that are asked for; ``None`` if it has none of them."""
+        key = entry.cursor, selection.patches
+        if key not in self._kept:
+            self._kept[key] = self._of_frame(entry, selection.patches)
+        return self._kept[key]
+
+    def _of_frame(self, entry: FeedEntry, patches: frozenset[str] | None) -> FrameMessage | None:
+        data = entry.frame or b""
+        described = None if patches is None else self._layouts.get(entry.layout)
+        if patches is not None and described is not None:
+            numbers = {k for k, each in enumerate(described.patches) if each.patch_id in patches}
+            selected = select_patches(data, numbers)
+            if selected is None:
+                return None
+            data = selected
+        cursor = self.ids.write(entry.cursor)
+        message = cbor2.dumps(["frame", cursor, entry.node, entry.received, data])
+        return FrameMessage(read_head(data).stretch, message)
+
+    def layout(self, node: str, name: bytes) -> bytes:
+        """Which layout the following frames of a node are read by."""
+        return cbor2.dumps(["layout", node, name])
+
+    def event(self, cursor: int, row: dict[str, Any]) -> bytes:
+        """A peak, gap, status or command."""
+        said = dump(describe_event(row, self.ids)).decode()
+        return cbor2.dumps(["event", self.ids.write(cursor), str(row["kind"]), said])
+
+    def contacts(self, cursor: int, node: str, text: str) -> bytes:
+        """Contacts at the last instant of a stretch, in JSON."""
+        return cbor2.dumps(["contacts", self.ids.write(cursor), node, text])
+
+    def lagging(self, cursor: int, skipped: int) -> bytes:
+        """How many frames before a cursor were not sent; with 0 a sign of life."""
+        return cbor2.dumps(["lagging", self.ids.write(cursor), skipped])

@@ -1,0 +1,97 @@
+"""A client without the scope gets the same frames and cursors, whatever is sealed between them."""
+
+from __future__ import annotations
+
+from contextlib import aclosing
+from typing import TYPE_CHECKING, Any
+
+import cbor2
+import pytest
+from eskin_cloud.live.frame_selection import FrameSelection
+from eskin_cloud.live.frame_stream import FrameStream
+
+from tests.unit.cloud.clouds import batch
+from tests.unit.cloud.messages import block, peak, status
+from tests.unit.cloud.sealing import CHANNEL, NODE, Site, beat, keyed, pulse
+from tests.unit.cloud.skins import HAND, PATCHES, describe, frame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.support.identities import Identities
+    from tests.unit.cloud.clouds import Stand
+
+pytestmark = pytest.mark.anyio
+OPEN = "t00.capacitance"
+
+
+@pytest.fixture
+def two(tmp_path: Path, identities: Identities, site: Site) -> Iterator[tuple[Stand, Stand]]:
+    with (
+        keyed(tmp_path / "few", identities, site) as few,
+        keyed(tmp_path / "many", identities, site) as many,
+    ):
+        yield few, many
+
+
+async def bring(stand: Stand, site: Site, beats: int) -> None:
+    """The same frames and peaks, and so many sealed messages between."""
+    describe(stand.cloud.store, HAND, *PATCHES, node=NODE)
+    declared = status(0, channels=(OPEN, CHANNEL))
+    await stand.ingest(site.batch(declared, pulse(1), beat(2)))
+    sequence = 3
+    for number in range(4):
+        said = frame(sequence, at=number), block(sequence + 1, channel=OPEN)
+        await stand.ingest(batch(*said, peak(sequence + 2, channel=OPEN), node=NODE))
+        sequence += 3
+        for _ in range(beats + number):
+            await stand.ingest(site.batch(beat(sequence), pulse(sequence + 1)))
+            sequence += 2
+    stand.clock.turn(1.0)
+
+
+async def told(stand: Stand, *, sealed: bool, backlog: int) -> list[Any]:
+    """What a stream tells until its first sign of life, cursors by the order of their appearance.
+
+    Sequences, and times that follow the clock, are left out: what they say is as in the store.
+    """
+    feed = stand.cloud.feed
+    frames = FrameStream(
+        feed,
+        stand.cloud.contacts,
+        selection=FrameSelection(),
+        cursor=0,
+        backlog=backlog,
+        heartbeat=0.2,
+        reveal=stand.cloud.key_access.reveal([]),
+        sealed=sealed,
+    )
+    found: list[Any] = []
+    order: dict[str, int] = {}
+    async with aclosing(frames.messages()) as messages:
+        async for message in messages:
+            kind, *rest = cbor2.loads(message)
+            if kind == "layout":
+                found.append((kind, *rest))
+                continue
+            place = order.setdefault(rest[0], len(order))
+            if kind == "lagging" and rest[1] == 0 and found and found[-1][1] == place:
+                return found
+            found.append((kind, place, rest[1]))
+    return found
+
+
+@pytest.mark.parametrize("backlog", [10_000, 12, 5])
+async def test_what_is_sealed_shows_in_no_message(
+    two: tuple[Stand, Stand], site: Site, backlog: int
+) -> None:
+    few, many = two
+    await bring(few, site, 1)
+    await bring(many, site, 9)
+    without = [await told(stand, sealed=False, backlog=backlog) for stand in two]
+    assert without[0] == without[1]
+    assert {each[0] for each in without[0]} >= {"lagging", "layout", "frame"}
+    if backlog == 12:  # a client with the scope moves on past other messages in the two
+        known = [await told(stand, sealed=True, backlog=backlog) for stand in two]
+        assert known[0] != known[1]
