@@ -1,6 +1,6 @@
 """MQTT topics of the wire contract.
 
-Private, sealed: ``eskin/v1/nodes/{node}/blocks | events | status | acks | commands``.
+Private, sealed: ``eskin/v1/nodes/{node}/STREAM``, the streams as in `Stream`.
 Public, read only, plain JSON: ``eskin/v1/live/{node}/{channel}``, ``…/events``, ``…/status``;
 as SenML ``eskin/v1/senml/{node}/{channel}``; for Home Assistant ``homeassistant/#``.
 """
@@ -30,13 +30,15 @@ class Stream(StrEnum):
     """What a private topic of a node carries."""
 
     BLOCKS = "blocks"
+    FRAMES = "frames"
+    LAYOUTS = "layouts"
     EVENTS = "events"
     STATUS = "status"
     ACKS = "acks"
     COMMANDS = "commands"
 
 
-FROM_NODE = (Stream.BLOCKS, Stream.EVENTS, Stream.STATUS)
+FROM_NODE = (Stream.BLOCKS, Stream.FRAMES, Stream.LAYOUTS, Stream.EVENTS, Stream.STATUS)
 """The streams that a node writes."""
 
 

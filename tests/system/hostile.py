@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from eskin.demo.broker import LoopbackBroker
 from eskin.demo.broker.client_auth import ClientAuth
-from eskin.wire.topics import NODES
+from eskin.wire.topics import FROM_NODE, NODES
 from tests.support.processes import free_port
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from tests.support.identities import Identities
 
 NAMES = ("fingertip", "palm")
-STREAMS = ("blocks", "events", "status")
 
 
 class Malice:
@@ -66,14 +65,14 @@ class Malice:
 
     def _move(self, topic: str, data: bytes) -> Iterator[tuple[str, bytes]]:
         head, stream = topic.rsplit("/", 1)
-        for other in (*STREAMS, "acks", "commands"):
+        for other in (*FROM_NODE, "acks", "commands"):
             if other != stream:
                 yield f"{head}/{other}", data
 
     def _echo(self, topic: str, data: bytes) -> Iterator[tuple[str, bytes]]:
         """What a node said, back to it as its acknowledgement, and the other way round."""
         head, stream = topic.rsplit("/", 1)
-        yield f"{head}/{'acks' if stream in STREAMS else 'blocks'}", data
+        yield f"{head}/{'acks' if stream in FROM_NODE else 'blocks'}", data
 
 
 class HostileBroker(LoopbackBroker):

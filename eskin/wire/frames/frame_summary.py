@@ -230,7 +230,7 @@ def _read_patches(
         if strides >= 0:
             first_row = grids[grid, 2] % 2**MOST_STRIDE
             steps = data[strides : strides + columns]
-            cells = _without_others(order_cells(rows, columns, first_row, steps), rows * columns)
+            cells = without_others(order_cells(rows, columns, first_row, steps), rows * columns)
             ordered = (0, 0)
         elif ordered != (rows, columns):
             cells = order_cells(rows, columns, 0, np.zeros(columns, np.uint8))
@@ -252,7 +252,7 @@ def _read_patches(
 
 
 @part
-def _without_others(
+def without_others(
     cells: tuple[NDArray[np.int32], int], size: int
 ) -> tuple[NDArray[np.int32], int]:
     """Cells numbered in their order, so that cells without samples take neither time nor memory."""

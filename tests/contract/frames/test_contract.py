@@ -19,7 +19,7 @@ from pycose.messages.enc0message import Enc0Message
 from eskin.wire.envelope import Sealer
 from eskin.wire.envelope.key_agreement import agree_key
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples, Sampling, Statements
-from eskin.wire.messages import Position
+from eskin.wire.messages import Acknowledgement, Position
 from tests.contract.frames.slow_decoder import Bound, decode_frame
 from tests.contract.frames.vectors import FILE, document, frames
 from tests.unit.eskin.wire.frames.examples import MESSAGES
@@ -82,6 +82,18 @@ def test_messages_are_as_the_documented_cddl_says(
     alone.validate_cbor(message.encode())
     with pytest.raises(pycddl.ValidationError):
         alone.validate_cbor(cbor2.dumps(cbor2.loads(message.encode()) | {77: 1}))
+
+
+@pytest.mark.parametrize("size", [0, 1, 256, 257])
+def test_acknowledgement_asks_for_descriptions_as_the_documented_cddl_says(size: int) -> None:
+    rule = re.sub(r"(?m)^message = .*$", "message = acknowledgement", CDDL.read_text())
+    want = tuple(number.to_bytes(32, "big") for number in range(size))
+    ack = Acknowledgement(10**18, ((1, 0, 7),), want=want).encode()
+    if size <= 256:
+        pycddl.Schema(rule).validate_cbor(ack)
+    else:
+        with pytest.raises(pycddl.ValidationError):
+            pycddl.Schema(rule).validate_cbor(ack)
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: type(message).__name__)

@@ -188,6 +188,20 @@ def test_acknowledgement_comes_back_equal(watched: int) -> None:
     assert Acknowledgement.decode(ack.encode()) == ack
 
 
+@pytest.mark.parametrize("size", [0, 1, 256])
+def test_acknowledgement_asks_for_descriptions(size: int) -> None:
+    want = tuple(number.to_bytes(32, "big") for number in range(size))
+    ack = Acknowledgement(10**18, ((1, 0, 7),), want=want)
+    assert Acknowledgement.decode(ack.encode()) == ack
+
+
+@pytest.mark.parametrize("want", [[], [bytes(31)], ["text"], [bytes(32)] * 257, bytes(32)])
+def test_acknowledgement_that_asks_for_no_hash_or_too_many_is_refused(want: object) -> None:
+    fields = cbor2.loads(Acknowledgement(10**18, ()).encode()) | {5: want}
+    with pytest.raises(MessageError, match="field 5"):
+        Acknowledgement.decode(cbor2.dumps(fields, canonical=True))
+
+
 @pytest.mark.parametrize("watched", [0, -1, 60_001, "long"])
 def test_acknowledgement_that_says_somebody_looks_on_for_ever_is_refused(watched: object) -> None:
     fields = cbor2.loads(Acknowledgement(10**18, ()).encode()) | {4: watched}

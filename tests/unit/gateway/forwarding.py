@@ -13,6 +13,7 @@ from eskin_gateway.upstream.ingest_client import IngestClient, ItemResult
 
 from eskin.errors import CloudError
 from tests.unit.gateway.certificates import KnownNodes
+from tests.unit.gateway.descriptions import KnownDescriptions
 from tests.unit.gateway.in_memory import quick
 
 if TYPE_CHECKING:
@@ -63,7 +64,13 @@ class Setup:
     """A forwarder between a spool with ten messages and a cloud."""
 
     def __init__(
-        self, folder: Path, cloud: IngestClient, stub: StubCloud | MemoryCloud, *, most: int = 4
+        self,
+        folder: Path,
+        cloud: IngestClient,
+        stub: StubCloud | MemoryCloud,
+        *,
+        most: int = 4,
+        descriptions: KnownDescriptions | None = None,
     ) -> None:
         self.cloud = stub
         self.spool = Spool(folder / "spool.db", capacity=10**7, max_dead_letters=100)
@@ -75,6 +82,7 @@ class Setup:
             spool=self.spool,
             ingest_client=cloud,
             certificates_client=self.certificates,
+            descriptions_client=descriptions or KnownDescriptions(),
             backoff=quick(),
             metrics=self.metrics,
         )

@@ -11,6 +11,7 @@ import pytest
 
 from eskin.identity import CertificateAuthority, IdentityKind, new_key
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, Identity
+from eskin.wire.topics import FROM_NODE
 from tests.support.brokers import Mosquitto
 from tests.support.identities import SITE
 from tests.support.processes import wait_until
@@ -125,7 +126,7 @@ def test_tls_older_than_1_2_is_refused(
 def test_node_writes_and_reads_under_its_own_name_alone(
     gateway: Party, node: Party, other_node: Party, client: Party
 ) -> None:
-    own = [f"eskin/v1/nodes/fingertip/{leaf}" for leaf in ("blocks", "events", "status")]
+    own = [f"eskin/v1/nodes/fingertip/{leaf}" for leaf in FROM_NODE]
     for topic in (
         *own,
         "eskin/v1/nodes/fingertip/acks",
@@ -141,7 +142,7 @@ def test_node_writes_and_reads_under_its_own_name_alone(
     gateway.publish(MARK, b"")
     wait_until(lambda: (MARK, b"") in client.heard, "the mark arrives")
     wait_until(
-        lambda: len(gateway.heard) == 3 and bool(node.heard and other_node.heard), "all arrive"
+        lambda: len(gateway.heard) == len(own) and bool(node.heard and other_node.heard), "all arrive"
     )
     assert gateway.heard == [(topic, b"from fingertip") for topic in own]
     assert node.heard == [("eskin/v1/nodes/fingertip/acks", b"for fingertip")]
