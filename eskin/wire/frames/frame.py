@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 MOST_GRIDS: Final = 16
 LONGEST_PERIOD: Final = 1_000_000_000_000
+MOST_CELLS: Final = 2**20
+"""Rows times columns of all patches of a frame, also where columns are not sampled in each row."""
 _FIELDS: Final = frozenset(range(1, 10))
 HEAD_BYTES: Final = 98
 GRID_BYTES: Final = 40
@@ -237,6 +239,12 @@ class Frame:
             used = max(used, each.grid)
         if used != len(self.grids) - 1 or len(set(self.grids)) < len(self.grids) or used < 0:
             raise MessageError("field 8 has a grid twice, or one that no patch has")
+        cells = sum(self.grids[each.grid].rows * each.columns for each in self.patches)
+        if cells > MOST_CELLS:
+            raise MessageError(
+                f"frame has {cells} cells; at most {MOST_CELLS} are allowed: use more pages or a "
+                "shorter stretch"
+            )
         if self.limit > MOST_BYTES:
             raise MessageError(
                 f"frame may take {self.limit} bytes; at most {MOST_BYTES} are allowed: "

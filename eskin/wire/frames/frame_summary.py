@@ -13,6 +13,7 @@ from eskin.wire.frames.frame import (
     GRID_BYTES,
     HEAD_BYTES,
     LONGEST_PERIOD,
+    MOST_CELLS,
     MOST_GRIDS,
     PATCH_BYTES,
     Frame,
@@ -204,7 +205,7 @@ def _read_patches(
     records: NDArray[Any],
 ) -> int:
     """Read and check all patches; gives where the frame ends."""
-    limit, used, before = HEAD_BYTES + GRID_BYTES * len(grids), -1, -1
+    limit, used, before, room = HEAD_BYTES + GRID_BYTES * len(grids), -1, -1, MOST_CELLS
     ordered, cells = (0, 0), order_cells(0, 0, 0, np.zeros(0, np.uint8))
     for k in range(number):
         begin, record = place, records[k]
@@ -223,6 +224,9 @@ def _read_patches(
             return NOWHERE
         before, used = patch, max(used, grid)
         rows, strides, options, place = grids[grid, 3], NOWHERE, 0, end
+        room -= rows * columns
+        if room < 0:
+            return NOWHERE
         if has_options:
             strides, options, place = _read_options(data, end, columns, epoch)
             if place < 0:

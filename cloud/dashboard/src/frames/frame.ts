@@ -37,7 +37,8 @@ export interface Frame {
 
 const KIND = 7;
 const STRIDES = 1;
-const MOST_CELLS = 64_000;
+/** Rows times columns of all patches, also where columns are not sampled in each row. */
+const MOST_CELLS = 2 ** 20;
 
 /** Reads a frame (docs/messages.md). It is trusted to be canonical: gateway and cloud have checked that. */
 export function readFrame(data: Uint8Array): Frame {
@@ -49,6 +50,9 @@ export function readFrame(data: Uint8Array): Frame {
     return { delay: count(delay), period: count(period), firstRow: count(firstRow), rows: count(rows), coverage };
   });
   const [earliest, latest] = list(fields.get(7));
+  const patches = list(fields.get(9)).map(list);
+  const cells = patches.reduce((sum, [, grid, , columns]) => sum + count(columns) * gridOf(grid, grids).rows, 0);
+  if (!(cells <= MOST_CELLS)) throw new FrameError(`the frame has ${cells} cells; at most ${MOST_CELLS} are allowed`);
   return {
     boot: count(fields.get(2)),
     sequence: count(fields.get(3)),
@@ -56,15 +60,13 @@ export function readFrame(data: Uint8Array): Frame {
     page: count(fields.get(5)),
     ticks: count(fields.get(6)),
     time: [BigInt(integer(earliest)), BigInt(integer(latest))],
-    patches: list(fields.get(9)).map((samples) => readPatch(list(samples), grids)),
+    patches: patches.map((samples) => readPatch(samples, grids)),
   };
 }
 
 function readPatch(values: readonly Cbor[], grids: readonly Grid[]): PatchSamples {
-  const [patch, gridNumber, epoch, columns] = values.slice(0, 4).map(count);
-  const grid = grids[gridNumber!];
-  if (grid === undefined) throw new FrameError(`patch ${patch} has grid ${gridNumber}; there are ${grids.length}`);
-  if (!(columns! * grid.rows <= MOST_CELLS)) throw new FrameError(`patch ${patch} has more than ${MOST_CELLS} cells`);
+  const [patch, , epoch, columns] = values.slice(0, 4).map(count);
+  const grid = gridOf(values[1], grids);
   const options = values[7];
   const strides = options instanceof Map ? options.get(STRIDES) : undefined;
   const sampling: Sampling = {
@@ -75,6 +77,12 @@ function readPatch(values: readonly Cbor[], grids: readonly Grid[]): PatchSample
   };
   const samples = decodeSamples(octets(values[6]), sampling, Number(integer(values[4])), Number(integer(values[5])));
   return { patch: patch!, grid, epoch: epoch!, sampling, samples };
+}
+
+function gridOf(value: Cbor | undefined, grids: readonly Grid[]): Grid {
+  const grid = grids[count(value)];
+  if (grid === undefined) throw new FrameError(`a patch has grid ${String(value)}; there are ${grids.length}`);
+  return grid;
 }
 
 function list(value: Cbor | undefined): readonly Cbor[] {

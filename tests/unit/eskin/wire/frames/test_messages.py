@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from eskin.interval import Interval, Verdict
 from eskin.wire.frames import (
     Because,
     Frame,
+    FrameSummary,
     Gap,
     Grid,
     Layout,
@@ -274,6 +276,32 @@ def test_few_bytes_become_no_more_samples_than_64_kib_hold() -> None:
                 Frame.decode(dump(fields))
         else:
             assert Frame.decode(dump(fields)).limit <= MOST_BYTES
+
+
+def sparse(patches: int) -> bytes:
+    """A frame of patches of which only the first row of 1000 is sampled."""
+    grid, strides = FAST._replace(rows=1000, first_row=0), bytes([16]) * 64
+    values = Interval(np.zeros((1000, 64)))
+    one = PatchSamples.pack(values, 1.0, patch=0, grid=0, first_row=0, strides=strides)
+    each = [[number, *one.encode()[1:]] for number in range(patches)]
+    return dump(cbor2.loads(FRAME.encode()) | {8: [list(grid)], 9: each})
+
+
+@pytest.mark.parametrize("decode", [Frame.decode, FrameSummary.decode])
+def test_few_bytes_become_no_more_cells_than_are_allowed(
+    decode: Callable[[bytes], Frame | FrameSummary],
+) -> None:
+    decode(sparse(16))
+    too_many = sparse(300)
+    assert len(too_many) < MOST_BYTES
+    tracemalloc.start()
+    with pytest.raises(MessageError):
+        decode(sparse(17))
+    with pytest.raises(MessageError):
+        decode(too_many)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2**23
 
 
 def test_layout_reads_its_frames_alone() -> None:
