@@ -11,6 +11,7 @@ from eskin.interval import Interval
 from eskin.runtime.digest import digest
 from eskin.tube import Tube
 from eskin.wire.frames import (
+    DescribedLayout,
     Frame,
     FrameSummary,
     Grid,
@@ -27,7 +28,6 @@ from eskin.wire.messages.warm_up import warm_up as warm_up_messages
 from eskin_cloud.rollup.aggregates import Aggregates
 from eskin_cloud.rollup.blocks import Buckets, fold
 from eskin_cloud.store.damage import RowHeader
-from eskin_cloud.store.descriptions import DescribedLayout
 from eskin_cloud.store.frame_row import fit_frame
 from eskin_cloud.store.write.block_row import BlockRow
 from eskin_cloud.store.write.parsed_message import ParsedMessage

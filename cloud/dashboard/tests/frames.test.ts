@@ -11,17 +11,17 @@ function floats(hex: string): Float64Array {
   return new Float64Array(bytes(hex).buffer);
 }
 
-function hex(byte: number): string {
+function inHex(byte: number): string {
   return byte.toString(16).padStart(2, "0");
 }
 
 /** A frame of patches of 1000 rows and 64 columns, of which the first row alone is sampled; all is unknown. */
 function sparse(patches: number): Uint8Array {
   const strides = `a1015840${"10".repeat(64)}`;
-  const items = Array.from({ length: patches }, (_, number) => `88${hex(number)}000018400000420000${strides}`);
+  const items = Array.from({ length: patches }, (_, number) => `88${inHex(number)}000018400000420000${strides}`);
   const head = `a9010702010302045820${"00".repeat(32)}0500060007820001`;
   const grids = "088185001903e8001903e8fb3ff0000000000000";
-  return bytes(`${head}${grids}09${hex(0x80 + patches)}${items.join("")}`);
+  return bytes(`${head}${grids}09${inHex(0x80 + patches)}${items.join("")}`);
 }
 
 describe("frames that Python wrote", () => {

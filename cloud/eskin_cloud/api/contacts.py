@@ -11,11 +11,11 @@ from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.window_params import WindowQuery
 from eskin_cloud.query.contacts import ContactSkin
+from eskin_cloud.query.pictures import find_last
 from eskin_cloud.schemas.base import PageDocument, page
 from eskin_cloud.schemas.contacts import ContactsDocument, describe_contacts
 from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.read.lookup import find_node
-from eskin_cloud.store.read.patch_runs import read_pages
 from eskin_cloud.store.read.window import parse_window
 
 router = APIRouter(tags=["contacts"])
@@ -40,22 +40,20 @@ class ContactsQuery(WindowQuery):
     "/contacts", responses={200: {"model": PageDocument[ContactsDocument]}, **REFUSALS_OF_PLACE}
 )
 def get_contacts(
-    cloud: CloudState, reader: Reader, query: Annotated[ContactsQuery, Query()]
+    cloud: CloudState, _: Reader, query: Annotated[ContactsQuery, Query()]
 ) -> Response:
     """Find the contacts of a node's skin at instants.
 
     They are read by the node's latest layout. A sample holds for its period at most; instants at
-    which nothing is known are left out.
+    which nothing is known are left out. Biometric patches are not read: they may be touched or not.
     """
-    del reader  # frames of biometric patches are not stored
     found = []
     with cloud.store.read() as connection:
         name = find_node(connection, query.node)["layout"]
         described = None if name is None else find_layout(connection, query.node, name)
         skin = None if described is None else ContactSkin.of(described)
-        ends = [row["t_last"] for row in read_pages(connection, query.node)]
-        last = max((end for end in ends if end is not None), default=cloud.clock())
-        window = parse_window(query.start, query.end, last=last)
+        last = find_last(connection, query.node)
+        window = parse_window(query.start, query.end, last=cloud.clock() if last is None else last)
         if described is not None and skin is not None:
             for number in range(query.points):
                 t = window.start + (number + 1) * window.span // query.points - 1

@@ -49,6 +49,8 @@ class FrameEncoder:
 
     def frame(self, entry: FeedEntry, selection: FrameSelection) -> FrameMessage | None:
         """A frame, reduced to the patches that are asked for; ``None`` if it has none of them."""
+        if entry.secret:
+            return self._of_frame(entry, selection.patches)
         key = entry.cursor, selection.patches
         if key not in self._kept:
             self._kept[key] = self._of_frame(entry, selection.patches)

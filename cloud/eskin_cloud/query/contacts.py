@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 
     from eskin.contacts import Contacts
     from eskin.interval import Floats
-    from eskin.wire.frames import Patch
-    from eskin_cloud.store.descriptions import DescribedLayout
-    from eskin_cloud.store.read.patch_run import PatchRun
+    from eskin.wire.frames import DescribedLayout, Patch
+    from eskin_cloud.store.patch_run import PatchRun
 
 UNIT: Final = "Pa"
 LONGEST_HOLD: Final = 2_000_000_000

@@ -27,7 +27,7 @@ from eskin_cloud.rollup.picture_fold import (
     fold_records,
 )
 from eskin_cloud.store.damage import FrameHeader, is_intact_frame
-from eskin_cloud.store.descriptions import DescribedLayout, find_layout
+from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.read.lookup import UnknownChannelError
 from eskin_cloud.store.read.patch_runs import find_layouts, read_frame_rows, read_pages
 from eskin_cloud.store.read.window import Window, before
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
 
     from eskin.interval import Floats
-    from eskin.wire.frames import Patch
+    from eskin.wire.frames import DescribedLayout, Patch
     from eskin.wire.frames.frame_scan import Records
     from eskin_cloud.rollup.aggregates import Integers
 
@@ -91,14 +91,47 @@ class Pictures:
         return self.buckets.width * np.arange(self.buckets.count, dtype=np.int64)
 
 
-def find_last(connection: Connection, node: str) -> int | None:
-    """The time of a node's last sample in frames, UTC ns; ``None`` if there is none."""
-    times = (row["t_last"] for row in read_pages(connection, node))
-    return max((t for t in times if t is not None), default=None)
+def find_last(connection: Connection, node: str, *, sealed: bool = False) -> int | None:
+    """The time of a node's last sample in frames, UTC ns; ``None`` if there is none.
+
+    Unless ``sealed``, it does not depend on sealed frames, of which only the minute is known.
+    """
+    times = [
+        row["t_last"]
+        for row in read_pages(connection, node)
+        if row["t_last"] is not None and (sealed or not _is_sealed(connection, node, row))
+    ]
+    return max(times, default=None)
+
+
+def find_sealed(
+    connection: Connection, node: str, window: Window, quantity: str | None
+) -> list[tuple[DescribedLayout, int]]:
+    """The biometric pages whose channels are in pictures of a node's skin, by their layouts."""
+    chosen = quantity or _find_layout_of(connection, node, window).patches[0].quantity
+    found = []
+    for row in read_pages(connection, node):
+        described = find_layout(connection, node, bytes(row["layout"]))
+        if row["page"] in described.biometric_pages:
+            numbers = described.page_ranges[row["page"]]
+            if any(described.patches[number].quantity == chosen for number in numbers):
+                found.append((described, row["page"]))
+    return found
+
+
+def _is_sealed(connection: Connection, node: str, page: RowMapping) -> bool:
+    described = find_layout(connection, node, bytes(page["layout"]))
+    return page["page"] in described.biometric_pages
 
 
 def read_pictures(
-    connection: Connection, node: str, window: Window, *, points: int, quantity: str | None = None
+    connection: Connection,
+    node: str,
+    window: Window,
+    *,
+    points: int,
+    quantity: str | None = None,
+    decrypted: Connection | None = None,
 ) -> Pictures:
     """Read pictures of a node's skin.
 
@@ -110,6 +143,7 @@ def read_pictures(
         window: The window.
         points: Most pictures.
         quantity: Which; else that of the layout's first patch.
+        decrypted: A store in memory with the node's sealed frames, if they are read, too.
 
     Raises:
         UnknownChannelError: The node has no layout.
@@ -131,7 +165,8 @@ def read_pictures(
     if len(taxels) * points > MOST_VALUES:
         most = MOST_VALUES // len(taxels)
         raise QueryError("points", f"is {points}; {node} has {len(taxels)} taxels: at most {most}")
-    reader = _FrameReader(connection, node, described, numbers)
+    sources = [connection] if decrypted is None else [connection, decrypted]
+    reader = _FrameReader(sources, node, described, numbers)
     step = _longest_step(reader.period(window))
     width = max(bucket_width(window.span, points), step)
     buckets = Buckets(window.start, width, -(-window.span // width))
@@ -185,35 +220,40 @@ class _FrameReader:
     """Reads the frames that hold channels of pictures.
 
     Args:
-        connection: In a read transaction.
+        sources: Where frames are, each in a read transaction.
         node: The node.
         described: The layout of the pictures.
         numbers: Its patches that are in them.
     """
 
     def __init__(
-        self, connection: Connection, node: str, described: DescribedLayout, numbers: Sequence[int]
+        self,
+        sources: Sequence[Connection],
+        node: str,
+        described: DescribedLayout,
+        numbers: Sequence[int],
     ) -> None:
-        self._connection, self._node = connection, node
+        self._node = node
         channels = (name for number in numbers for name in described.patches[number].channels)
         self._channels = {name: k for k, name in enumerate(channels)}
         self._places: dict[bytes, ColumnPlaces] = {}
-        self._longest: dict[int, int] = {}
-        for row in read_pages(connection, node):
-            other = find_layout(connection, node, bytes(row["layout"]))
-            if other.hash not in self._places:
-                self._places[other.hash] = self._place(other)
-            numbers = other.layout.page_range(row["page"])
-            here = self._places[other.hash].channel[numbers.start : numbers.stop]
-            if np.any(here >= 0):
-                longest = self._longest.get(row["page"], 0)
-                self._longest[row["page"]] = max(longest, row["longest"])
+        self._longest: dict[tuple[Connection, int], int] = {}
+        for source in sources:
+            for row in read_pages(source, node):
+                other = find_layout(source, node, bytes(row["layout"]))
+                if other.hash not in self._places:
+                    self._places[other.hash] = self._place(other)
+                numbers = other.layout.page_range(row["page"])
+                here = self._places[other.hash].channel[numbers.start : numbers.stop]
+                if np.any(here >= 0):
+                    key = source, row["page"]
+                    self._longest[key] = max(self._longest.get(key, 0), row["longest"])
 
     def period(self, window: Window) -> int:
         """The longest sampling period in the last frames of a window, ns; 1 without any."""
         found = 1
-        for page in self._longest:
-            row = self._last(page, window)
+        for source, page in self._longest:
+            row = self._last(source, page, window)
             if row is None:
                 continue
             records = self._scan([row])
@@ -238,8 +278,8 @@ class _FrameReader:
         window = buckets.window
         wide = Window(before(window.start, margin), min(window.end + margin, MOST_MOMENT))
         self._require_few(wide)
-        for page, longest in self._longest.items():
-            rows = read_frame_rows(self._connection, self._node, page, wide, longest)
+        for (source, page), longest in self._longest.items():
+            rows = read_frame_rows(source, self._node, page, wide, longest)
             for some in _batches(rows):
                 records = self._scan(some)
                 fold_records(records, self._places[bytes(some[0]["layout"])], grid, hulls)
@@ -249,13 +289,13 @@ class _FrameReader:
         close_gaps(grid, hulls)
         return hulls, coverage, error
 
-    def _last(self, page: int, window: Window) -> RowMapping | None:
+    def _last(self, source: Connection, page: int, window: Window) -> RowMapping | None:
         """The last frame of a page that begins before a window's end, if it is intact."""
         f = frames.c
         query = select(frames).where(
             f.slot == slot_of(self._node), f.node == self._node, f.page == page, f.t < window.end
         )
-        found = self._connection.execute(query.order_by(f.t.desc()).limit(1)).mappings().first()
+        found = source.execute(query.order_by(f.t.desc()).limit(1)).mappings().first()
         if found is None or not is_intact_frame(
             found["data"], FrameHeader.of(found), found["head"]
         ):
@@ -264,7 +304,7 @@ class _FrameReader:
 
     def _require_few(self, window: Window) -> None:
         f, count = frames.c, 0
-        for page, longest in self._longest.items():
+        for (source, page), longest in self._longest.items():
             query = select(func.count()).where(
                 f.slot == slot_of(self._node),
                 f.node == self._node,
@@ -272,7 +312,7 @@ class _FrameReader:
                 f.t >= before(window.start, longest),
                 f.t < window.end,
             )
-            count += self._connection.execute(query).scalar_one()
+            count += source.execute(query).scalar_one()
         if count > MOST_FRAMES:
             raise QueryError(
                 "start",

@@ -64,7 +64,7 @@ async def told(stand: Stand, *, sealed: bool, backlog: int) -> list[Any]:
         cursor=0,
         backlog=backlog,
         heartbeat=0.2,
-        reveal=stand.cloud.key_access.reveal([]),
+        reveal=stand.cloud.key_access.reveal([], stand.cloud.feed.layouts),
         sealed=sealed,
     )
     found: list[Any] = []

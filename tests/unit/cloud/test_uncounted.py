@@ -65,7 +65,7 @@ async def live(stand: Stand, cursor: int, *, sealed: bool, backlog: int = 10_000
         cursor=cursor,
         backlog=backlog,
         heartbeat=0.2,
-        reveal=stand.cloud.key_access.reveal([]),
+        reveal=stand.cloud.key_access.reveal([], stand.cloud.feed.layouts),
         sealed=sealed,
     )
     async for piece in pieces:

@@ -10,7 +10,7 @@ from sqlalchemy import and_, bindparam, select
 
 from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin_cloud.store.damage import FrameHeader, is_intact_frame, is_intact_patch_row
-from eskin_cloud.store.descriptions import DescribedLayout, find_layout
+from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.patch_rows import decode_runs
 from eskin_cloud.store.patch_run import PatchRun
 from eskin_cloud.store.read.window import Window, before
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sqlalchemy import Connection, RowMapping
+
+    from eskin.wire.frames import DescribedLayout
 
 FRAMES_AT_ONCE: Final = 512
 ROWS_AT_ONCE: Final = 32
