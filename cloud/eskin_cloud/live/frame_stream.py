@@ -143,7 +143,7 @@ class FrameStream:
         live, write = entry.cursor > self._present, self._feed.frame_encoder
         if live and self.selection.nodes is not None and not entry.secret:
             self._contacts.take(entry)
-        message = write.frame(entry, self.selection)
+        message = write.frame(entry, self.selection, sealed=self._sealed)
         if message is None:
             return
         newest = self._feed.newest_frame(entry.node)

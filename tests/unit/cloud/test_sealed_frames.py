@@ -149,6 +149,9 @@ async def test_reader_without_the_scope_gets_nothing_of_it(stand: Stand, site: S
     await bring_both(stand, site, 1, 2)
     await stand.ingest(site.batch(beats(3)))
     assert "biometric" in problem(await stand.get(SERIES, **WIDE), 403)
+    path = f"/api/v1/nodes/{NODE}"
+    assert (await stand.get(path)).json()["sequence"] is None
+    assert (await ask(stand, physician(stand), path)).json()["sequence"] == 3
     assert "biometric" in problem(
         await stand.get("/api/v1/export", channel=f"{NODE}/{CHANNEL}"), 403
     )
