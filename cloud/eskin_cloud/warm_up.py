@@ -11,6 +11,7 @@ from eskin.interval import Interval
 from eskin.runtime.digest import digest
 from eskin.tube import Tube
 from eskin.wire.frames import (
+    DescribedLayout,
     Frame,
     FrameSummary,
     Grid,
@@ -30,7 +31,6 @@ from eskin_cloud.rollup.column_aggregates import pack as pack_tiles
 from eskin_cloud.rollup.column_aggregates import unpack as unpack_tiles
 from eskin_cloud.rollup.patch_folding import fold_runs
 from eskin_cloud.store.damage import RowHeader
-from eskin_cloud.store.descriptions import DescribedLayout
 from eskin_cloud.store.frame_row import fit_frame
 from eskin_cloud.store.patch_rows import decode_runs, encode_runs
 from eskin_cloud.store.patch_run import PatchRun

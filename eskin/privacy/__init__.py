@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eskin.privacy.biometric import is_biometric, is_not_biometric
+from eskin.privacy.biometric import is_not_biometric
 from eskin.privacy.cipher import Decryptor, Encryptor
 from eskin.privacy.key_erasure import Tombstone
 from eskin.privacy.keystore import KeyStore
@@ -10,6 +10,7 @@ from eskin.privacy.master_key import FileMasterKey, MasterKey
 from eskin.privacy.open_keystore import open_key, open_keystore
 from eskin.privacy.sealed_message import SealedMessage, is_sealed
 from eskin.privacy.subject import Subject
+from eskin.wire.biometric import is_biometric
 
 __all__ = [
     "Decryptor",

@@ -1,31 +1,17 @@
-"""Which channels are biometric, and which messages may be."""
+"""Which messages may be biometric."""
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Final
 
 from eskin.errors import MessageError
+from eskin.wire.biometric import is_biometric
 from eskin.wire.messages import Gap, Result, Status, decode_message
 from eskin.wire.messages.cbor_map import load_any
-from eskin.wire.messages.header import require_channel
+from eskin.wire.messages.header import Kind, require_channel
 
-BIOMETRIC: Final = frozenset({"bioelectric"})
-"""Biometric quantities."""
-MARK: Final = "bio-"
-"""Prefix of the ids of taxels that are biometric whatever they measure."""
-
-
-@lru_cache(4096)
-def is_biometric(channel: str) -> bool:
-    """Whether a channel is biometric: never public, and encrypted at rest.
-
-    Its name alone says so: it comes with every message, so that no two tiers can disagree.
-
-    Args:
-        channel: ``{taxel}.{quantity}``.
-    """
-    return channel.startswith(MARK) or channel.rpartition(".")[2] in BIOMETRIC
+_OF_FRAMES: Final = frozenset({Kind.FRAME, Kind.STATEMENTS, Kind.PATCH, Kind.LAYOUT})
+"""No channel stands in field 4 of these."""
 
 
 def is_not_biometric(plaintext: bytes) -> bool:
@@ -36,7 +22,9 @@ def is_not_biometric(plaintext: bytes) -> bool:
     """
     try:
         fields = load_any(plaintext, "message")
-        channel = fields.get(4) if isinstance(fields, dict) else None
+        if not isinstance(fields, dict) or fields.get(1) in _OF_FRAMES:
+            return False
+        channel = fields.get(4)
         if isinstance(channel, str) and not is_biometric(require_channel(channel, "field 4")):
             return True
         return isinstance(decode_message(plaintext), Gap | Status | Result)

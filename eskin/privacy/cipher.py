@@ -10,7 +10,7 @@ import itertools
 import os
 from dataclasses import replace
 from threading import Lock
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from cachetools import LRUCache
 from cryptography.exceptions import InvalidTag
@@ -18,6 +18,7 @@ from cryptography.exceptions import InvalidTag
 from eskin.errors import BrokenSealError, MessageError, PrivacyError
 from eskin.privacy.derivation import derive, nonce
 from eskin.privacy.sealed_message import MAC_BYTES, SALT_BYTES, UNREAD, SealedMessage, whole_minutes
+from eskin.wire.frames import FrameSummary, Statements
 from eskin.wire.messages import Block, Peak, Position, decode_message
 from eskin.wire.messages.header import Kind
 
@@ -25,8 +26,11 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
     from eskin.privacy.keystore import KeyStore
+    from eskin.privacy.sealed_message import Place
     from eskin.privacy.subject import Subject
 
+Sealable: TypeAlias = Block | Peak | FrameSummary | Statements
+"""A message whose samples, or what is concluded from them, may be about a person."""
 _KEPT: Final = 256
 _MOST_LETTER: Final = 60_000
 
@@ -40,7 +44,7 @@ class Encryptor:
         self._keys = _Keys()
 
     def encrypt(
-        self, subject: Subject, node: str, message: Block | Peak, plaintext: bytes
+        self, subject: Subject, node: str, message: Sealable, plaintext: bytes
     ) -> SealedMessage:
         """Seal a message.
 
@@ -50,9 +54,9 @@ class Encryptor:
             message: As it was decoded.
             plaintext: Its bytes.
         """
-        kind = Kind.BLOCK if isinstance(message, Block) else Kind.PEAK
         time = whole_minutes(span(message))
-        return self._seal(subject, node, (message.position, message.channel, kind, time), plaintext)
+        head = message.position, *_find_place(message), time
+        return self._seal(subject, node, head, plaintext)
 
     def encrypt_unreadable(
         self, subject: Subject, node: str, position: Position | None, plaintext: bytes, *, now: int
@@ -77,15 +81,15 @@ class Encryptor:
         self,
         subject: Subject,
         node: str,
-        head: tuple[Position, str, Kind, tuple[int, int]],
+        head: tuple[Position, Place, Kind, tuple[int, int]],
         plaintext: bytes,
     ) -> SealedMessage:
-        position, channel, kind, time = head
+        position, place, kind, time = head
         number = next(self._numbers)
         said = b"eskin said 1\0%b\0" % node.encode() + plaintext
         mac = hmac.digest(subject.key, said, "sha256")[:MAC_BYTES]
         clear = SealedMessage(
-            position, channel, kind, subject.pseudonym, time, self._salt, number, mac=mac
+            position, place, kind, subject.pseudonym, time, self._salt, number, mac=mac
         )
         aead = self._keys.find(subject, self._salt)
         return replace(clear, ciphertext=aead.encrypt(nonce(number), plaintext, clear.bound(node)))
@@ -129,23 +133,23 @@ class Decryptor:
         """Drop what was derived from a subject's key."""
         self._keys.forget(pseudonym)
 
-    def read(self, node: str, encrypted: SealedMessage) -> tuple[Block | Peak, bytes]:
-        """The block or peak that was encrypted, and its bytes.
+    def read(self, node: str, encrypted: SealedMessage) -> tuple[Sealable, bytes]:
+        """The message that was encrypted, and its bytes.
 
         Raises:
             PrivacyError: It cannot be read.
         """
         data = self.decrypt(node, encrypted)
         try:
-            message = decode_message(data)
+            message = _decode(encrypted.kind, data)
         except MessageError as error:
             raise BrokenSealError(
                 f"what {node} said as {encrypted.position} is no message"
             ) from error
         if (
-            not isinstance(message, Block | Peak)
+            not isinstance(message, Sealable)
             or message.position != encrypted.position
-            or message.channel != encrypted.channel
+            or _find_place(message) != (encrypted.place, encrypted.kind)
         ):
             raise BrokenSealError(f"what {node} said as {encrypted.position} is not what it claims")
         return message, data
@@ -172,9 +176,36 @@ class _Keys:
                 del self._cache[place]
 
 
-def span(message: Block | Peak) -> tuple[int, int]:
-    """From the earliest moment to the latest of which a message tells, UTC ns."""
+def _decode(kind: Kind, data: bytes) -> object:
+    if kind is Kind.FRAME:
+        return FrameSummary.decode(data)
+    return Statements.decode(data) if kind is Kind.STATEMENTS else decode_message(data)
+
+
+def _find_place(message: Sealable) -> tuple[Place, Kind]:
+    if isinstance(message, FrameSummary):
+        return (message.layout, message.page), Kind.FRAME
+    if isinstance(message, Statements):
+        return message.layout, Kind.STATEMENTS
+    return message.channel, Kind.BLOCK if isinstance(message, Block) else Kind.PEAK
+
+
+def span(message: Sealable) -> tuple[int, int]:
+    """From the earliest moment to the latest of which a message tells, UTC ns.
+
+    Columns of a frame that are sampled later than their row may be later still.
+    """
     if isinstance(message, Peak):
         return message.time
+    if isinstance(message, Statements):
+        times = [each.time for each in message.peaks]
+        times += [each.time for each in message.contacts]
+        times += [each.time for each in message.verdicts]
+        times += [each.time for each in message.gaps]
+        return min(lo for lo, _ in times), max(hi for _, hi in times)
+    if isinstance(message, FrameSummary):
+        first = min(grid.delay for grid in message.grids)
+        last = max(grid.delay + grid.period * (grid.rows - 1) for grid in message.grids)
+        return message.time[0] + first, message.time[1] + last
     tube = message.tube
     return tube.time[0], tube.time[1] + tube.dt * (len(tube) - 1)

@@ -1,19 +1,30 @@
 """A biometric message, encrypted under its subject's key.
 
 In the clear stands what is needed to keep it once, to find it again, and to forget it in time:
-position, channel, kind, pseudonym, and the whole minutes in which it lies.
+position, kind, pseudonym, the whole minutes in which it lies, and its channel; or, of a frame, its
+layout and page, and of statements their layout.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final, Self, TypeAlias
 
 import cbor2
 
 from eskin.errors import MessageError
 from eskin.privacy.subject import is_pseudonym
-from eskin.wire.messages.cbor_map import MOST_BYTES, MOST_COUNT, dump, load
+from eskin.wire.frames.content_hash import HASH_BYTES
+from eskin.wire.frames.layout import MOST_PAGES
+from eskin.wire.messages.cbor_map import (
+    MOST_BYTES,
+    MOST_COUNT,
+    dump,
+    integer,
+    load,
+    octets,
+    pair,
+)
 from eskin.wire.messages.header import Kind, Position, position_fields, read_channel, read_position
 from eskin.wire.timestamp import MOST_MOMENT
 
@@ -25,18 +36,22 @@ SALT_BYTES: Final = 16
 MAC_BYTES: Final = 8
 UNREAD: Final = "unread.unread"
 """In place of a channel where a message could not be read."""
+Place: TypeAlias = str | bytes | tuple[bytes, int]
+"""Where messages are found again: a channel, a layout's hash, or such a hash and a page."""
+_OF_CHANNELS: Final = frozenset({Kind.BLOCK, Kind.PEAK, Kind.ENCRYPTED})
 _FIELDS: Final = frozenset(range(1, 12))
 _BEGINNING: Final = bytes([0xA0 | len(_FIELDS), 1, Kind.ENCRYPTED])
 
 
 @dataclass(frozen=True, slots=True)
 class SealedMessage:
-    """A sealed block or peak.
+    """A sealed block, peak, frame, or statements.
 
     Attributes:
         position: Boot and sequence.
-        channel: ``{taxel}.{quantity}``.
-        kind: What is inside: a block, a peak, or (``UNREADABLE``) bytes that are no message.
+        place: ``{taxel}.{quantity}`` of a block or peak; layout and page of a frame; the layout of
+            statements.
+        kind: What is inside: such a message, or (``ENCRYPTED``) bytes that are none.
         subject: Whose: a pseudonym.
         time: UTC ns, whole minutes that enclose the message's.
         salt: Drawn at the veiler's start; gives, with the subject's key, the key of this message.
@@ -47,7 +62,7 @@ class SealedMessage:
     """
 
     position: Position
-    channel: str
+    place: Place
     kind: Kind
     subject: str
     time: tuple[int, int]
@@ -61,9 +76,26 @@ class SealedMessage:
         return dump(self._head() | {10: self.ciphertext})
 
     @property
+    def channel(self) -> str | None:
+        """The channel of a block or peak."""
+        return self.place if isinstance(self.place, str) else None
+
+    @property
+    def layout(self) -> bytes | None:
+        """Hash of the layout by which a frame or statements are read."""
+        if isinstance(self.place, tuple):
+            return self.place[0]
+        return self.place if isinstance(self.place, bytes) else None
+
+    @property
+    def place_name(self) -> str:
+        """The place as a text: a channel, or a hash in hexadecimal, with a page behind a point."""
+        return name_place(self.place)
+
+    @property
     def said(self) -> bytes:
         """What is the same each time that a message is sealed for its subject."""
-        return cbor2.dumps([self.channel, int(self.kind), self.subject, self.mac])
+        return cbor2.dumps([_listed(self.place), int(self.kind), self.subject, self.mac])
 
     def bound(self, node: str) -> bytes:
         """The associated data: all that stands in the clear, and whose node said it."""
@@ -86,14 +118,16 @@ class SealedMessage:
         """Read a encrypted message from its decoded fields."""
         fields.only(_FIELDS)
         kind = fields.integer(5, 0, 255)
-        if kind not in {Kind.BLOCK, Kind.PEAK, Kind.ENCRYPTED}:
-            raise MessageError(f"field 5 is {kind}; only blocks and peaks are encrypted")
+        if kind not in {*_OF_CHANNELS, Kind.FRAME, Kind.STATEMENTS}:
+            raise MessageError(
+                f"field 5 is {kind}; only blocks, peaks, frames and statements are encrypted"
+            )
         subject = fields.text(6, 32)
         if not is_pseudonym(subject):
             raise MessageError("field 6 is no pseudonym of 32 hexadecimal digits")
         return cls(
             position=read_position(fields),
-            channel=read_channel(fields, 4),
+            place=_place(fields, Kind(kind)),
             kind=Kind(kind),
             subject=subject,
             time=fields.moments(7),
@@ -105,7 +139,7 @@ class SealedMessage:
 
     def _head(self) -> dict[int, object]:
         head: dict[int, object] = position_fields(Kind.ENCRYPTED, self.position)
-        head |= {4: self.channel, 5: int(self.kind), 6: self.subject, 7: list(self.time)}
+        head |= {4: _listed(self.place), 5: int(self.kind), 6: self.subject, 7: list(self.time)}
         return head | {8: self.salt, 9: self.number, 11: self.mac}
 
 
@@ -121,6 +155,36 @@ def whole_minutes(time: tuple[int, int]) -> tuple[int, int]:
     """
     lo, hi = time[0] // MINUTE * MINUTE, -(-time[1] // MINUTE) * MINUTE
     return max(lo, -MOST_MOMENT), min(hi, MOST_MOMENT)
+
+
+def name_place(place: Place) -> str:
+    """A place as a text; no channel has such a name."""
+    if isinstance(place, str):
+        return place
+    return place.hex() if isinstance(place, bytes) else f"{place[0].hex()}.{place[1]}"
+
+
+def read_page(name: str) -> tuple[bytes, int] | None:
+    """Layout and page of a frame's place, as `name_place` writes it; ``None`` for other places."""
+    layout, point, page = name.partition(".")
+    if len(layout) != 2 * HASH_BYTES or not point:
+        return None
+    return bytes.fromhex(layout), int(page)
+
+
+def _place(fields: Fields, kind: Kind) -> Place:
+    if kind in _OF_CHANNELS:
+        return read_channel(fields, 4)
+    if kind is Kind.STATEMENTS:
+        return fields.octets(4, HASH_BYTES, HASH_BYTES)
+    layout, page = pair(fields.raw(4), "field 4")
+    return octets(layout, "field 4, layout", HASH_BYTES, HASH_BYTES), integer(
+        page, "field 4, page", 0, MOST_PAGES - 1
+    )
+
+
+def _listed(place: Place) -> object:
+    return list(place) if isinstance(place, tuple) else place
 
 
 def _bytes(fields: Fields, key: int, least: int, most: int) -> bytes:

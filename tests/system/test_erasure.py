@@ -19,8 +19,11 @@ from sqlalchemy import select
 
 from eskin.cli import app
 from eskin.errors import CloudError, NoKeyError, SettingsError
+from eskin.interval import Interval, Verdict
 from eskin.privacy import Decryptor, SealedMessage
-from eskin.wire.messages import Block, Peak
+from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples, Privacy, Statements
+from eskin.wire.frames import Peak as StatedPeak
+from eskin.wire.messages import Block, Peak, Position
 from eskin.wire.topics import Stream
 from tests.support.identities import SITE
 from tests.unit.cloud.clouds import admit
@@ -44,6 +47,16 @@ NODE: Final = "fingertip"
 NAME: Final = "Ada Lovelace"
 CHANNEL: Final = "t05.bioelectric"
 SERIES: Final = f"/api/v1/series/{NODE}/{CHANNEL}"
+FRAMES: Final = f"/api/v1/series/{NODE}/h0.bioelectric"
+SKIN: Final = Patch("heart", "bioelectric", "V", ("h0",), 1e-3, Privacy.BIOMETRIC, "wearer")
+LAYOUT: Final = Layout((SKIN.content_hash,), (1,))
+STREAMS: Final = {
+    Block: Stream.BLOCKS,
+    Frame: Stream.FRAMES,
+    Patch: Stream.LAYOUTS,
+    Layout: Stream.LAYOUTS,
+}
+Message = Block | Peak | Frame | Statements
 
 
 class House(SubjectsClient):
@@ -70,6 +83,8 @@ class House(SubjectsClient):
         )
         introduce(self.inside, self.seal)
         admit(stand.cloud.store, NODE, "hand", "palm")
+        self.say(SKIN, LAYOUT)
+        self.post("descriptions", cbor2.dumps([[NODE, each.encode()] for each in (SKIN, LAYOUT)]))
 
     def post(self, path: str, body: bytes) -> Any:
         async def posted() -> httpx.Response:
@@ -88,9 +103,9 @@ class House(SubjectsClient):
         body = cbor2.dumps({"worn": [list(one) for one in worn], "erased": list(erased)})
         return {item["id"]: item["result"] for item in self.post("subjects", body)}
 
-    def say(self, *messages: Block | Peak) -> None:
+    def say(self, *messages: Message | Patch | Layout) -> None:
         for message in messages:
-            stream = Stream.BLOCKS if isinstance(message, Block) else Stream.EVENTS
+            stream = STREAMS.get(type(message), Stream.EVENTS)
             self.inside.arrive(stream, self.seal(NODE, stream, message.encode()))
 
     def forward(self) -> None:
@@ -122,8 +137,8 @@ def house(tmp_path: Path, identities: Identities) -> Iterator[House]:
         made.inside.spool.close()
 
 
-def heart(first: int) -> list[Block | Peak]:
-    """Two blocks and a peak of a heart, now."""
+def heart(first: int) -> list[Message]:
+    """Two blocks, a peak, a frame and a stated peak of a heart, now."""
     now = time.time_ns()
     lo = [0.7071 + 0.001 * k * first for k in range(60)]
     beats: dict[str, Any] = {"channel": CHANNEL, "unit": "V", "time": (now, now)}
@@ -131,13 +146,28 @@ def heart(first: int) -> list[Block | Peak]:
         block(first, lo, [v + 0.01 for v in lo], **beats),
         block(first + 1, lo, [v + 0.02 for v in lo], **beats),
         peak(first + 2, **beats),
+        *of_skin(first + 3, now, lo),
     ]
 
 
-def pieces(message: Block | Peak) -> list[bytes]:
-    """Pieces of a message that say something of the person."""
+def of_skin(first: int, now: int, lo: list[float]) -> tuple[Frame, Statements]:
+    grid = Grid(0, 1_000_000, 0, len(lo), 1.0)
+    values = Interval([[low] for low in lo], [[low + 0.0123 * (k + 1)] for k, low in enumerate(lo)])
+    samples = PatchSamples.pack(values, 1e-3, patch=0, grid=0, first_row=0)
+    layout, time_ = LAYOUT.content_hash, (now, now + 5)
+    stated = StatedPeak(
+        0, 0, time_, Verdict.CERTAIN, (1, 1), (0.4321 * first, 1e3), (0.123456, 0.2), 0.999
+    )
+    return (
+        Frame(Position(1, first), layout, 0, now % 10**12, time_, (grid,), (samples,)),
+        Statements(Position(1, first + 1), layout, (stated,)),
+    )
+
+
+def pieces(message: Message) -> list[bytes]:
+    """Pieces of a message that say something of the person; none of the layout's hash."""
     data = message.encode()
-    return [data[at : at + 16] for at in range(len(data) // 3, len(data) - 16, 16)]
+    return [data[at : at + 16] for at in range(max(len(data) // 3, 48), len(data) - 16, 16)]
 
 
 def test_erased_person_is_unreadable_and_unlinkable_in_every_file(
@@ -149,17 +179,18 @@ def test_erased_person_is_unreadable_and_unlinkable_in_every_file(
     told = heart(1)
     house.say(*told)
     house.forward()
-    waiting = heart(4)
+    waiting = heart(6)
     house.say(*waiting)
     (ada,) = house.inside.keystore.named(NAME)
     shown = house.ask(SERIES)
     assert shown.json()["resolution"] == "sample"
-    assert house.ask(f"/api/v1/subjects/{ada.pseudonym}/export").text.count("\n") == 3
+    assert house.ask(FRAMES).json()["resolution"] == "sample"
+    assert house.ask(f"/api/v1/subjects/{ada.pseudonym}/export").text.count("\n") == 5
 
     house.command("erase", "--name", NAME)
     house.subject_sync.sync()
     house.forward()  # what waited in the spool was sealed already
-    assert house.ask(SERIES).status_code == 410
+    assert house.ask(SERIES).status_code == house.ask(FRAMES).status_code == 410
     assert house.ask(f"/api/v1/subjects/{ada.pseudonym}/export").status_code == 404
     events = house.ask("/api/v1/events", channel=CHANNEL)
     assert events.json()["items"] == []
@@ -201,7 +232,7 @@ def test_nothing_that_is_left_opens_what_was_sealed_or_names_the_person(house: H
     own = house.stand.cloud.key_access.of(SITE)
     with house.stand.cloud.store.read() as connection:
         rows = connection.execute(select(sealed_messages.c.data)).scalars().all()
-    assert len(rows) == 3
+    assert len(rows) == 5
     for store in (keystore, own):
         for data in rows:
             with pytest.raises(NoKeyError, match="destroyed"):

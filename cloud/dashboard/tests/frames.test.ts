@@ -11,6 +11,19 @@ function floats(hex: string): Float64Array {
   return new Float64Array(bytes(hex).buffer);
 }
 
+function inHex(byte: number): string {
+  return byte.toString(16).padStart(2, "0");
+}
+
+/** A frame of patches of 1000 rows and 64 columns, of which the first row alone is sampled; all is unknown. */
+function sparse(patches: number): Uint8Array {
+  const strides = `a1015840${"10".repeat(64)}`;
+  const items = Array.from({ length: patches }, (_, number) => `88${inHex(number)}000018400000420000${strides}`);
+  const head = `a9010702010302045820${"00".repeat(32)}0500060007820001`;
+  const grids = "088185001903e8001903e8fb3ff0000000000000";
+  return bytes(`${head}${grids}09${inHex(0x80 + patches)}${items.join("")}`);
+}
+
 describe("frames that Python wrote", () => {
   test.each(vectors)("vector %$ has the same bounds, bit by bit", ({ frame, patches }) => {
     const read = readFrame(bytes(frame));
@@ -36,6 +49,11 @@ describe("frames that Python wrote", () => {
       expect(() => readFrame(whole.subarray(0, size))).toThrow(FrameError);
     }
     expect(() => readFrame(Uint8Array.from([...whole, 0]))).toThrow(FrameError);
+  });
+
+  test("a few bytes become no more cells than the format allows", () => {
+    expect(readFrame(sparse(16)).patches.length).toBe(16);
+    expect(() => readFrame(sparse(17))).toThrow(FrameError);
   });
 
   test("a changed byte is refused or read; nothing else is thrown", () => {

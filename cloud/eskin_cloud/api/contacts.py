@@ -39,14 +39,14 @@ class ContactsQuery(WindowQuery):
     "/contacts", responses={200: {"model": PageDocument[ContactsDocument]}, **REFUSALS_OF_PLACE}
 )
 def get_contacts(
-    cloud: CloudState, reader: Reader, query: Annotated[ContactsQuery, Query()]
+    cloud: CloudState, _: Reader, query: Annotated[ContactsQuery, Query()]
 ) -> Response:
     """Find the contacts of a node's whole skin at instants.
 
     They are read by the node's latest layout. A sample holds until the next, and before a gap for
-    its period; instants at which nothing is known are left out.
+    its period; instants at which nothing is known are left out. Biometric patches are not read:
+    they may be touched or not.
     """
-    del reader  # frames of biometric patches are not stored
     found = []
     with cloud.store.read() as connection:
         name = find_node(connection, query.node)["layout"]

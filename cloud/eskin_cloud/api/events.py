@@ -51,8 +51,8 @@ def get_events(
     ids = cloud.feed.ids
     cursor = None
     if query.cursor is not None:
-        t, place = ids.read(query.cursor, 2)
-        cursor = t, place
+        t, place, number = ids.read(query.cursor, 3)
+        cursor = t, place, number
     question = EventQuery(
         node=query.node,
         channel=query.channel,

@@ -137,7 +137,7 @@ async def get_live(
         cursor=cursor,
         backlog=live.backlog,
         heartbeat=live.heartbeat_s,
-        reveal=cloud.key_access.reveal(reader.holder.scopes),
+        reveal=cloud.key_access.reveal(reader.holder.scopes, feed.layouts),
         sealed=AccessScope.BIOMETRIC in reader.holder.scopes,
     )
     return EventStream(events, headers={"X-Accel-Buffering": "no"})
@@ -163,7 +163,7 @@ async def watch_live(
         cursor=cursor,
         backlog=live.backlog,
         heartbeat=live.heartbeat_s,
-        reveal=cloud.key_access.reveal(scopes),
+        reveal=cloud.key_access.reveal(scopes, cloud.feed.layouts),
         sealed=AccessScope.BIOMETRIC in scopes,
     )
     await websocket.accept()

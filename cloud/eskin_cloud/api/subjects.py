@@ -12,24 +12,25 @@ from sqlalchemy import Connection, RowMapping, Table, func, select
 from starlette.responses import Response, StreamingResponse
 
 from eskin.errors import NoKeyError, QueryError
-from eskin.wire.messages import Peak
+from eskin.wire.frames import Frame, FrameSummary, Statements
+from eskin.wire.messages import Block
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.api.dependencies import Access, Administrator, BiometricReader, CloudState
 from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
 from eskin_cloud.privacy.key_access import Reader
-from eskin_cloud.privacy.sealed_rows import open_row
+from eskin_cloud.privacy.sealed_rows import event_rows, open_row
 from eskin_cloud.schemas.access import SubjectDocument
 from eskin_cloud.schemas.base import NoQuery, PageDocument, dump, page
-from eskin_cloud.schemas.events import describe_block, describe_event
+from eskin_cloud.schemas.events import describe_block, describe_columns, describe_event
 from eskin_cloud.store.damage import are_countable
+from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.read.lookup import UnknownChannelError
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages, subject_nodes
 from eskin_cloud.store.schema.tables import node_sites
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
-from eskin_cloud.store.write.events import peak_row
 
 router = APIRouter(tags=["subjects"])
 
@@ -108,7 +109,8 @@ async def get_export(
 ) -> Response:
     """Export all that is stored about a subject.
 
-    Each line is a block or a peak in JSON, in the order of storing.
+    Each line is a block, the samples of a channel in a frame, or an event in JSON, in the order of
+    storing.
     """
     reader = Reader(cloud.key_access.require(access.holder.scopes), access.opened)
     site = await asyncio.to_thread(_require_site, cloud, subject, query.site)
@@ -165,18 +167,23 @@ def stream_lines(
             return
         for row in rows:
             access.require()
-            line = _line(cloud, reader, dict(row))
-            if line is not None:
+            for line in _lines(cloud, reader, dict(row)):
                 yield dump(line) + b"\n"
         last = rows[-1]["cursor"]
 
 
-def _line(cloud: AppState, reader: Reader, row: dict[str, Any]) -> Mapping[str, object] | None:
+def _lines(cloud: AppState, reader: Reader, row: dict[str, Any]) -> list[Mapping[str, object]]:
     opened = open_row(reader, row)
     if opened is None:
-        return None
+        return []
     message, data = opened
-    if isinstance(message, Peak):
-        known = peak_row(row["node"], message, data) | {"cursor": row["cursor"]}
-        return describe_event(known, cloud.feed.ids)
-    return describe_block(row["node"], message)
+    node, described = row["node"], None
+    if isinstance(message, Block):
+        return [describe_block(node, message)]
+    if isinstance(message, FrameSummary | Statements):
+        with cloud.store.read() as connection:
+            described = find_layout(connection, node, message.layout)
+        if isinstance(message, FrameSummary):
+            return list(describe_columns(node, Frame.decode(data), described))
+    rows = event_rows(node, message, data, described, row["cursor"])
+    return [describe_event(each, cloud.feed.ids) for each in rows]

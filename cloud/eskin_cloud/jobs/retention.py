@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from sqlalchemy import select
 
 from eskin.privacy import is_biometric
+from eskin.privacy.sealed_message import name_place
+from eskin.wire.frames import Privacy
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.clock_guard import ClockGuard
 from eskin_cloud.jobs.periodic import run_periodically
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
+    from eskin.privacy.sealed_message import Place
     from eskin_cloud.app_state import AppState
     from eskin_cloud.settings import RetentionSection
     from eskin_cloud.store.write.clock_state import ClockReading
@@ -176,7 +179,30 @@ def _due(cloud: AppState, now: int) -> list[Sweep]:
             days = kept_for(rules, node, channel)
             if days > 0:
                 found.append(Sweep(node, channel, RemovalReason.AGE, now - int(days * _DAY)))
+        found += _due_sealed(connection, rules, now)
     return found
+
+
+def _due_sealed(connection: Connection, rules: RetentionSection, now: int) -> list[Sweep]:
+    """What is too old of sealed frames and statements, which are kept as long as any channel."""
+    found: dict[tuple[str, str], Sweep] = {}
+    query = select(pages.c.node, pages.c.layout).distinct()
+    for node, layout in connection.execute(query.order_by(pages.c.node, pages.c.layout)).all():
+        try:
+            described = find_layout(connection, node, layout)
+        except UnknownDescriptionError:
+            continue  # damaged, and reported
+        days: dict[Place, list[float]] = defaultdict(list)
+        for page in described.biometric_pages:
+            for number in described.page_ranges[page]:
+                kept = [kept_for(rules, node, each) for each in described.patches[number].channels]
+                days[described.hash, page] += kept
+                days[described.hash] += kept
+        for place, kept in days.items():
+            if min(kept) > 0:
+                name, before = name_place(place), now - int(max(kept) * _DAY)
+                found[node, name] = Sweep(node, name, RemovalReason.AGE, before)
+    return list(found.values())
 
 
 class _DuePage(NamedTuple):
@@ -209,6 +235,8 @@ def _due_patches(cloud: AppState, now: int) -> list[_DuePage]:
                 except UnknownDescriptionError:
                     continue  # damaged, and reported
                 for patch in described.patches:
+                    if patch.privacy is Privacy.BIOMETRIC:
+                        continue  # sealed
                     channels_of[patch.patch_id] |= dict.fromkeys(patch.channels)
             kept = {
                 patch: [kept_for(rules, node, channel) for channel in names]

@@ -19,8 +19,8 @@ from eskin_cloud.schemas.contacts import describe_contacts
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
+    from eskin.wire.frames import DescribedLayout
     from eskin_cloud.live.feed import Feed
-    from eskin_cloud.store.descriptions import DescribedLayout
     from eskin_cloud.store.feed_entry import FeedEntry
 
 log = logging.getLogger(__name__)
@@ -120,7 +120,9 @@ class LiveContacts:
             )
         picture.cursor = entry.cursor
         picture.frames[head.page] = entry.frame or b""
-        if len(picture.frames) == len(described.layout.pages):
+        # Contacts are found once for all clients, so frames of biometric pages are not in them.
+        public = len(described.layout.pages) - len(described.biometric_pages)
+        if len(picture.frames) == public:
             self._begin(entry.node, picture)
             # A page that comes twice begins anew.
             self._pictures[entry.node] = Picture(head.stretch, described.hash, entry.cursor)

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy import func, select
 
+from eskin.errors import MessageError
+from eskin.privacy import SealedMessage
 from eskin.wire.messages.compression import decompress
 from eskin_cloud.live.frame_encoder import FrameEncoder
 from eskin_cloud.live.layouts import Layouts
@@ -282,11 +284,14 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedE
         if is_intact_frame(row["data"], FrameHeader.of(row), row["head"])
     ]  # fmt: skip
     v = sealed_messages.c
-    sealed = select(v.cursor, v.node, v.channel, v.data, v.received)
-    found += [
-        FeedEntry(cursor, node, channel, None, None, received, data)
-        for cursor, node, channel, data, received in connection.execute(
-            sealed.where(v.cursor > after, v.cursor <= end)
-        )
-    ]
+    sealed = select(v.cursor, v.node, v.data, v.received)
+    for cursor, node, data, received in connection.execute(
+        sealed.where(v.cursor > after, v.cursor <= end)
+    ):
+        try:
+            message = SealedMessage.decode(data)
+        except MessageError:  # damaged
+            continue
+        head = cursor, node, message.channel, None, None, received, data
+        found.append(FeedEntry(*head, layout=message.layout))
     return sorted(found, key=lambda entry: entry.cursor)

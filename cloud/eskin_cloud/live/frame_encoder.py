@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import cbor2
 from cachetools import FIFOCache
 
-from eskin.wire.frames.frame_parts import read_head, select_patches
+from eskin.wire.frames.frame_parts import read_head, replace_sequence, select_patches
 from eskin_cloud.schemas.base import dump
 from eskin_cloud.schemas.events import describe_event
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from eskin_cloud.store.feed_entry import FeedEntry
 
 _KEPT: Final = 512
+_Key: TypeAlias = tuple[int, frozenset[str] | None, bool]
 
 
 class FrameMessage(NamedTuple):
@@ -43,20 +44,34 @@ class FrameEncoder:
     def __init__(self, ids: OpaqueIds, layouts: Layouts) -> None:
         self.ids = ids
         self._layouts = layouts
-        self._kept: FIFOCache[tuple[int, frozenset[str] | None], FrameMessage | None] = FIFOCache(
-            _KEPT
-        )
+        self._kept: FIFOCache[_Key, FrameMessage | None] = FIFOCache(_KEPT)
 
-    def frame(self, entry: FeedEntry, selection: FrameSelection) -> FrameMessage | None:
-        """A frame, reduced to the patches that are asked for; ``None`` if it has none of them."""
-        key = entry.cursor, selection.patches
+    def frame(
+        self, entry: FeedEntry, selection: FrameSelection, *, sealed: bool
+    ) -> FrameMessage | None:
+        """A frame, reduced to the patches that are asked for; ``None`` if it has none of them.
+
+        Args:
+            entry: The frame.
+            selection: What is asked for.
+            sealed: Whether the client may know when something sealed comes. Else the sequence of a
+                frame beside biometric pages is an opaque number, which counts nothing.
+        """
+        if entry.secret:
+            return self._of_frame(entry, selection.patches, sealed=sealed)
+        key = entry.cursor, selection.patches, sealed
         if key not in self._kept:
-            self._kept[key] = self._of_frame(entry, selection.patches)
+            self._kept[key] = self._of_frame(entry, selection.patches, sealed=sealed)
         return self._kept[key]
 
-    def _of_frame(self, entry: FeedEntry, patches: frozenset[str] | None) -> FrameMessage | None:
+    def _of_frame(
+        self, entry: FeedEntry, patches: frozenset[str] | None, *, sealed: bool
+    ) -> FrameMessage | None:
         data = entry.frame or b""
-        described = None if patches is None else self._layouts.get(entry.layout)
+        described = self._layouts.get(entry.layout)
+        if not sealed and (described is None or described.biometric_pages):
+            position = read_head(data).position
+            data = replace_sequence(data, self.ids.number(entry.node, *position))
         if patches is not None and described is not None:
             numbers = {k for k, each in enumerate(described.patches) if each.patch_id in patches}
             selected = select_patches(data, numbers)

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from eskin.interval import Floats
+    from eskin.wire.frames import DescribedLayout
     from eskin_cloud.schemas.base import Json
-    from eskin_cloud.store.descriptions import DescribedLayout
     from eskin_cloud.store.feed_entry import FeedEntry
 
 

@@ -35,7 +35,7 @@ class FrameStream:
         cursor: Where to begin.
         backlog: How far behind it may be; beyond, it moves on.
         heartbeat: Seconds between signs of life.
-        reveal: What an entry looks like to the client; ``None`` if it is not shown.
+        reveal: What an entry looks like to the client; empty if it is not shown.
         sealed: Whether the client may know when something sealed comes; else nothing that is sent,
             cursors included, depends on it.
 
@@ -52,7 +52,7 @@ class FrameStream:
         cursor: int,
         backlog: int,
         heartbeat: float,
-        reveal: Callable[[FeedEntry], FeedEntry | None],
+        reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
         sealed: bool,
     ) -> None:
         self.selection = selection
@@ -133,18 +133,17 @@ class FrameStream:
             self._contacts.take(entry, self.selection.nodes)
         if not self.selection.takes(entry):
             return
-        if entry.frame is not None:
-            yield from self._of_frame(entry)
-            return
-        shown = self._reveal(entry)
-        if shown is not None and shown.event is not None:
-            if self._skipped:
-                yield self._lagging()
-            yield self._feed.frame_encoder.event(entry.cursor, shown.event)
+        for shown in self._reveal(entry):
+            if shown.frame is not None:
+                yield from self._of_frame(shown)
+            elif shown.event is not None:
+                if self._skipped:
+                    yield self._lagging()
+                yield self._feed.frame_encoder.event(shown.cursor, shown.event)
 
     def _of_frame(self, entry: FeedEntry) -> Iterator[bytes]:
         live, write = entry.cursor > self._present, self._feed.frame_encoder
-        message = write.frame(entry, self.selection)
+        message = write.frame(entry, self.selection, sealed=self._sealed)
         if message is None:
             return
         newest = self._feed.newest_frame(entry.node)

@@ -14,8 +14,8 @@ from eskin_cloud.store.descriptions import find_layout
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from eskin.wire.frames import DescribedLayout
     from eskin_cloud.store import Store
-    from eskin_cloud.store.descriptions import DescribedLayout
     from eskin_cloud.store.feed_entry import FeedEntry
 
 log = logging.getLogger(__name__)

@@ -9,8 +9,8 @@ from eskin.wire.frames.frame_parts import FrameHead, read_head
 from eskin_cloud.store.read.patch_runs import runs_of_frames
 
 if TYPE_CHECKING:
+    from eskin.wire.frames import DescribedLayout
     from eskin_cloud.query.contacts import ContactSkin, Pressures
-    from eskin_cloud.store.descriptions import DescribedLayout
     from eskin_cloud.store.feed_entry import FeedEntry
     from eskin_cloud.store.patch_run import PatchRun
 

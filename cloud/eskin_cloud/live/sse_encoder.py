@@ -73,7 +73,10 @@ class SseEncoder:
 
     def _event(self, entry: FeedEntry, selection: Subscription, *, keep: bool) -> bytes:
         if entry.frame is not None:
-            return self._of_frame(entry, selection.channels_of(entry.node))
+            channels = selection.channels_of(entry.node)
+            if not keep:
+                return self._print_frame(entry, channels)
+            return self._of_frame(entry, channels)
         if entry.block is None:
             return self.of_row(entry.cursor, entry.event or {})
         write = self._kept if keep else self._of_block
@@ -84,12 +87,12 @@ class SseEncoder:
         """A frame; nothing where it has none of the channels, or its layout is lost."""
         key = entry.cursor, channels
         if key not in self._frames:
-            hulls = read_hulls(entry, self._layouts.get(entry.layout), channels)
-            said = (
-                b"" if hulls is None else self.event("frame", entry.cursor, describe_frames(hulls))
-            )
-            self._frames[key] = said
+            self._frames[key] = self._print_frame(entry, channels)
         return self._frames[key]
+
+    def _print_frame(self, entry: FeedEntry, channels: frozenset[str] | None) -> bytes:
+        hulls = read_hulls(entry, self._layouts.get(entry.layout), channels)
+        return b"" if hulls is None else self.event("frame", entry.cursor, describe_frames(hulls))
 
     def of_row(self, cursor: int, row: dict[str, Any]) -> bytes:
         """An event's row as an event of the stream."""

@@ -32,7 +32,7 @@ async def stream(
     cursor: int,
     backlog: int,
     heartbeat: float,
-    reveal: Callable[[FeedEntry], FeedEntry | None],
+    reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
     sealed: bool,
 ) -> AsyncIterator[bytes]:
     """Tell what comes after a cursor until the feed closes.
@@ -44,7 +44,7 @@ async def stream(
         cursor: Where to begin.
         backlog: How far behind a stream may be; beyond, it gets ``lagging`` and moves on.
         heartbeat: Seconds between signs of life.
-        reveal: What an entry looks like to the one who asked; ``None`` if it is not shown.
+        reveal: What an entry looks like to the one who asked; empty if it is not shown.
         sealed: Whether the one who asked may know when something sealed comes; else nothing that is
             sent, ids included, depends on it.
     """
@@ -94,7 +94,7 @@ def _print(
     feed: Feed,
     found: Sequence[FeedEntry],
     selection: Subscription,
-    reveal: Callable[[FeedEntry], FeedEntry | None],
+    reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
     slow_since: int | None,
 ) -> bytes:
     """All that is selected; or its hulls, for a reader that is too slow.
@@ -113,8 +113,13 @@ def _print(
 def _choose(
     found: Sequence[FeedEntry],
     selection: Subscription,
-    reveal: Callable[[FeedEntry], FeedEntry | None],
+    reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
 ) -> list[tuple[FeedEntry, bool]]:
     """What is sent of them, and whether other readers may get the same."""
-    shown = [(entry, reveal(entry)) for entry in found if selection.takes(entry)]
-    return [(said, said is entry) for entry, said in shown if said is not None]
+    return [
+        (said, said is entry)
+        for entry in found
+        if selection.takes(entry)
+        for said in reveal(entry)
+        if said is entry or selection.takes(said)
+    ]

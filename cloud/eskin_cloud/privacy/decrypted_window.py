@@ -1,6 +1,6 @@
-"""A sealed channel's window, opened into a store in memory, of which all questions are asked.
+"""Sealed messages around a window, decrypted into a store in memory that answers all questions.
 
-So there is one way to answer a question, whether the channel is sealed or not; and what is opened
+So there is one way to answer a question, whether the channel is sealed or not. What is decrypted
 lies in memory alone, for as long as the question takes.
 """
 
@@ -8,17 +8,33 @@ from __future__ import annotations
 
 import sqlite3
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sqlalchemy import create_engine, insert, select
+from sqlalchemy import create_engine, func, insert, select
 from sqlalchemy.pool import StaticPool
 
-from eskin.errors import NoKeyError, QueryError
+from eskin.errors import MessageError, NoKeyError, QueryError
+from eskin.privacy.sealed_message import name_place
 from eskin.runtime.digest import digest
+from eskin.wire.frames import FrameSummary
 from eskin.wire.messages import Block, BlockSummary
 from eskin_cloud.privacy.errors import ErasedError
 from eskin_cloud.privacy.sealed_rows import open_row
+from eskin_cloud.store.frame_row import FrameRow, fit_frame
+from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.patch_columns import is_column
+from eskin_cloud.store.read.patch_runs import find_patch_pages
+from eskin_cloud.store.read.window import Window, before
 from eskin_cloud.store.row_digests import register_checksum
+from eskin_cloud.store.schema.frame_tables import (
+    descriptions,
+    frames,
+    pages,
+    patch_rows,
+    patch_tiles,
+    patches,
+    stale_patch_chunks,
+)
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import (
     blocks,
@@ -31,7 +47,10 @@ from eskin_cloud.store.schema.tables import (
     sequences,
 )
 from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles
+from eskin_cloud.store.slot import slot_of
+from eskin_cloud.store.write.bulk_insert import bulk_insert
 from eskin_cloud.store.write.ingest import ingest
+from eskin_cloud.store.write.pages import add_frames
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from eskin_cloud.store.write.write_cache import WriteCache
 
@@ -40,20 +59,38 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection, Engine, RowMapping
 
+    from eskin.privacy.cipher import Sealable
+    from eskin.wire.frames import DescribedLayout
     from eskin_cloud.privacy.sealed_rows import Reader
     from eskin_cloud.store.read.lookup import Channel
-    from eskin_cloud.store.read.window import Window
 
 MOST: Final = 20_000
-"""Most sealed blocks that are opened for one question."""
-_TABLES: Final = [nodes, channels, blocks, events, sequences, digests, feed, tiles, stale_chunks]
+"""Most sealed blocks or frames that are decrypted for one question."""
+MOST_BYTES: Final = 64 << 20
+"""Most bytes of them."""
+_TABLES: Final = [
+    *(nodes, channels, blocks, events, sequences, digests, feed, tiles, stale_chunks),
+    *(descriptions, pages, frames, patches, patch_rows, patch_tiles, stale_patch_chunks),
+]
+
+
+class SealedPage(NamedTuple):
+    """A page whose frames are sealed.
+
+    Attributes:
+        described: The layout.
+        page: Number of the page.
+    """
+
+    described: DescribedLayout
+    page: int
 
 
 @contextmanager
 def decrypted_window(
     connection: Connection, reader: Reader, channel: Channel, window: Window
 ) -> Iterator[tuple[Connection, Channel]]:
-    """A store in memory with a channel's blocks around a window, and the channel's row there.
+    """A store in memory with a channel's blocks or frames around a window, and its row there.
 
     Args:
         connection: Reads the store on the disk.
@@ -66,34 +103,117 @@ def decrypted_window(
         QueryError: There is too much to open at once.
         PrivacyError: Something was changed on the disk, or its key is not here.
     """
-    items = _open(reader, channel["node"], _sealed(connection, channel, window))
+    node = channel["node"]
+    if is_column(channel):
+        places = [
+            SealedPage(each.described, each.page)
+            for each in find_patch_pages(connection, node, channel["patch"])
+        ]
+        with decrypted_frames(connection, reader, node, places, window) as memory:
+            yield memory, find_channel(memory, node, channel["channel"])
+        return
+    items = [
+        ParsedMessage(node, data, message.summary, digest=digest(data))
+        for _, message, data in _open(
+            reader, _sealed(connection, node, channel["channel"], "block", window)
+        )
+        if isinstance(message, Block)
+    ]
+    with _memory() as memory:
+        _fill(memory, channel, items)
+        yield memory, memory.execute(select(channels)).mappings().one()
+
+
+@contextmanager
+def decrypted_frames(
+    connection: Connection,
+    reader: Reader,
+    node: str,
+    places: Sequence[SealedPage],
+    window: Window,
+) -> Iterator[Connection]:
+    """A store in memory with frames of pages around a window; arguments as `decrypted_window`.
+
+    Raises:
+        ErasedError: All of it is of erased subjects.
+        QueryError: There is too much to open at once.
+        PrivacyError: Something was changed on the disk, or its key is not here.
+    """
+    rows: list[RowMapping] = []
+    described_by: dict[str, DescribedLayout] = {}
+    for described, page in dict.fromkeys(places):
+        name = name_place((described.hash, page))
+        described_by[described.hash.hex()] = described
+        # Columns may be sampled later than their frame's minutes say.
+        skew = int(described.facts[:, 3].max())
+        wide = Window(before(window.start, skew), window.end)
+        rows += _sealed(connection, node, name, "frame", wide)
+        _require_few(rows)
+    found: list[FrameRow] = []
+    for row, message, data in _open(reader, rows):
+        if isinstance(message, FrameSummary):
+            described = described_by[message.layout.hex()]
+            try:
+                fitting = fit_frame(message, described, data)
+            except MessageError as error:
+                raise QueryError("channel", str(error)) from error
+            found.append(
+                FrameRow.of(
+                    *(node, message, fitting, data, digest(data)), cursor=row["cursor"], now=0
+                )
+            )
+    with _memory() as memory:
+        _fill_frames(memory, connection, node, list(described_by.values()), found)
+        yield memory
+
+
+@contextmanager
+def _memory() -> Iterator[Connection]:
     engine = _engine()
     try:
         with engine.begin() as memory:
-            _fill(memory, channel, items)
-            yield memory, memory.execute(select(channels)).mappings().one()
+            memory.exec_driver_sql("PRAGMA temp_store=MEMORY")  # a sort must not go to the disk
+            driver = memory.connection.driver_connection
+            assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - as `_engine` makes it
+            register_checksum(driver)
+            metadata.create_all(memory, _TABLES)
+            memory.execute(insert(feed).values(name="feed", cursor=0))
+            yield memory
     finally:
         engine.dispose()
 
 
-def _sealed(connection: Connection, channel: Channel, window: Window) -> Sequence[RowMapping]:
+def _sealed(
+    connection: Connection, node: str, place: str, kind: str, window: Window
+) -> Sequence[RowMapping]:
     v = sealed_messages.c
-    query = select(v.node, v.boot, v.sequence, v.data).where(
-        v.node == channel["node"],
-        v.channel == channel["channel"],
-        v.kind == "block",
-        v.t_lo < window.end,
-        v.t_hi >= window.start,
+    here = (
+        (v.node == node)
+        & (v.place == place)
+        & (v.kind == kind)
+        & (v.t_lo < window.end)
+        & (v.t_hi >= window.start)
     )
-    found = connection.execute(query.order_by(v.t_lo, v.cursor).limit(MOST + 1)).mappings().all()
-    if len(found) > MOST:
-        raise QueryError("start", f"to end are over {MOST} sealed blocks; ask for less")
+    size = select(func.sum(func.length(v.data))).where(here)
+    if (connection.execute(size).scalar_one() or 0) > MOST_BYTES:
+        raise QueryError("start", f"to end are over {MOST_BYTES} sealed bytes; ask for less")
+    query = select(v.node, v.boot, v.sequence, v.cursor, v.data).where(here)
+    query = query.order_by(v.t_lo, v.cursor).limit(MOST + 1)
+    found = connection.execute(query).mappings().all()
+    _require_few(found)
     return found
 
 
-def _open(reader: Reader, node: str, sealed: Sequence[RowMapping]) -> list[ParsedMessage]:
+def _require_few(rows: Sequence[RowMapping]) -> None:
+    if len(rows) > MOST:
+        raise QueryError("start", f"to end are over {MOST} sealed messages; ask for less")
+    if sum(len(row["data"]) for row in rows) > MOST_BYTES:
+        raise QueryError("start", f"to end are over {MOST_BYTES} sealed bytes; ask for less")
+
+
+def _open(reader: Reader, sealed: Sequence[RowMapping]) -> list[tuple[RowMapping, Sealable, bytes]]:
     """What can be opened; the rest is missing, as a gap is."""
-    items: list[ParsedMessage] = []
+    found: list[tuple[RowMapping, Sealable, bytes]] = []
     lost: NoKeyError | None = None
     for row in sealed:
         try:
@@ -101,14 +221,11 @@ def _open(reader: Reader, node: str, sealed: Sequence[RowMapping]) -> list[Parse
         except NoKeyError as error:
             lost = error
             continue
-        if opened is None:
-            continue
-        message, plaintext = opened
-        said = message.summary if isinstance(message, Block) else message
-        items.append(ParsedMessage(node, plaintext, said, digest=digest(plaintext)))
-    if lost is not None and not items:
+        if opened is not None:
+            found.append((row, *opened))
+    if lost is not None and not found:
         raise ErasedError(lost)
-    return items
+    return found
 
 
 def _engine() -> Engine:
@@ -118,12 +235,6 @@ def _engine() -> Engine:
 
 
 def _fill(memory: Connection, channel: Channel, items: Sequence[ParsedMessage]) -> None:
-    memory.exec_driver_sql("PRAGMA temp_store=MEMORY")  # a large sort must not go to the disk
-    driver = memory.connection.driver_connection
-    assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - as `_engine` makes it
-    register_checksum(driver)
-    metadata.create_all(memory, _TABLES)
-    memory.execute(insert(feed).values(name="feed", cursor=0))
     first = items[0].message if items else None
     unit = first.unit if isinstance(first, BlockSummary) else channel["unit"]
     empty = {"unit": unit, "blocks": 0, "samples": 0, "longest": 0, "bytes": 0}
@@ -135,3 +246,32 @@ def _fill(memory: Connection, channel: Channel, items: Sequence[ParsedMessage]) 
     refused = [receipt.reason for receipt in outcome.results if receipt.reason is not None]
     if refused:
         raise QueryError("channel", refused[0])
+
+
+def _fill_frames(
+    memory: Connection,
+    connection: Connection,
+    node: str,
+    layouts: Sequence[DescribedLayout],
+    found: Sequence[FrameRow],
+) -> None:
+    """Insert frames, and all by which they are found and read."""
+    row = connection.execute(select(nodes).where(nodes.c.node == node)).mappings().one()
+    memory.execute(insert(nodes), dict(row))
+    d = descriptions.c
+    names = {name for each in layouts for name in (each.hash, *each.layout.patches)}
+    latest = row["layout"]
+    names |= set() if latest is None else {bytes(latest)}
+    query = select(descriptions).where(d.slot == slot_of(node), d.node == node, d.hash.in_(names))
+    described = [dict(each) for each in connection.execute(query).mappings()]
+    if described:
+        memory.execute(insert(descriptions), described)
+    cache, inserted = WriteCache(), bulk_insert(memory, frames)
+    of_pages: dict[tuple[bytes, int], list[FrameRow]] = {}
+    for each in found:
+        of_pages.setdefault((each.layout, each.page), []).append(each)
+        inserted.add(each)
+    inserted.finish()
+    for of_page in of_pages.values():
+        add_frames(memory, cache, of_page)
+    cache.save(memory)

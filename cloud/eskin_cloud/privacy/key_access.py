@@ -5,35 +5,46 @@ from __future__ import annotations
 import logging
 import time
 from threading import Lock
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final, Protocol, Self, TypeAlias
 
 from sqlalchemy import func, select
 
 from eskin.errors import KeyConflictError, MessageError, NoKeyError, PrivacyError, StoreError
 from eskin.identity import IdentityKind
 from eskin.privacy import Decryptor, SealedMessage
+from eskin.wire.frames import FrameSummary
 from eskin.wire.messages import Block
 from eskin_cloud.access import Scope
 from eskin_cloud.privacy.erasures import unapplied_erasures
 from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
+from eskin_cloud.privacy.sealed_rows import event_rows
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.tables import node_sites
-from eskin_cloud.store.write.events import peak_row
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     from sqlalchemy import Connection
 
     from eskin.privacy import KeyStore
-    from eskin.wire.messages import Peak
+    from eskin.privacy.cipher import Sealable
+    from eskin.wire.frames import DescribedLayout
     from eskin_cloud.store.feed_entry import FeedEntry
+
+    Reveal: TypeAlias = Callable[[FeedEntry], Sequence[FeedEntry]]
 
 log = logging.getLogger(__name__)
 
 _COUNT: Final = select(func.count()).select_from(node_sites)
 _ERASURES_AGE_S: Final = 10.0
 """After so long without a look at erasures, the live feed sends nothing sealed."""
+
+
+class Layouts(Protocol):
+    """Layouts that are in memory."""
+
+    def get(self, name: bytes | None) -> DescribedLayout | None:
+        """A layout; ``None`` if the store has no intact one."""
 
 
 class Reader:
@@ -48,10 +59,10 @@ class Reader:
         self._key_access = key_access
         self._opened = opened
 
-    def read(self, node: str, veiled: SealedMessage) -> tuple[Block | Peak, bytes]:
+    def read(self, node: str, sealed: SealedMessage, /) -> tuple[Sealable, bytes]:
         """As `Decryptor.read`."""
-        found = self._key_access.read(node, veiled)
-        self._opened.add((self._key_access.site_of(node), veiled.subject))
+        found = self._key_access.read(node, sealed)
+        self._opened.add((self._key_access.site_of(node), sealed.subject))
         return found
 
 
@@ -85,7 +96,7 @@ class KeyAccess:
         """
         return self._open(site)[0]
 
-    def read(self, node: str, sealed: SealedMessage) -> tuple[Block | Peak, bytes]:
+    def read(self, node: str, sealed: SealedMessage, /) -> tuple[Sealable, bytes]:
         """What was sealed, by the key that its node's site gave; see `Decryptor.read`.
 
         Raises:
@@ -217,20 +228,25 @@ class KeyAccess:
                 except NoKeyError as error:
                     raise ErasedError(error) from error
 
-    def reveal(self, scopes: Iterable[Scope]) -> Callable[[FeedEntry], FeedEntry | None]:
-        """Decrypts the live feed's entries for a caller; ``None`` for what it may not read.
+    def reveal(self, scopes: Iterable[Scope], layouts: Layouts) -> Reveal:
+        """Decrypts the live feed's entries for a caller; empty for what it may not read.
 
-        It raises StoreError where erasures were not looked for in a while.
+        Statements give an entry for each event. It raises StoreError where erasures were not looked
+        for in a while.
+
+        Args:
+            scopes: The caller's.
+            layouts: Those of the entries, loaded.
         """
         shown = self.may(scopes)
 
-        def revealed(entry: FeedEntry) -> FeedEntry | None:
+        def revealed(entry: FeedEntry) -> Sequence[FeedEntry]:
             if entry.sealed is None:
-                return entry
+                return [entry]
             if not shown:
-                return None
+                return []
             self._require_fresh_erasures()
-            return _open(self, entry, entry.sealed)
+            return _open(self, entry, entry.sealed, layouts.get(entry.layout))
 
         return revealed
 
@@ -240,12 +256,26 @@ class KeyAccess:
             raise StoreError(f"erasures of other clouds were not read for {_ERASURES_AGE_S:.0f} s")
 
 
-def _open(reader: KeyAccess, entry: FeedEntry, sealed: bytes) -> FeedEntry | None:
+def _open(
+    reader: KeyAccess, entry: FeedEntry, sealed: bytes, described: DescribedLayout | None
+) -> list[FeedEntry]:
     try:
         message, data = reader.read(entry.node, SealedMessage.decode(sealed))
     except (PrivacyError, MessageError):  # erased since, never given, or damaged
-        return None
+        return []
     if isinstance(message, Block):
-        return entry._replace(block=data, sealed=None)
-    row = peak_row(entry.node, message, data) | {"cursor": entry.cursor}
-    return entry._replace(event=row, sealed=None)
+        return [entry._replace(block=data, sealed=None)]
+    if isinstance(message, FrameSummary):
+        return [entry._replace(frame=data, sealed=None, secret=True)]
+    rows = event_rows(entry.node, message, data, described, entry.cursor)
+    # Only the last one has the cursor, so a client that breaks off before it is sent all again.
+    return [
+        entry._replace(
+            cursor=entry.cursor if row is rows[-1] else entry.cursor - 1,
+            channel=row["channel"],
+            event=row,
+            sealed=None,
+            layout=None,
+        )
+        for row in rows
+    ]

@@ -1,16 +1,17 @@
-"""Sealed peaks among the events: opened in order of their minutes, until a page is sure."""
+"""Sealed events: opened in order of their minutes, until a page is sure."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import select
+from sqlalchemy import or_, select
 
 from eskin.errors import NoKeyError
-from eskin.wire.messages import Peak
-from eskin_cloud.privacy.sealed_rows import open_row
+from eskin.wire.frames import Statements
+from eskin_cloud.privacy.sealed_rows import event_rows, open_row
+from eskin_cloud.query.events import place
+from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
-from eskin_cloud.store.write.events import peak_row
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping, Select
@@ -22,12 +23,14 @@ if TYPE_CHECKING:
 def find_peaks(
     connection: Connection, reader: Reader, question: EventQuery
 ) -> list[dict[str, Any]]:
-    """The first sealed peaks that answer a question, in its order; one more than its limit.
+    """The first sealed events that answer a question, in its order; one more than its limit.
+
+    Several may come from one message, and share its cursor; ``number`` counts them.
 
     Raises:
         PrivacyError: Something was changed on the disk.
     """
-    if question.kind not in {None, "peak"} or question.is_of_no_time:
+    if question.kind not in {None, "peak", "contact", "verdict"} or question.is_of_no_time:
         return []
     rising = question.order == "asc"
     after = question.cursor
@@ -35,26 +38,21 @@ def find_peaks(
     for row in connection.execute(_select(question, after)).mappings():
         if len(found) > question.limit and _sure(found, question.limit, row, rising=rising):
             break
-        event = _open(reader, row)
-        if event is not None and _answers(question, event, after):
-            found.append(event)
-            found.sort(key=place, reverse=not rising)
-            del found[question.limit + 1 :]
+        events = _open(connection, reader, row)
+        found += [event for event in events if _answers(question, event, after)]
+        found.sort(key=place, reverse=not rising)
+        del found[question.limit + 1 :]
     return found
-
-
-def place(event: RowMapping | dict[str, Any]) -> tuple[int, int]:
-    """An event's place in the order of events."""
-    return event["t_lo"], event["cursor"]
 
 
 def _select(question: EventQuery, after: tuple[int, ...] | None) -> Select[tuple[object, ...]]:
     v = sealed_messages.c
-    query: Select[tuple[object, ...]] = select(sealed_messages).where(v.kind == "peak")
+    query: Select[tuple[object, ...]] = select(sealed_messages)
+    query = query.where(v.kind.in_(("peak", "statements")))
     if question.node is not None:
         query = query.where(v.node == question.node)
     if question.channel is not None:
-        query = query.where(v.channel == question.channel)
+        query = query.where(or_(v.place == question.channel, v.kind == "statements"))
     if question.start is not None:
         query = query.where(v.t_hi >= question.start)
     if question.end is not None:
@@ -72,17 +70,22 @@ def _sure(found: list[dict[str, Any]], limit: int, row: RowMapping, *, rising: b
     return bool(row["t_lo"] > last if rising else row["t_hi"] < last)
 
 
-def _open(reader: Reader, row: RowMapping) -> dict[str, Any] | None:
+def _open(connection: Connection, reader: Reader, row: RowMapping) -> list[dict[str, Any]]:
     try:
         opened = open_row(reader, row)
     except NoKeyError:
-        return None
+        return []
     if opened is None:
-        return None
+        return []
     message, data = opened
-    if not isinstance(message, Peak):
-        return None
-    return peak_row(row["node"], message, data) | {"cursor": row["cursor"]}
+    node, cursor = row["node"], row["cursor"]
+    described = None
+    if isinstance(message, Statements):
+        try:
+            described = find_layout(connection, node, message.layout)
+        except UnknownDescriptionError:  # damaged, and reported
+            return []
+    return event_rows(node, message, data, described, cursor)
 
 
 def _answers(question: EventQuery, event: dict[str, Any], after: tuple[int, ...] | None) -> bool:
@@ -91,7 +94,9 @@ def _answers(question: EventQuery, event: dict[str, Any], after: tuple[int, ...]
         if not beyond:
             return False
     return (
-        (question.verdict is None or event["verdict"] == question.verdict)
+        (question.kind is None or event["kind"] == question.kind)
+        and (question.channel is None or event["channel"] == question.channel)
+        and (question.verdict is None or event["verdict"] == question.verdict)
         and (question.start is None or event["t_hi"] >= question.start)
         and (question.end is None or event["t_lo"] < question.end)
     )

@@ -6,30 +6,53 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from eskin.errors import BrokenSealError, MessageError
 from eskin.privacy import SealedMessage
+from eskin.wire.frames import Statements
+from eskin.wire.messages import Peak
 from eskin_cloud.store.damage import DamagedRow, report_damaged
+from eskin_cloud.store.write.events import peak_row
+from eskin_cloud.store.write.statements import statement_rows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from sqlalchemy import RowMapping
 
-    from eskin.wire.messages import Block, Peak
+    from eskin.privacy.cipher import Sealable
+    from eskin.wire.frames import DescribedLayout
 
 
 class Reader(Protocol):
     """Opens what is sealed."""
 
-    def read(self, node: str, veiled: SealedMessage) -> tuple[Block | Peak, bytes]:
-        """The block or peak that was sealed, and its bytes.
+    def read(self, node: str, sealed: SealedMessage, /) -> tuple[Sealable, bytes]:
+        """The message that was sealed, and its bytes.
 
         Raises:
             PrivacyError: It cannot be read.
         """
 
 
-def open_row(
-    reader: Reader, row: Mapping[str, Any] | RowMapping
-) -> tuple[Block | Peak, bytes] | None:
+def event_rows(
+    node: str, message: Sealable, data: bytes, described: DescribedLayout | None, cursor: int
+) -> list[dict[str, Any]]:
+    """Rows of events that an opened message gives, all with its cursor; ``number`` counts them.
+
+    Args:
+        node: The node.
+        message: The message; blocks and frames give none.
+        data: Its bytes.
+        described: The layout by which statements are read; without it they give none.
+        cursor: Its cursor in the feed.
+    """
+    rows: list[dict[str, Any]] = []
+    if isinstance(message, Peak):
+        rows = [peak_row(node, message, data)]
+    elif isinstance(message, Statements) and described is not None:
+        rows = list(statement_rows(node, message, described, data))
+    return [row | {"cursor": cursor, "number": k} for k, row in enumerate(rows)]
+
+
+def open_row(reader: Reader, row: Mapping[str, Any] | RowMapping) -> tuple[Sealable, bytes] | None:
     """What a row holds; ``None`` where it is not as it was written.
 
     Args:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from eskin.contacts import Contacts
     from eskin.interval import Floats
-    from eskin.wire.frames import Patch
-    from eskin_cloud.store.descriptions import DescribedLayout, Share
+    from eskin.wire.frames import DescribedLayout, Patch
+    from eskin_cloud.store.descriptions import Share
     from eskin_cloud.store.patch_run import PatchRun
 
 UNIT: Final = "Pa"

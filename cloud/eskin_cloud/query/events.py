@@ -30,7 +30,7 @@ class EventQuery:
         start: Events that end before it, UTC ns, are left out.
         end: Events that begin at or after it, UTC ns, are left out.
         limit: Most events.
-        cursor: Continue after this event.
+        cursor: Continue after this event: its `place`.
         order: By time; ``desc`` gives the latest first.
     """
 
@@ -41,7 +41,7 @@ class EventQuery:
     start: int | None
     end: int | None
     limit: int
-    cursor: tuple[int, int] | None
+    cursor: tuple[int, int, int] | None
     order: Literal["asc", "desc"]
 
     @property
@@ -52,7 +52,7 @@ class EventQuery:
 
 def find_events(
     connection: Connection, question: EventQuery, opened: Sequence[Row] = ()
-) -> tuple[list[RowMapping | Row], tuple[int, int] | None]:
+) -> tuple[list[RowMapping | Row], tuple[int, int, int] | None]:
     """One page of events, and the cursor of the next.
 
     Args:
@@ -62,15 +62,20 @@ def find_events(
     """
     found: list[RowMapping | Row] = [*connection.execute(_select(question)).mappings(), *opened]
     if opened:
-        found.sort(key=lambda e: (e["t_lo"], e["cursor"]), reverse=question.order == "desc")
+        found.sort(key=place, reverse=question.order == "desc")
     more, page = len(found) > question.limit, found[: question.limit]
-    following = (page[-1]["t_lo"], page[-1]["cursor"]) if more else None
+    following = place(page[-1]) if more else None
     of_people = {id(row) for row in opened}
     stored = {
         id(row)
         for row in intact_rows(connection, events, (r for r in page if id(r) not in of_people))
     }
     return [row for row in page if id(row) in stored or id(row) in of_people], following
+
+
+def place(event: RowMapping | Row) -> tuple[int, int, int]:
+    """An event's place in the order of events; those of one sealed message are numbered."""
+    return event["t_lo"], event["cursor"], event.get("number", 0)
 
 
 def _select(question: EventQuery) -> Select[tuple[object, ...]]:
@@ -90,10 +95,9 @@ def _select(question: EventQuery) -> Select[tuple[object, ...]]:
         query = query.where(e.t_hi >= question.start)
     if question.end is not None:
         query = query.where(e.t_lo < question.end)
-    place = tuple_(e.t_lo, e.cursor)
     if question.cursor is not None:
-        after = tuple_(*question.cursor)
-        query = query.where(place > after if question.order == "asc" else place < after)
+        here, after = tuple_(e.t_lo, e.cursor), tuple_(*question.cursor[:2])
+        query = query.where(here > after if question.order == "asc" else here < after)
     if question.order == "asc":
         query = query.order_by(e.t_lo, e.cursor)
     else:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from sqlalchemy import func, or_, select
+from sqlalchemy import func, or_, select, union
 
-from eskin.privacy.biometric import BIOMETRIC, MARK
+from eskin.privacy.sealed_message import read_page
+from eskin.wire.biometric import BIOMETRIC, MARK
 from eskin_cloud.query.cursors import read_texts, write_cursor
 from eskin_cloud.store.damage import are_countable
+from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
 from eskin_cloud.store.read.patch_columns import describe_columns
 from eskin_cloud.store.read.patch_runs import find_layouts
 from eskin_cloud.store.row_digests import intact_rows
+from eskin_cloud.store.schema.frame_tables import descriptions
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import channels, nodes
 
@@ -114,22 +117,37 @@ def count_channels(connection: Connection, names: Sequence[str]) -> dict[str, in
 
 def sealed_nodes(connection: Connection, names: Sequence[str] | None = None) -> set[str]:
     """The nodes, of ``names`` or of all, that have a biometric channel."""
-    c = channels.c
+    c, d = channels.c, descriptions.c
     named = or_(c.channel.like(f"{MARK}%"), *(c.channel.like(f"%.{q}") for q in BIOMETRIC))
-    query = select(c.node).distinct().where(named)
+    of_channels = select(c.node).distinct().where(named)
+    of_frames = select(d.node).distinct().where(d.biometric == 1)
     if names is not None:
-        query = query.where(c.node.in_(names))
-    return set(connection.execute(query).scalars())
+        of_channels = of_channels.where(c.node.in_(names))
+        of_frames = of_frames.where(d.node.in_(names))
+    return set(connection.execute(union(of_channels, of_frames)).scalars())
 
 
 def list_removed(connection: Connection, node: str) -> dict[str, tuple[int, int]]:
-    """The number of removed messages of each channel, and before when, UTC ns."""
+    """The number of removed messages of each channel or patch, and before when, UTC ns."""
     rows = connection.execute(select(removals).where(removals.c.node == node)).mappings()
     found: dict[str, tuple[int, int]] = {}
     for row in intact_rows(connection, removals, rows):
-        messages, before = found.get(row["channel"], (0, row["before"]))
-        found[row["channel"]] = messages + row["messages"], max(before, row["before"])
+        for name in _removed_names(connection, node, row["channel"]):
+            messages, before = found.get(name, (0, row["before"]))
+            found[name] = messages + row["messages"], max(before, row["before"])
     return found
+
+
+def _removed_names(connection: Connection, node: str, place: str) -> list[str]:
+    """The channel or patch of which something was removed; of sealed frames, all patches."""
+    page = read_page(place)
+    if page is None:
+        return [place]
+    try:
+        described = find_layout(connection, node, page[0])
+    except UnknownDescriptionError:  # damaged, and reported
+        return []
+    return [described.patches[number].patch_id for number in described.page_ranges[page[1]]]
 
 
 def _page(

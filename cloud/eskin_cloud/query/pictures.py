@@ -10,15 +10,17 @@ same names.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from eskin.errors import QueryError
 from eskin.union_bound import union_coverage
+from eskin.wire.frames import Privacy
 from eskin_cloud.rollup.picture_fold import PictureHulls
 from eskin_cloud.rollup.picture_reading import PictureReader, choose_pictures
-from eskin_cloud.store.descriptions import DescribedLayout, find_layout, find_shares
+from eskin_cloud.store.descriptions import find_layout, find_shares
 from eskin_cloud.store.read.lookup import UnknownChannelError
 from eskin_cloud.store.read.patch_runs import find_layouts, read_pages
 
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin.interval import Floats
-    from eskin.wire.frames import Patch
+    from eskin.wire.frames import DescribedLayout, Patch
     from eskin_cloud.rollup.aggregates import Integers
     from eskin_cloud.rollup.blocks import Buckets
     from eskin_cloud.store.read.window import Window
@@ -77,6 +79,21 @@ class Pictures:
         return self.buckets.width * np.arange(self.buckets.count, dtype=np.int64)
 
 
+def find_sealed(
+    connection: Connection, node: str, window: Window, quantity: str | None
+) -> list[tuple[DescribedLayout, int]]:
+    """The biometric pages whose channels are in pictures of a node's skin, by their layouts."""
+    chosen = quantity or _find_layout_of(connection, node, window).patches[0].quantity
+    found = []
+    for row in read_pages(connection, node):
+        described = find_layout(connection, node, bytes(row["layout"]))
+        if row["page"] in described.biometric_pages:
+            numbers = described.page_ranges[row["page"]]
+            if any(described.patches[number].quantity == chosen for number in numbers):
+                found.append((described, row["page"]))
+    return found
+
+
 def read_pictures(
     connection: Connection,
     node: str,
@@ -85,6 +102,7 @@ def read_pictures(
     points: int,
     quantity: str | None = None,
     own: bool = False,
+    decrypted: Connection | None = None,
 ) -> Pictures:
     """Read pictures of a node's skin.
 
@@ -97,6 +115,7 @@ def read_pictures(
         points: Most pictures.
         quantity: Which; else that of the layout's first patch.
         own: Whether only what the node itself samples is read; else all nodes of its skin.
+        decrypted: A store in memory with the node's sealed frames, if they are read, too.
 
     Raises:
         UnknownChannelError: The node has no layout.
@@ -127,17 +146,23 @@ def read_pictures(
     if len(taxels) * points > MOST_VALUES:
         most = MOST_VALUES // len(taxels)
         raise QueryError("points", f"is {points}; {node} has {len(taxels)} taxels: at most {most}")
+    # Biometric patches are in the store in memory, if anywhere.
+    parts = [
+        (share, list(group), connection if decrypted is None or not biometric else decrypted)
+        for share, each in zip(shares, mine, strict=True)
+        for biometric, group in groupby(each, lambda k: patches[k].privacy is Privacy.BIOMETRIC)
+    ]
     readers = [
         PictureReader(
-            connection,
+            source,
             share.node,
             [patches[number] for number in each],
             spread=len(shares) > 1,
-            share=len(shares),
+            share=len(parts),
         )
         if share.stated
         else None
-        for share, each in zip(shares, mine, strict=True)
+        for share, each, source in parts
     ]
     read = [reader for reader in readers if reader is not None]
     buckets = choose_pictures(read, window, points)
@@ -146,7 +171,7 @@ def read_pictures(
             PictureHulls.empty(buckets.count, sum(len(patches[number].taxels) for number in each))
             if reader is None
             else reader.fold(buckets)
-            for reader, each in zip(readers, mine, strict=True)
+            for reader, (_, each, _) in zip(readers, parts, strict=True)
         ]
     )
     seen = hulls.n > 0

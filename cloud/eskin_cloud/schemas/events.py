@@ -1,9 +1,12 @@
-"""Events, and blocks sample by sample."""
+"""Events, and blocks and frames sample by sample."""
 
+from collections.abc import Iterator
 from typing import Literal, TypeAlias
 
+import numpy as np
 from typing_extensions import TypedDict
 
+from eskin.wire.frames import DescribedLayout, Frame
 from eskin.wire.messages import Block
 from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin_cloud.schemas.base import IntervalDocument, Json, Row, TimeDocument, interval, time_span
@@ -31,8 +34,9 @@ class EventDocument(TypedDict):
 
 def describe_event(row: Row, ids: OpaqueIds) -> EventDocument:
     """An event; without its sequence number, which would count what is sealed."""
+    number = row.get("number", 0)
     return {
-        "id": ids.write(row["cursor"]),
+        "id": ids.write(row["cursor"], *([number] if number else [])),
         "node": row["node"],
         "channel": row["channel"],
         "kind": row["kind"],
@@ -46,6 +50,31 @@ def describe_event(row: Row, ids: OpaqueIds) -> EventDocument:
         "boot": row["boot"],
         "detail": row["detail"],
     }
+
+
+def describe_columns(node: str, frame: Frame, described: DescribedLayout) -> Iterator[Json]:
+    """The samples of each channel of a frame, as `describe_block` gives those of a block."""
+    for samples, values in zip(frame.patches, frame.values, strict=True):
+        patch, grid = described.patches[samples.patch], frame.grids[samples.grid]
+        for column, channel in enumerate(patch.channels):
+            step = 1 << samples.strides[column] if samples.strides else 1
+            first = -grid.first_row % step
+            if first >= grid.rows:
+                continue  # not sampled in this frame
+            after = grid.delay + first * grid.period + (patch.skew[column] if patch.skew else 0)
+            yield {
+                "node": node,
+                "channel": channel,
+                "kind": "frame",
+                "time": time_span(frame.time[0] + after, frame.time[1] + after),
+                "dt": grid.period * step,
+                "unit": patch.unit,
+                "coverage": grid.coverage,
+                "lo": np.ascontiguousarray(values.inf[first::step, column]),
+                "hi": np.ascontiguousarray(values.sup[first::step, column]),
+                "boot": frame.position.boot,
+                "sequence": frame.position.sequence,
+            }
 
 
 def describe_block(node: str, block: Block) -> Json:

@@ -5,11 +5,10 @@ from typing import Final
 import numpy as np
 from typing_extensions import TypedDict
 
-from eskin.wire.frames import Patch
+from eskin.wire.frames import DescribedLayout, Patch
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.query.pictures import Pictures
 from eskin_cloud.schemas.base import Json, Moment
-from eskin_cloud.store.descriptions import DescribedLayout
 
 _UM_PER_M: Final = 1_000_000
 

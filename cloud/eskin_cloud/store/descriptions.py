@@ -6,18 +6,21 @@ readers and nodes of a process.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from threading import Lock
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-import numpy as np
 from cachetools import FIFOCache, LRUCache
 from sqlalchemy import and_, delete, func, insert, select
 
 from eskin.errors import MessageError, StoreError
-from eskin.privacy import is_biometric
-from eskin.wire.frames import Controller, Layout, Patch, Privacy, content_hash
+from eskin.wire.frames import (
+    Controller,
+    DescribedLayout,
+    Layout,
+    Patch,
+    Privacy,
+    content_hash,
+)
 from eskin.wire.messages.cbor_map import load
 from eskin.wire.messages.header import Kind
 from eskin_cloud.store.damage import report_damaged
@@ -26,9 +29,8 @@ from eskin_cloud.store.schema.frame_tables import descriptions
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
-    from numpy.typing import NDArray
     from sqlalchemy import Connection
 
 MOST_DESCRIPTIONS: Final = 20_000
@@ -37,9 +39,6 @@ _CACHE_BYTES: Final = 128 << 20
 _MOST_REFUSED: Final = 10_000
 _DECODED: Final = 32
 """Bytes of memory that a byte of a description takes when it is decoded, at most."""
-_BIOMETRIC: Final = (
-    "patch of biometric channels: sealed frames are not supported yet; send only public patches"
-)
 
 
 class UnknownDescriptionError(StoreError):
@@ -64,11 +63,13 @@ class Description(NamedTuple):
         kind: ``patch`` or ``layout``.
         hash: SHA-256 of ``data``.
         data: Its bytes.
+        biometric: 1 for a patch of biometric channels.
     """
 
     kind: str
     hash: bytes
     data: bytes
+    biometric: int = 0
 
 
 class Share(NamedTuple):
@@ -83,70 +84,6 @@ class Share(NamedTuple):
     node: str
     patches: range
     stated: bool
-
-
-@dataclass(frozen=True, eq=False)
-class DescribedLayout:
-    """A layout with its patches.
-
-    Attributes:
-        hash: The layout's.
-        layout: The layout.
-        patches: Its patches, in its order.
-    """
-
-    hash: bytes
-    layout: Layout
-    patches: tuple[Patch, ...]
-
-    @classmethod
-    def of(cls, layout: Layout, patches: Sequence[Patch]) -> Self:
-        """A layout whose patches fit it.
-
-        Raises:
-            MessageError: They do not.
-        """
-        layout.require_patches(patches)
-        return cls(layout.content_hash, layout, tuple(patches))
-
-    @cached_property
-    def places(self) -> Mapping[str, tuple[int, int]]:
-        """Number of the patch and the column, by channel."""
-        return {
-            channel: (number, column)
-            for number, patch in enumerate(self.patches)
-            for column, channel in enumerate(patch.channels)
-        }
-
-    @cached_property
-    def controllers(self) -> tuple[str, ...]:
-        """Who samples each page; empty where the node that states the layout is the only one."""
-        return tuple(c.node for c in self.layout.controllers for _ in range(c.pages))
-
-    @cached_property
-    def units(self) -> dict[str, str]:
-        """The unit, by channel."""
-        return {channel: each.unit for each in self.patches for channel in each.channels}
-
-    @cached_property
-    def facts(self) -> NDArray[np.int64]:
-        """Of each patch: number of columns, whether errors are shared, least and greatest skew."""
-        return np.array(
-            [
-                (
-                    len(each.taxels),
-                    bool(each.alpha),
-                    min(each.skew, default=0),
-                    max(each.skew, default=0),
-                )
-                for each in self.patches
-            ]
-        )
-
-    @cached_property
-    def page_ranges(self) -> tuple[range, ...]:
-        """For each page, the numbers of its patches."""
-        return tuple(map(self.layout.page_range, range(len(self.layout.pages))))
 
 
 class _Decoded(NamedTuple):
@@ -164,19 +101,14 @@ def read_description(data: bytes) -> Description:
     """Read a patch or a layout that may be stored.
 
     Raises:
-        MessageError: It is neither, or it is a patch of biometric channels.
+        MessageError: It is neither.
     """
     kind = load(data).integer(1, Kind.PATCH, Kind.LAYOUT)
-    if kind == Kind.LAYOUT:
-        again = Layout.decode(data).encode()
-    else:
-        patch = Patch.decode(data)
-        if patch.privacy is Privacy.BIOMETRIC or any(map(is_biometric, patch.channels)):
-            raise MessageError(_BIOMETRIC)
-        again = patch.encode()
-    if again != data:
+    described = Layout.decode(data) if kind == Kind.LAYOUT else Patch.decode(data)
+    if described.encode() != data:
         raise MessageError("description is not written as it would be written again")
-    return Description(Kind(kind).name.lower(), content_hash(data), data)
+    biometric = isinstance(described, Patch) and described.privacy is Privacy.BIOMETRIC
+    return Description(Kind(kind).name.lower(), content_hash(data), data, int(biometric))
 
 
 def store_descriptions(

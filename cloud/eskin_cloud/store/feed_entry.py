@@ -15,9 +15,10 @@ class FeedEntry(NamedTuple):
         block: The block's bytes; ``None`` for anything else.
         event: The event's row; ``None`` for a block or a frame.
         received: When the cloud stored it, UTC ns.
-        sealed: A sealed block or peak; ``block`` and ``event`` are then ``None``.
+        sealed: A sealed message; ``block``, ``event`` and ``frame`` are then ``None``.
         frame: The frame's bytes; ``None`` for anything else.
-        layout: Hash of the layout by which the frame is read.
+        layout: Hash of the layout by which the frame, or what is sealed, is read.
+        secret: Whether the frame was opened for one client: no cache may keep it.
     """
 
     cursor: int
@@ -29,6 +30,7 @@ class FeedEntry(NamedTuple):
     sealed: bytes | None = None
     frame: bytes | None = None
     layout: bytes | None = None
+    secret: bool = False
 
     @property
     def size(self) -> int:

@@ -17,8 +17,7 @@ from eskin_cloud.store.slot import slot_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from eskin.wire.frames import FrameSummary
-    from eskin_cloud.store.descriptions import DescribedLayout
+    from eskin.wire.frames import DescribedLayout, FrameSummary
 
 PATCH_BOUNDS: Final = np.dtype(
     [("patch", "<u2"), ("offset", "<u4"), ("length", "<u4"), ("lo", "<f8"), ("hi", "<f8")]

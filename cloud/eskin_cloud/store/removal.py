@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import and_, delete, func, insert, select, tuple_, update
 
+from eskin.privacy.sealed_message import read_page
 from eskin_cloud.store.compacted_rows import split_blocks
 from eskin_cloud.store.damage import DamagedRowError
 from eskin_cloud.store.patch_totals import Place, subtract_rows
@@ -19,6 +20,7 @@ from eskin_cloud.store.sample_grid import SampleGrid
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
 from eskin_cloud.store.schema.sealed_tables import is_of_erased_subject, removals, sealed_messages
 from eskin_cloud.store.schema.tables import blocks, channels, events
+from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.bulk_insert import insert_many
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ class Sweep:
 
     Attributes:
         node: The node.
-        channel: The channel.
+        channel: The channel; of sealed frames and statements the place, as its row names it.
         reason: Why.
         before: Messages that ended before it are removed, UTC ns; of erased subjects, all are.
     """
@@ -172,17 +174,15 @@ def remove_damaged_frames(
 def sweeps_of_erased(connection: Connection) -> list[Sweep]:
     """The remaining messages of erased subjects, by channel."""
     query = select(
-        sealed_messages.c.node, sealed_messages.c.channel, func.max(sealed_messages.c.t_hi)
+        sealed_messages.c.node, sealed_messages.c.place, func.max(sealed_messages.c.t_hi)
     )
     query = query.where(is_of_erased_subject())
-    rows = connection.execute(
-        query.group_by(sealed_messages.c.node, sealed_messages.c.channel)
-    ).all()
+    rows = connection.execute(query.group_by(sealed_messages.c.node, sealed_messages.c.place)).all()
     return [Sweep(row[0], row[1], RemovalReason.ERASURE, row[2]) for row in rows]
 
 
 def _places(sweep: Sweep) -> list[tuple[Table, list[ColumnElement[bool]]]]:
-    sealed = [sealed_messages.c.node == sweep.node, sealed_messages.c.channel == sweep.channel]
+    sealed = [sealed_messages.c.node == sweep.node, sealed_messages.c.place == sweep.channel]
     if sweep.reason is RemovalReason.ERASURE:
         return [(sealed_messages, [*sealed, is_of_erased_subject()])]
     b, e, v = blocks.c, events.c, sealed_messages.c
@@ -249,10 +249,14 @@ def _counted(table: Table) -> list[ColumnElement[Any]]:
 def _update_totals(
     connection: Connection, cache: WriteCache, sweep: Sweep, table: Table, rows: Sequence[Any]
 ) -> None:
+    if table is sealed_messages and (page := read_page(sweep.channel)):
+        _update_page(connection, cache, sweep, page, len(rows))
+        return
     row = cache.row(connection, channels, sweep.node, sweep.channel)
     if row is None or table is events:
         return
-    here = (table.c.node == sweep.node) & (table.c.channel == sweep.channel)
+    place = table.c.place if table is sealed_messages else table.c.channel
+    here = (table.c.node == sweep.node) & (place == sweep.channel)
     if table is blocks:
         row["blocks"] -= sum(map(_messages, rows))
         row["samples"] -= sum(removed.n for removed in rows)
@@ -269,6 +273,21 @@ def _update_totals(
     if row["t_first"] is None:
         row |= {"t_last": None, "lo": None, "hi": None}
     cache.change(channels, sweep.node, sweep.channel)
+
+
+def _update_page(
+    connection: Connection, cache: WriteCache, sweep: Sweep, page: tuple[bytes, int], gone: int
+) -> None:
+    key = slot_of(sweep.node), sweep.node, *page
+    row, v = cache.row(connection, pages, *key), sealed_messages.c
+    if row is None:
+        return
+    first = select(func.min(v.t_lo)).where(v.node == sweep.node, v.place == sweep.channel)
+    row["frames"] -= gone
+    row["t_first"] = connection.execute(first).scalar_one()
+    if row["t_first"] is None:
+        row["t_last"] = None
+    cache.change(pages, *key)
 
 
 def _record_removal(connection: Connection, sweep: Sweep, gone: int, now: int) -> None:

@@ -29,13 +29,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from eskin_cloud.store.descriptions import DescribedLayout
     from eskin_cloud.store.patch_run import PatchRun
     from numpy.typing import NDArray
     from sqlalchemy import Connection, RowMapping
 
     from eskin.interval import Floats
-    from eskin.wire.frames import Patch
+    from eskin.wire.frames import DescribedLayout, Patch
 
     Integers = NDArray[np.int64]
 

@@ -73,9 +73,9 @@ def _open(reader: Decryptor, row: RowMapping) -> tuple[Block, bool] | None:
     if opened is None:
         return None  # damaged, and collected
     block, _ = opened
-    lo, hi = span(block)
-    claimed = (row["channel"], row["boot"], row["sequence"])
-    same = claimed == (block.channel, block.position.boot, block.position.sequence)
     if not isinstance(block, Block):
-        raise AuditError(f"{row['node']} sealed a peak as a block: {block.position}")
+        raise AuditError(f"{row['node']} sealed another message as a block: {block.position}")
+    lo, hi = span(block)
+    claimed = (row["place"], row["boot"], row["sequence"])
+    same = claimed == (block.channel, block.position.boot, block.position.sequence)
     return block, same and row["t_lo"] <= lo <= hi <= row["t_hi"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from eskin.wire.frames.content_hash import content_hash
+from eskin.wire.frames.described_layout import DescribedLayout
 from eskin.wire.frames.frame import Frame, Grid, PatchSamples
 from eskin.wire.frames.frame_summary import FrameSummary
 from eskin.wire.frames.layout import Controller, Layout, Seam
@@ -22,6 +23,7 @@ __all__ = [
     "Because",
     "Contact",
     "Controller",
+    "DescribedLayout",
     "Frame",
     "FrameSummary",
     "Gap",

@@ -64,6 +64,21 @@ def read_head(data: bytes) -> FrameHead:
         raise MessageError(f"frame has no head: {error}") from error
 
 
+def replace_sequence(data: bytes, sequence: int) -> bytes:
+    """A frame with another sequence number.
+
+    Args:
+        data: A frame that was checked when it was stored.
+        sequence: The number, below 2^53.
+
+    Raises:
+        MessageError: It is no frame.
+    """
+    boot, old = read_head(data).position
+    before = data[:4] + cbor2.dumps(boot) + b"\x03"
+    return before + cbor2.dumps(sequence) + data[len(before) + len(cbor2.dumps(old)) :]
+
+
 def select_patches(data: bytes, patches: Container[int]) -> bytes | None:
     """A frame with some of its patches, whose records are copied; ``None`` with none of them.
 

@@ -10,6 +10,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Final, Self, TypeAlias
 
 from eskin.errors import MessageError
+from eskin.wire.biometric import is_biometric
 from eskin.wire.frames.content_hash import content_hash
 from eskin.wire.frames.neighbours import Pairs, read_pairs, require_pairs, write_pairs
 from eskin.wire.frames.sample_codec import MOST_COLUMNS
@@ -29,6 +30,8 @@ _UNIT_LENGTH: Final = 16
 _FARTHEST: Final = 100_000_000
 """Of a position from the map's origin, in um: 100 m."""
 _LONGEST_SKEW: Final = 1_000_000_000_000
+WEARER: Final = "wearer"
+"""The only subject that a node may name: who wears it, at the time of measurement."""
 
 
 class Privacy(IntEnum):
@@ -51,7 +54,7 @@ class Patch:
         taxels: Of each column; its channel is ``{taxel}.{quantity}``.
         least_width: Least width of a sample's interval by design, in the unit; sets the quantum.
         privacy: Whether the samples are data about a person.
-        subject: Which person, by a name that the gateway maps to a pseudonym; only if biometric.
+        subject: `WEARER` if biometric, else ``None``: who that is, the gateway knows.
         positions: x and y, or x, y and z of all columns, in um.
         neighbours: Pairs of columns whose taxels touch, the lesser first.
         skew: How much later than its row each column is sampled, in ns; empty if not at all.
@@ -94,10 +97,15 @@ class Patch:
         columns = len(self.taxels)
         if (self.subject is None) is (self.privacy is Privacy.BIOMETRIC):
             raise MessageError(
-                f"field 8 is {self.subject!r}; each biometric patch has a subject, no other"
+                "field 8 names a subject of a public patch, or a biometric patch has none"
             )
-        if self.subject is not None:
-            _require_name(self.subject, "field 8")
+        if self.subject not in {None, WEARER}:
+            raise MessageError(f"field 8 names a subject that is not {WEARER!r}; name no person")
+        if {*map(is_biometric, self.channels)} != {self.privacy is Privacy.BIOMETRIC}:
+            raise MessageError(
+                f"field 7 is {self.privacy.name.lower()}, and fields 3 and 5 name channels that "
+                "are not: give them a patch of their own"
+            )
         _require_count(self.positions, (0, 2, 3), "field 9")
         for axis in self.positions:
             _require_count(axis, (columns,), "field 9")

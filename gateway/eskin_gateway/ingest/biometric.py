@@ -10,6 +10,7 @@ from eskin.privacy.cipher import span
 from eskin.wire.messages import Block, BlockSummary, Peak, decode_message
 
 if TYPE_CHECKING:
+    from eskin.privacy.cipher import Sealable
     from eskin.wire.messages import Position
     from eskin_gateway.ingest.node_messages import Numbered
     from eskin_gateway.spool.batch import DeadLetter
@@ -19,7 +20,7 @@ WITHHELD: Final = "unreadable; encrypted with the reason, as it may be biometric
 
 
 class BiometricEncryptor:
-    """Encrypts blocks and peaks of biometric channels. Not thread-safe.
+    """Encrypts messages of biometric channels. Not thread-safe.
 
     Args:
         assignments: Finds the subject of a message.
@@ -34,10 +35,10 @@ class BiometricEncryptor:
         self._encryptor.forget(pseudonym)
 
     def read(self, summary: Numbered, plaintext: bytes) -> Block | Peak | None:
-        """Decode a biometric message completely: behind the gateway it cannot be checked.
+        """Decode a biometric block or peak completely: behind the gateway it cannot be checked.
 
         Returns:
-            The message, or ``None`` if it is not biometric.
+            The message, or ``None`` if it is not biometric, or if its layout tells.
 
         Raises:
             MessageError: It is invalid.
@@ -47,8 +48,8 @@ class BiometricEncryptor:
         message = decode_message(plaintext)
         return message if isinstance(message, Block | Peak) else None
 
-    def encrypt(self, node: str, message: Block | Peak | None, plaintext: bytes) -> bytes:
-        """Encrypt a message that `read` returned; else return the plaintext.
+    def encrypt(self, node: str, message: Sealable | None, plaintext: bytes) -> bytes:
+        """Encrypt a biometric message; return the plaintext where there is none.
 
         Raises:
             PrivacyError: The subject has no key.

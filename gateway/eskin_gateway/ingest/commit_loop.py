@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SpoolError, UntrustedCertificateError
 from eskin.runtime.supervised import Backoff, Supervised
-from eskin.wire.frames import Statements
+from eskin.wire.frames import DescribedLayout, Privacy, Statements
 from eskin.wire.messages import Acknowledgement, BlockSummary, Gap, Peak, Status
 from eskin.wire.messages.acknowledgement import MOST_WANTED
 from eskin.wire.sequence_set import SequenceRanges
@@ -18,7 +18,6 @@ from eskin_gateway.ingest.node_messages import EncodedFrame
 from eskin_gateway.metrics import RejectReason
 from eskin_gateway.publish import public_payloads
 from eskin_gateway.publish.frame_hulls import FrameHulls
-from eskin_gateway.spool.descriptions import Skin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -171,11 +170,15 @@ class PostCommit:
 
     def _described(self, node: str, message: Described, now: float) -> Iterator[Publication]:
         skin = self._descriptions.find(node, message.layout)
-        if not isinstance(skin, Skin):  # damaged since it was validated
+        if not isinstance(skin, DescribedLayout):  # damaged since it was validated
             return
         if isinstance(message, Statements):
+            if skin.require_statements(message) is Privacy.BIOMETRIC:
+                return
             for topic, body in public_payloads.statements(node, message, skin):
                 yield topic, body, False
+        elif message.summary.page in skin.biometric_pages:
+            return
         else:
             yield from self._frame_hulls.add(node, message.summary, message.data, skin, now=now)
         if self._discovery is not None:

@@ -21,7 +21,7 @@ from eskin.errors import (
     UntrustedCertificateError,
 )
 from eskin.wire.envelope import MOST_ENVELOPE, Opened, introduction
-from eskin.wire.frames import Layout, Patch, Statements
+from eskin.wire.frames import DescribedLayout, Layout, Patch, Privacy, Statements
 from eskin.wire.messages import (
     BlockSummary,
     Gap,
@@ -35,11 +35,11 @@ from eskin.wire.topics import FROM_NODE, Stream, parse_node_topic
 from eskin_gateway.ingest.node_messages import Described, EncodedFrame, Numbered, decode
 from eskin_gateway.metrics import RejectReason
 from eskin_gateway.spool.batch import Batch, DeadLetter, SpoolMessage
-from eskin_gateway.spool.descriptions import Skin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from eskin.privacy.cipher import Sealable
     from eskin.wire.envelope import Opener
     from eskin_gateway.ingest.biometric import BiometricEncryptor
     from eskin_gateway.ingest.missing_layouts import MissingLayouts
@@ -188,18 +188,22 @@ class Validator:
             if isinstance(message, Patch | Layout):
                 self._add_description(result, received_message, node, opened.plaintext)
                 return
-            biometric = self._encryptor.read(message, opened.plaintext)
+            biometric: Sealable | None = self._encryptor.read(message, opened.plaintext)
         except EskinError as error:
             self._add_dead_letter(result, received_message, node, opened.plaintext, str(error))
             return
         position = message.position
         if state.is_duplicate(position):
             result.duplicates += 1
-        elif isinstance(message, EncodedFrame | Statements) and not self._is_readable(
-            result, received_message, node, message, opened.plaintext
-        ):
-            return
         else:
+            if isinstance(message, EncodedFrame | Statements):
+                privacy = self._find_class(
+                    result, received_message, node, message, opened.plaintext
+                )
+                if privacy is None:
+                    return
+                if privacy is Privacy.BIOMETRIC:
+                    biometric = message if isinstance(message, Statements) else message.summary
             body = self._encryptor.encrypt(node, biometric, opened.plaintext)
             state.add(position)
             result.batch.messages.append(SpoolMessage(node, received, body, *position))
@@ -224,27 +228,30 @@ class Validator:
         except MessageError as error:
             self._reject(result, received_message, RejectReason.TOO_MANY_DESCRIPTIONS, error)
 
-    def _is_readable(
+    def _find_class(
         self,
         result: IngestResult,
         received_message: ReceivedMessage,
         node: str,
         message: Described,
         plaintext: bytes,
-    ) -> bool:
-        """Whether the layout of a message is there and fits; else the message waits, or is dead."""
+    ) -> Privacy | None:
+        """The privacy class of a message.
+
+        ``None`` if its layout is not there or does not fit: then it waits, or is dead.
+        """
         skin = None
         try:
             found = self._descriptions.find(node, message.layout)
-            if isinstance(found, Skin):
+            if isinstance(found, DescribedLayout):
                 skin = found
                 self._missing_layouts.found(node, message.layout)
                 if isinstance(message, Statements):
-                    skin.require_statements(message)
+                    privacy = skin.require_statements(message)
                 else:
-                    skin.require_frame(message.summary)
+                    privacy = skin.require_frame(message.summary)
                 self._descriptions.use(node, message.layout)
-                return True
+                return privacy
             request = self._missing_layouts.wait(node, message.layout, found)
             if request.hashes:
                 result.want.setdefault(node, {}).update(dict.fromkeys(request.hashes))
@@ -253,15 +260,15 @@ class Validator:
             fault = str(error)
         if fault is None:
             result.waiting += 1
-            return False
+            return None
         # Where no layout says that the samples are not biometric, they are not kept.
-        body = plaintext if skin is not None and not skin.biometric else b""
+        body = plaintext if skin is not None and not skin.biometric_pages else b""
         position = message.position
         reason = f"boot {position.boot} sequence {position.sequence}: {fault}"
         fingerprint = hashlib.sha256(f"{node} {position}".encode() + body).digest()
         letter = DeadLetter(self._now(), node, reason, body, fingerprint)
         self._store_dead_letter(result, received_message, letter, position)
-        return False
+        return None
 
     def _add_dead_letter(
         self,

@@ -25,9 +25,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
-    from eskin.wire.frames import FrameSummary, Patch
+    from eskin.wire.frames import DescribedLayout, FrameSummary, Patch
     from eskin_gateway.mqtt.transport import Publication
-    from eskin_gateway.spool.descriptions import Skin
 
 LARGE: Final = 64
 """Channels from which on a skin's patches are published, and not its channels."""
@@ -46,10 +45,11 @@ class PageHull:
         skin: The same.
     """
 
-    def __init__(self, skin: Skin, page: int) -> None:
+    def __init__(self, skin: DescribedLayout, page: int) -> None:
         self.skin = skin
-        self._first = skin.ends[page] - skin.layout.pages[page]
-        self._columns = skin.columns[self._first : skin.ends[page]]
+        numbers = skin.page_ranges[page]
+        self._first = numbers.start
+        self._columns = skin.facts[numbers.start : numbers.stop, 0]
         self._ends = np.cumsum(self._columns)
         size = int(self._ends[-1])
         self._lo, self._hi = np.full(size, np.inf), np.full(size, -np.inf)
@@ -152,7 +152,7 @@ class FrameHulls:
         self._checked = -math.inf
 
     def add(
-        self, node: str, frame: FrameSummary, data: bytes, skin: Skin, *, now: float
+        self, node: str, frame: FrameSummary, data: bytes, skin: DescribedLayout, *, now: float
     ) -> Iterator[Publication]:
         """Enclose a frame, and publish what is due.
 

@@ -21,10 +21,10 @@ from eskin_gateway.publish.presence import latest_statuses
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from eskin.wire.frames import Patch
+    from eskin.wire.frames import DescribedLayout, Patch
     from eskin.wire.messages import Status
     from eskin_gateway.mqtt.transport import Publication
-    from eskin_gateway.spool.descriptions import Descriptions, Skin
+    from eskin_gateway.spool.descriptions import Descriptions
     from eskin_gateway.spool.node_certificates import NodeCertificates
     from eskin_gateway.spool.spool import Spool
 
@@ -113,7 +113,7 @@ class Discovery:
         earlier = {} if before is None else configs(self._prefix, node, before, skin)
         yield from self._replace(node, earlier)
 
-    def describe(self, node: str, skin: Skin) -> Iterator[Publication]:
+    def describe(self, node: str, skin: DescribedLayout) -> Iterator[Publication]:
         """Announce a node whose skin is new or changed, if it has sent a status."""
         before = self._skins.get(node)
         if before is skin:
@@ -154,7 +154,9 @@ class Discovery:
         return status.time[1] < self._now() - self._expire_ns
 
 
-def configs(prefix: str, node: str, status: Status, skin: Skin | None) -> dict[str, bytes]:
+def configs(
+    prefix: str, node: str, status: Status, skin: DescribedLayout | None
+) -> dict[str, bytes]:
     """Topics and JSON configurations of all that is announced of a node."""
     channels = [each for each in status.channels if not is_biometric(each.channel)]
     patches = [] if skin is None else skin.public_patches(node)

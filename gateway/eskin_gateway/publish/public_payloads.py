@@ -17,9 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from eskin.wire import frames
-    from eskin.wire.frames import Statements
+    from eskin.wire.frames import DescribedLayout, Statements
     from eskin.wire.messages import Position
-    from eskin_gateway.spool.descriptions import Skin
 
 
 def is_public(message: BlockSummary | Peak) -> bool:
@@ -75,7 +74,9 @@ def event(node: str, message: Peak | Gap) -> tuple[str, bytes]:
     return live_topic(node, "events"), orjson.dumps(item)
 
 
-def statements(node: str, message: Statements, skin: Skin) -> Iterator[tuple[str, bytes]]:
+def statements(
+    node: str, message: Statements, skin: DescribedLayout
+) -> Iterator[tuple[str, bytes]]:
     """Topic and JSON of each statement, with the fields of an event. Their ``id``s are numbered."""
     stated = [
         *((peak.time, _stated_peak(peak, skin.patches[peak.patch])) for peak in message.peaks),
@@ -196,7 +197,7 @@ def _monitor_verdict(verdict: frames.MonitorVerdict) -> dict[str, Any]:
     }
 
 
-def _stated_gap(gap: frames.Gap, skin: Skin) -> dict[str, Any]:
+def _stated_gap(gap: frames.Gap, skin: DescribedLayout) -> dict[str, Any]:
     return {
         "detail": {
             "reason": gap.reason,

@@ -7,24 +7,15 @@ that no message in the spool needs.
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass
-from functools import cached_property
-from itertools import accumulate
-from typing import TYPE_CHECKING, Final, Self
-
-import numpy as np
+from typing import TYPE_CHECKING, Final
 
 from eskin.errors import MessageError
-from eskin.privacy import is_biometric
-from eskin.wire.frames import Layout, Patch, Privacy, content_hash
+from eskin.wire.frames import DescribedLayout, Layout, Patch, content_hash
 from eskin_gateway.spool.batch import Description
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Collection
 
-    from numpy.typing import NDArray
-
-    from eskin.wire.frames import FrameSummary, Statements
     from eskin_gateway.spool.batch import Batch
     from eskin_gateway.spool.spool import Spool
 
@@ -35,110 +26,6 @@ MOST: Final = 8192
 _MOST_CHANNELS: Final = 500_000
 """Of all skins in memory, some 100 bytes each."""
 _MAX_NODES: Final = 4096
-_BIOMETRIC: Final = "holds biometric patches; sealed frames are not supported yet"
-
-
-@dataclass(frozen=True, eq=False)
-class Skin:
-    """A layout with its patches.
-
-    Attributes:
-        layout: By which frames are read.
-        patches: Its patches, in its order.
-        biometric: Numbers of the patches whose samples are data about a person.
-        channels: How many channels all patches have.
-    """
-
-    layout: Layout
-    patches: tuple[Patch, ...]
-    biometric: frozenset[int]
-    channels: int
-
-    @classmethod
-    def join(cls, layout: Layout, patches: Sequence[Patch]) -> Self:
-        """Join a layout and its patches.
-
-        Raises:
-            MessageError: They do not fit.
-        """
-        layout.require_patches(patches)
-        biometric = frozenset(k for k, patch in enumerate(patches) if _is_biometric(patch))
-        return cls(layout, tuple(patches), biometric, sum(len(each.taxels) for each in patches))
-
-    def public_patches(self, node: str) -> list[Patch]:
-        """The patches that a node samples and whose samples are not data about a person."""
-        owners = [c.node for c in self.layout.controllers for _ in range(c.pages)]
-        return [
-            self.patches[number]
-            for page in range(len(self.layout.pages))
-            if not owners or owners[page] == node
-            for number in self.layout.page_range(page)
-            if number not in self.biometric
-        ]
-
-    @cached_property
-    def columns(self) -> NDArray[np.int64]:
-        """How many columns each patch has."""
-        return np.array([len(patch.taxels) for patch in self.patches])
-
-    @cached_property
-    def ends(self) -> tuple[int, ...]:
-        """For each page, the number of the first patch after it."""
-        return tuple(accumulate(self.layout.pages))
-
-    @cached_property
-    def _shares_errors(self) -> NDArray[np.bool_]:
-        return np.array([bool(patch.alpha) for patch in self.patches])
-
-    def require_frame(self, frame: FrameSummary) -> None:
-        """Check that a frame fits, as `Frame.require_layout` does, and that none is biometric.
-
-        Raises:
-            MessageError: It does not, or some is.
-        """
-        if frame.page >= len(self.ends):
-            raise MessageError(f"page is {frame.page}; the layout has {len(self.ends)}")
-        numbers, end = frame.records["patch"], self.ends[frame.page]
-        if numbers[0] < end - self.layout.pages[frame.page] or numbers[-1] >= end:
-            raise MessageError(
-                f"patches {numbers[0]} to {numbers[-1]} are not all on page {frame.page}"
-            )
-        for wrong, what in (
-            (frame.records["columns"] != self.columns[numbers], "another number of columns"),
-            ((frame.records["epoch"] > 0) & ~self._shares_errors[numbers], "no shared error"),
-        ):
-            if wrong.any():
-                number = numbers[np.flatnonzero(wrong)[0]]
-                raise MessageError(f"patch {number} has {what} by its description")
-        if self.biometric and not self.biometric.isdisjoint(numbers.tolist()):
-            raise MessageError(_BIOMETRIC)
-
-    def require_statements(self, message: Statements) -> None:
-        """Check that statements fit, and that none is on biometric patches.
-
-        Raises:
-            MessageError: They do not, or one is.
-        """
-        self._require_named(message)
-        # A contact and a monitor may be of any patch.
-        if any(peak.patch in self.biometric for peak in message.peaks) or (
-            self.biometric and (message.contacts or message.verdicts)
-        ):
-            raise MessageError(_BIOMETRIC)
-
-    def _require_named(self, message: Statements) -> None:
-        named = [peak.patch for peak in message.peaks]
-        named += [number for gap in message.gaps for number in gap.patches]
-        if named and max(named) >= len(self.patches):
-            raise MessageError(
-                f"patch {max(named)} is named; the layout has {len(self.patches)} patches"
-            )
-        for peak in message.peaks:
-            columns = len(self.patches[peak.patch].taxels)
-            if peak.column >= columns:
-                raise MessageError(
-                    f"column {peak.column} of patch {peak.patch} is named; it has {columns}"
-                )
 
 
 class Descriptions:
@@ -155,7 +42,7 @@ class Descriptions:
         self._most_bytes = most_bytes
         self._most = most
         self._sizes: OrderedDict[str, dict[bytes, int]] = OrderedDict()
-        self._skins: OrderedDict[tuple[str, bytes], Skin | str] = OrderedDict()
+        self._skins: OrderedDict[tuple[str, bytes], DescribedLayout | str] = OrderedDict()
         self._channels = 0
         self._added: dict[tuple[str, bytes], bytes] = {}
         self._evicted: list[tuple[str, bytes]] = []
@@ -183,7 +70,7 @@ class Descriptions:
         sizes[name] = len(body)
         self._added[node, name] = body
 
-    def find(self, node: str, layout: bytes) -> Skin | tuple[bytes, ...]:
+    def find(self, node: str, layout: bytes) -> DescribedLayout | tuple[bytes, ...]:
         """Find a layout of a node with its patches.
 
         Returns:
@@ -204,7 +91,7 @@ class Descriptions:
             raise MessageError(found)
         return found
 
-    def latest(self, node: str) -> Skin | None:
+    def latest(self, node: str) -> DescribedLayout | None:
         """The skin of the node's latest message in the spool, if the spool has all of it.
 
         Raises:
@@ -215,7 +102,7 @@ class Descriptions:
             found = () if layout is None else self.find(node, layout)
         except MessageError:
             return None
-        return found if isinstance(found, Skin) else None
+        return found if isinstance(found, DescribedLayout) else None
 
     def use(self, node: str, layout: bytes) -> None:
         """Note that a message of the next commit needs a layout."""
@@ -252,7 +139,7 @@ class Descriptions:
     def _body(self, node: str, name: bytes) -> bytes | None:
         return self._added.get((node, name)) or self._spool.description(node, name)
 
-    def _read(self, node: str, name: bytes) -> Skin | str | tuple[bytes, ...]:
+    def _read(self, node: str, name: bytes) -> DescribedLayout | str | tuple[bytes, ...]:
         """The skin, or why it cannot be read, or what is missing."""
         body = self._body(node, name)
         if body is None:
@@ -267,11 +154,12 @@ class Descriptions:
             missing = tuple(each for each, found in bodies.items() if found is None)
             if missing:
                 return missing
-            return Skin.join(layout, [Patch.decode(found) for found in bodies.values() if found])
+            patches = [Patch.decode(found) for found in bodies.values() if found]
+            return DescribedLayout.of(layout, patches)
         except MessageError as error:
             return f"layout {name.hex()}: {error}"
 
-    def _keep(self, key: tuple[str, bytes], found: Skin | str) -> None:
+    def _keep(self, key: tuple[str, bytes], found: DescribedLayout | str) -> None:
         self._skins[key] = found
         self._channels += _size(found)
         while self._channels > _MOST_CHANNELS and len(self._skins) > 1:
@@ -306,10 +194,5 @@ class Descriptions:
         return needed
 
 
-def _is_biometric(patch: Patch) -> bool:
-    """By its privacy class or, as everywhere, by its channels' names."""
-    return patch.privacy is Privacy.BIOMETRIC or any(map(is_biometric, patch.channels))
-
-
-def _size(found: Skin | str) -> int:
-    return found.channels if isinstance(found, Skin) else 1
+def _size(found: DescribedLayout | str) -> int:
+    return found.channels if isinstance(found, DescribedLayout) else 1

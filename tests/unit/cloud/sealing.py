@@ -13,6 +13,7 @@ from sqlalchemy import select
 
 from eskin.privacy import Encryptor, FileMasterKey, KeyStore
 from eskin.runtime.settings import KeysSection
+from eskin.wire.frames import Frame, FrameSummary
 from tests.support.identities import SITE
 from tests.unit.cloud.clouds import Stand, admit, standing
 from tests.unit.cloud.messages import block, peak, status
@@ -26,8 +27,11 @@ if TYPE_CHECKING:
     from eskin_cloud.store.location import StoreLocation
 
     from eskin.privacy import Subject
+    from eskin.wire.frames import Statements
     from eskin.wire.messages import Block, Peak, Status
     from tests.support.identities import Identities
+
+    Sealed = Block | Peak | Frame | Statements
 
 NODE: Final = "hand"
 CHANNEL: Final = "t05.bioelectric"
@@ -41,13 +45,14 @@ class Site:
         self.ada = self.keystore.create("Ada Lovelace")
         self._encryptor = Encryptor()
 
-    def seal(self, message: Block | Peak, subject: Subject | None = None) -> bytes:
+    def seal(self, message: Sealed, subject: Subject | None = None) -> bytes:
         """A sealed message of the node."""
-        made = self._encryptor.encrypt(subject or self.ada, NODE, message, message.encode())
-        return made.encode()
+        data = message.encode()
+        said = FrameSummary.decode(data) if isinstance(message, Frame) else message
+        return self._encryptor.encrypt(subject or self.ada, NODE, said, data).encode()
 
-    def batch(self, *messages: Block | Peak | Status, subject: Subject | None = None) -> bytes:
-        """The body of an ingest, in which blocks and peaks are sealed."""
+    def batch(self, *messages: Sealed | Status, subject: Subject | None = None) -> bytes:
+        """The body of an ingest, in which all but statuses are sealed."""
         bodies = [
             said.encode() if hasattr(said, "channels") else self.seal(said, subject)
             for said in messages

@@ -39,7 +39,7 @@ def listen(
 ) -> AsyncIterator[bytes]:
     """A stream on a cloud's feed."""
     chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0}
-    chosen["reveal"] = lambda entry: entry
+    chosen["reveal"] = lambda entry: [entry]
     chosen["sealed"] = True
     chosen["viewers"] = stand.cloud.viewers
     chosen |= options

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_cloud.query.contacts import ContactSkin
-from eskin_cloud.store.descriptions import DescribedLayout
 from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.interval import Interval
-from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples, Seam
+from eskin.wire.frames import DescribedLayout, Frame, Grid, Layout, Patch, PatchSamples, Seam
 from eskin.wire.messages import Position
 from eskin.wire.timestamp import format_timestamp
 from tests.unit.cloud.clouds import batch

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_cloud.store.damage import DamagedRowError, require_intact_frame
-from eskin_cloud.store.descriptions import DescribedLayout, find_layout
+from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.frame_row import (
     fit_frame,
     patch_record,
@@ -21,7 +21,14 @@ from hypothesis import strategies as st
 from sqlalchemy import select, update
 
 from eskin.errors import MessageError
-from eskin.wire.frames import Frame, FrameSummary, Grid, PatchSamples, decode_samples
+from eskin.wire.frames import (
+    DescribedLayout,
+    Frame,
+    FrameSummary,
+    Grid,
+    PatchSamples,
+    decode_samples,
+)
 from eskin.wire.frames.frame_parts import read_head
 from eskin.wire.messages import Position
 from eskin.wire.timestamp import SECOND

@@ -18,14 +18,16 @@ from eskin.wire.frames import (
     Because,
     Contact,
     Frame,
+    Layout,
     Link,
     MonitorVerdict,
     PatchSamples,
     Privacy,
     SampleCodes,
     Statements,
+    content_hash,
 )
-from eskin.wire.messages.cbor_map import MOST_BYTES
+from eskin.wire.messages.cbor_map import MOST_BYTES, dump
 from eskin.wire.timestamp import MOST_MOMENT
 from tests.unit.cloud.clouds import batch, put
 from tests.unit.cloud.messages import NODE, START, block
@@ -209,22 +211,27 @@ class Raw:
         return self._data
 
 
-def test_biometric_patch_is_refused_and_its_frames_are_not_kept(store: Store) -> None:
-    heart = patch("heart", 1, quantity="bioelectric", unit="V")
-    worn = replace(heart, privacy=Privacy.BIOMETRIC, subject="ada")
-    for each in (heart, worn):
-        of = layout((each,), (1,))
-        stored, refused = describe(store, of, each)
-        assert (stored.result, refused.result) == (STORED, REJECTED)
-        assert "sealed frames are not supported" in str(refused.reason)
-        said = one_patch(of, sequence=0 if each is heart else 1)
-        (receipt,) = put(store, said).results
-        assert receipt.result == REJECTED
-    kept = rows(store, dead_letters)
-    assert {row["data"] for row in kept} == {b""}
-    assert all("sealed frames are not supported" in row["reason"] for row in kept)
-    assert [row["kind"] for row in rows(store, descriptions)] == ["layout"] * 2
-    assert [(row["first"], row["last"]) for row in rows(store, lost_ranges)] == [(0, 1)]
+@pytest.mark.parametrize(
+    "change", [{8: "adalbert"}, {3: "voltage"}, {7: 0, 8: None}], ids=["name", "quantity", "public"]
+)
+def test_patch_that_names_a_person_or_contradicts_itself_is_refused_with_its_frames(
+    store: Store, change: dict[int, Any]
+) -> None:
+    worn = patch(
+        "heart", 1, quantity="bioelectric", unit="V", privacy=Privacy.BIOMETRIC, subject="wearer"
+    )
+    fields = {k: v for k, v in (cbor2.loads(worn.encode()) | change).items() if v is not None}
+    data = dump(fields)
+    of = Layout((content_hash(data),), (1,))
+    stored, refused = describe(store, of, Raw(data))
+    assert (stored.result, refused.result) == (STORED, REJECTED)
+    (receipt,) = put(store, one_patch(of, sequence=0)).results
+    assert receipt.result == REJECTED
+    (letter,) = rows(store, dead_letters)
+    assert letter["data"] == b""
+    assert "adalbert" not in letter["reason"]
+    assert [row["kind"] for row in rows(store, descriptions)] == ["layout"]
+    assert [(row["first"], row["last"]) for row in rows(store, lost_ranges)] == [(0, 0)]
 
 
 def one_patch(of: Any, *, sequence: int, columns: int = 1, epoch: int = 0, at: int = 0) -> Frame:

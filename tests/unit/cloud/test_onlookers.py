@@ -85,7 +85,7 @@ async def test_stream_has_the_gateway_told(stand: Stand) -> None:
             cursor=0,
             backlog=1000,
             heartbeat=30.0,
-            reveal=lambda entry: entry,
+            reveal=lambda entry: [entry],
             sealed=True,
         )
         async with aclosing(told):  # type: ignore[type-var]  # a generator

@@ -242,13 +242,14 @@ async def test_live_stream_reveals_to_whoever_may_read_alone(stand: Stand, site:
         entries = read_entries(connection, 0, stand.cloud.feed.last)
         key_access.apply_erasures(connection)
     sealed = [entry for entry in entries if entry.sealed is not None]
-    assert [key_access.reveal([Scope.READ])(entry) for entry in sealed] == [None, None]
-    shown = [key_access.reveal([Scope.READ, Scope.BIOMETRIC])(entry) for entry in sealed]
-    assert shown[0] is not None
-    assert shown[0].block == pulse(1).encode()
-    assert shown[1] is not None
-    assert shown[1].event is not None
-    assert shown[1].event["height_lo"] == 2.0
+    layouts = stand.cloud.feed.layouts
+    hidden = key_access.reveal([Scope.READ], layouts)
+    assert [list(hidden(entry)) for entry in sealed] == [[], []]
+    reveal = key_access.reveal([Scope.READ, Scope.BIOMETRIC], layouts)
+    (one,), (other,) = (reveal(entry) for entry in sealed)
+    assert one.block == pulse(1).encode()
+    assert other.event is not None
+    assert other.event["height_lo"] == 2.0
 
 
 async def test_window_of_too_many_blocks_is_refused(

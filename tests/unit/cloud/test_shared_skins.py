@@ -11,12 +11,12 @@ import pytest
 from eskin_cloud.query.contacts import ContactSkin
 from eskin_cloud.query.pictures import read_pictures
 from eskin_cloud.schemas.contacts import describe_contacts
-from eskin_cloud.store.descriptions import DescribedLayout
 from eskin_cloud.store.read.patch_runs import runs_of_frames
 from eskin_cloud.store.read.window import Window
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from eskin.wire.frames import DescribedLayout
 from eskin.wire.timestamp import parse_timestamp
 from tests.unit.cloud.clouds import batch, emptied, put
 from tests.unit.cloud.frame_clients import PATIENCE_S, Received, dial, serving

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -10,10 +11,13 @@ from eskin_cloud.live.stream import stream
 from eskin_cloud.live.subscription import Subscription
 from eskin_cloud.query.opaque_ids import OpaqueIds
 
+from eskin.wire.messages import Position
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import Stand, batch
 from tests.unit.cloud.messages import START, block, peak, status
 from tests.unit.cloud.sealing import CHANNEL, NODE, Site, ask, beat, keyed, physician, pulse
+from tests.unit.cloud.worn import beats as heartbeats
+from tests.unit.cloud.worn import describe_worn, worn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -39,6 +43,13 @@ QUESTIONS = (
     f"/api/v1/series/{NODE}/{OPEN}?{WINDOW}",
     f"/api/v1/export?channel={NODE}/{OPEN}&limit=1&{WINDOW}",
     f"/api/v1/series/{NODE}/{CHANNEL}?{WINDOW}",
+    f"/api/v1/nodes/{NODE}/layout",
+    f"/api/v1/nodes/{NODE}/frames",
+    f"/api/v1/nodes/{NODE}/frames?quantity=bioelectric&{WINDOW}",
+    f"/api/v1/contacts?node={NODE}",
+    f"/api/v1/series/{NODE}/palm-0.pressure",
+    f"/api/v1/series/{NODE}/h1.bioelectric",
+    f"/api/v1/export?channel={NODE}/palm-0.pressure",
     "/metrics",
 )
 
@@ -65,7 +76,7 @@ async def live(stand: Stand, cursor: int, *, sealed: bool, backlog: int = 10_000
         cursor=cursor,
         backlog=backlog,
         heartbeat=0.2,
-        reveal=stand.cloud.key_access.reveal([]),
+        reveal=stand.cloud.key_access.reveal([], stand.cloud.feed.layouts),
         sealed=sealed,
     )
     async for piece in pieces:
@@ -79,15 +90,21 @@ async def live(stand: Stand, cursor: int, *, sealed: bool, backlog: int = 10_000
 async def bring(stand: Stand, site: Site, beats: int) -> None:
     """The same in the open, and so many sealed peaks and blocks between."""
     declared = status(0, unit="F", channels=(OPEN, CHANNEL))
-    await stand.ingest(site.batch(declared, pulse(1), beat(2)))
-    sequence = 3
+    describe_worn(stand.cloud.store)
+    await stand.ingest(site.batch(declared, pulse(1), beat(2), worn(3)))
+    sequence = 4
     for k in range(4):
         await stand.ingest(batch(block(sequence, channel=OPEN), node=NODE))
         await stand.ingest(batch(peak(sequence + 1, channel=OPEN), node=NODE))
-        sequence += 2
+        # The same samples at the same time, whatever the number.
+        frame = replace(worn(k, page=0), position=Position(1, sequence + 2))
+        await stand.ingest(batch(frame, node=NODE))
+        sequence += 3
         for _ in range(beats + k):
             await stand.ingest(site.batch(beat(sequence), pulse(sequence + 1)))
-            sequence += 2
+            of_frames = worn(sequence + 2, at=sequence * 60 * SECOND), heartbeats(sequence + 3)
+            await stand.ingest(site.batch(*of_frames))
+            sequence += 4
     stand.clock.turn(1.0)
 
 
@@ -168,8 +185,8 @@ async def test_id_stays_the_same_while_only_sealed_messages_come(
     await bring(stand, site, 1)
     before = await live(stand, stand.cloud.feed.last, sealed=False)
     known = await live(stand, stand.cloud.feed.last, sealed=True)
-    for sequence in range(100, 110):
-        await stand.ingest(site.batch(beat(sequence)))
+    for sequence in range(100, 120, 2):
+        await stand.ingest(site.batch(beat(sequence), worn(sequence + 1)))
     assert await live(stand, stand.cloud.feed.last, sealed=False) == before
     assert await live(stand, stand.cloud.feed.last, sealed=True) != known
 

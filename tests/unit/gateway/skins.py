@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -88,6 +89,10 @@ class SkinOf:
         layout = self.layout.content_hash
         moment = start, start + 500
         return Frame(Position(boot, sequence), layout, page, 0, moment, (grid,), tuple(samples))
+
+    def peaks(self, sequence: int, *, boot: int = 1, number: int = 0) -> Statements:
+        """A peak of a patch."""
+        return replace(self.statements(sequence, boot=boot, number=number), contacts=(), gaps=())
 
     def statements(self, sequence: int, *, boot: int = 1, number: int = 0) -> Statements:
         """A peak of a patch, a contact and a gap."""

@@ -14,11 +14,10 @@ import pytest
 from eskin_gateway.publish import public_payloads
 from eskin_gateway.publish.frame_hulls import LARGE as FROM
 from eskin_gateway.publish.frame_hulls import FrameHulls
-from eskin_gateway.spool.descriptions import Skin
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.wire.frames import FrameSummary
+from eskin.wire.frames import DescribedLayout, FrameSummary
 from eskin.wire.timestamp import format_timestamp
 from tests.unit.eskin.senml import read_senml
 from tests.unit.gateway.messages import EPOCH
@@ -32,8 +31,8 @@ if TYPE_CHECKING:
     from eskin.wire.frames import Frame
 
 
-def joined(skin: SkinOf) -> Skin:
-    return Skin.join(skin.layout, skin.patches)
+def joined(skin: SkinOf) -> DescribedLayout:
+    return DescribedLayout.of(skin.layout, skin.patches)
 
 
 class Published:
@@ -51,7 +50,7 @@ class Published:
     def add(self, frame: Frame, now: float) -> None:
         self.add_of("n", frame, self.skin, now)
 
-    def add_of(self, node: str, frame: Frame, skin: Skin, now: float) -> None:
+    def add_of(self, node: str, frame: Frame, skin: DescribedLayout, now: float) -> None:
         data = frame.encode()
         found = self.hulls.add(node, FrameSummary.decode(data), data, skin, now=now)
         self._take(now, found)

@@ -5,20 +5,31 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import cbor2
 import numpy as np
 import pytest
 from eskin_gateway.ingest.missing_layouts import MOST_LAYOUTS
-from eskin_gateway.spool.descriptions import Descriptions, Skin
+from eskin_gateway.spool.descriptions import Descriptions
 from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.errors import MessageError
 from eskin.identity import IdentityKind
+from eskin.interval import Verdict
+from eskin.privacy import Decryptor, SealedMessage
 from eskin.wire.envelope import Opener
-from eskin.wire.frames import FrameSummary, Layout, content_hash
+from eskin.wire.frames import (
+    Because,
+    DescribedLayout,
+    FrameSummary,
+    Layout,
+    MonitorVerdict,
+    Privacy,
+    content_hash,
+)
 from eskin.wire.messages import Acknowledgement
 from eskin.wire.messages.cbor_map import dump
-from eskin.wire.topics import Stream, node_topic
+from eskin.wire.topics import PUBLIC, Stream, live_topic, node_topic
 from tests.unit.gateway.in_memory import LAYOUT_WAIT_S, Inside
 from tests.unit.gateway.messages import block, status
 from tests.unit.gateway.skins import LARGE, MIXED, SMALL, SkinOf, patch
@@ -244,37 +255,96 @@ def test_patch_named_as_a_layout_makes_dead_letters(inside: Inside, node: Node) 
     assert node.acknowledged == {0, 1}
 
 
-@pytest.mark.parametrize(
-    "message",
-    [
-        replace(SkinOf(MIXED.patches[1]).frame(1), layout=MIXED.layout.content_hash, page=1,
-                patches=(replace(SkinOf(MIXED.patches[1]).frame(1).patches[0], patch=1),)),
-        MIXED.statements(1, number=1),
-        MIXED.statements(1),
-    ],
-)  # fmt: skip
-def test_biometric_data_are_refused_and_kept_nowhere(
+@pytest.mark.parametrize("message", [MIXED.frame(1, page=1), MIXED.peaks(1, number=1)])
+def test_biometric_message_is_stored_sealed_and_not_published(
     inside: Inside, node: Node, message: Frame | Statements, tmp_path: Path
 ) -> None:
     node.describe(MIXED)
+    for _ in range(2):
+        node.say(message)
+    (sealed,) = bodies(inside)
+    found = SealedMessage.decode(sealed)
+    assert Decryptor(inside.keystore).read("fingertip", found)[1] == message.encode()
+    assert found.subject == inside.assignments.subject("fingertip", found.time[0]).pseudonym
+    assert found.layout == MIXED.layout.content_hash
+    assert node.acknowledged == {0, 1}
+    written = b"".join(file.read_bytes() for file in tmp_path.glob("spool.db*"))
+    assert message.encode()[-40:] not in written
+    inside.clock.seconds += 10.0
+    inside.post_commit.run_periodic()
+    assert not public(inside)
+    node.say(MIXED.frame(2))
+    assert bodies(inside)[1:] == [MIXED.frame(2).encode()], "its public page is public"
+    assert public(inside)
+
+
+def public(inside: Inside) -> list[str]:
+    """Public topics besides the node's status."""
+    topics = [topic for topic, *_ in inside.broker.published]
+    status_topic = live_topic("fingertip", "status")
+    return [each for each in topics if each.startswith(PUBLIC) and each != status_topic]
+
+
+HIGH = replace(patch(0, 3), patch_id="high", taxels=("bio-1",), privacy=Privacy.BIOMETRIC,
+               subject="wearer")  # fmt: skip
+TOUCHED = SkinOf(patch(0, 3), HIGH, pages=(1, 1))
+"""Contacts may be of a biometric patch, too."""
+
+
+@pytest.mark.parametrize(
+    ("skin", "message"),
+    [
+        (MIXED, MIXED.statements(1, number=1)),
+        (MIXED, replace(MIXED.statements(1, number=1), contacts=())),
+        (MIXED, replace(MIXED.statements(1, number=1), gaps=())),
+        (TOUCHED, TOUCHED.statements(1)),
+        (MIXED, replace(
+            MIXED.peaks(1),
+            verdicts=(MonitorVerdict("grip", (0, 1), Verdict.CERTAIN, final=True,
+                                     because=Because(0), coverage=1.0),),
+        )),
+        (MIXED, replace(MIXED.frame(1, page=1), page=0)),
+    ],
+)  # fmt: skip
+def test_message_of_two_privacy_classes_is_refused_and_kept_nowhere(
+    inside: Inside, node: Node, skin: SkinOf, message: Frame | Statements, tmp_path: Path
+) -> None:
+    node.describe(skin)
     node.say(message)
     (letter,) = inside.spool.dead_letters()
     assert letter.body == b""
-    assert "biometric" in letter.reason
     assert bodies(inside) == []
     assert node.acknowledged == {0, 1}
     written = b"".join(file.read_bytes() for file in tmp_path.glob("spool.db*"))
-    assert message.encode() not in written
-    node.say(MIXED.frame(2))
-    assert bodies(inside) == [MIXED.frame(2).encode()], "its public page is public"
+    assert message.encode()[-40:] not in written
 
 
-def test_channel_named_as_biometric_is_biometric_in_any_patch(inside: Inside, node: Node) -> None:
-    skin = SkinOf(replace(patch(0, 2), quantity="bioelectric", unit="V"))
-    node.describe(skin)
-    node.say(skin.frame(1))
-    (letter,) = inside.spool.dead_letters()
-    assert letter.body == b""
+def test_contacts_of_public_patches_are_public_beside_biometric_ones(
+    inside: Inside, node: Node
+) -> None:
+    node.describe(MIXED)
+    node.say(MIXED.statements(1))
+    assert bodies(inside) == [MIXED.statements(1).encode()]
+
+
+@pytest.mark.parametrize(
+    "change", [{8: "adalbert"}, {7: 0}, {3: "voltage"}], ids=["name", "public", "other quantity"]
+)
+def test_description_that_names_a_person_or_contradicts_itself_is_kept_nowhere(
+    inside: Inside, node: Node, change: dict[int, object], tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    fields = cbor2.loads(MIXED.patches[1].encode()) | {2: "skin-of-xyz"} | change
+    if change == {7: 0}:
+        del fields[8]
+    said = dump(fields)
+    node.send(Stream.LAYOUTS, said)
+    assert inside.rejected() == {"unreadable": 1}
+    assert inside.spool.description_sizes("fingertip") == {}
+    written = b"".join(file.read_bytes() for file in tmp_path.glob("spool.db*"))
+    assert said not in written
+    assert b"skin-of-xyz" not in written
+    assert "adalbert" not in caplog.text
 
 
 def test_frame_on_another_stream_is_a_dead_letter(inside: Inside, node: Node) -> None:
@@ -400,7 +470,7 @@ def test_node_with_bytes_beyond_its_limit_keeps_what_is_needed(inside: Inside, n
 def test_skin_is_joined_as_its_parts_say(inside: Inside, node: Node) -> None:
     node.describe(LARGE)
     found = Descriptions(inside.spool).find("fingertip", LARGE.layout.content_hash)
-    assert isinstance(found, Skin)
+    assert isinstance(found, DescribedLayout)
     assert (found.layout, found.patches, found.channels) == (LARGE.layout, LARGE.patches, 80)
 
 
@@ -428,7 +498,7 @@ def test_frame_is_taken_if_and_only_if_it_fits(
     except (MessageError, IndexError):
         fits = False
     try:
-        Skin.join(to.layout, to.patches).require_frame(FrameSummary.decode(frame.encode()))
+        DescribedLayout.of(to.layout, to.patches).require_frame(FrameSummary.decode(frame.encode()))
         taken = True
     except MessageError:
         taken = False

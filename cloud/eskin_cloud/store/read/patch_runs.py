@@ -10,7 +10,7 @@ from sqlalchemy import and_, bindparam, select
 
 from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin_cloud.store.damage import FrameHeader, is_intact_frame, is_intact_patch_row
-from eskin_cloud.store.descriptions import DescribedLayout, find_layout
+from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.patch_rows import decode_runs
 from eskin_cloud.store.patch_run import PatchRun
 from eskin_cloud.store.read.window import Window, before
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from sqlalchemy import Connection, RowMapping
+
+    from eskin.wire.frames import DescribedLayout
 
 FRAMES_AT_ONCE: Final = 512
 ROWS_AT_ONCE: Final = 32
@@ -100,10 +102,22 @@ def read_pages(connection: Connection, node: str) -> list[RowMapping]:
     return sorted(found, key=lambda row: (row["t_last"] is None, -(row["t_last"] or 0)))
 
 
-def find_last(connection: Connection, node: str) -> int | None:
-    """The time of a node's last sample in frames, UTC ns; ``None`` if there is none."""
-    times = (row["t_last"] for row in read_pages(connection, node))
-    return max((t for t in times if t is not None), default=None)
+def find_last(connection: Connection, node: str, *, sealed: bool = False) -> int | None:
+    """The time of a node's last sample in frames, UTC ns; ``None`` if there is none.
+
+    Unless ``sealed``, it does not depend on sealed frames, of which only the minute is known.
+    """
+    times = [
+        row["t_last"]
+        for row in read_pages(connection, node)
+        if row["t_last"] is not None and (sealed or not _is_sealed(connection, node, row))
+    ]
+    return max(times, default=None)
+
+
+def _is_sealed(connection: Connection, node: str, page: RowMapping) -> bool:
+    described = find_layout(connection, node, bytes(page["layout"]))
+    return page["page"] in described.biometric_pages
 
 
 def find_layouts(connection: Connection, node: str) -> list[DescribedLayout]:

@@ -30,9 +30,19 @@ descriptions = Table(
     *_key(),
     Column("hash", LargeBinary, primary_key=True),
     Column("kind", Text(8), nullable=False),
+    Column("biometric", Integer, nullable=False),
     Column("data", LargeBinary, nullable=False),
 )
-"""Patches and layouts byte for byte, by the SHA-256 of ``data``; ``kind`` is patch or layout."""
+"""Patches and layouts byte for byte, by the SHA-256 of ``data``; ``kind`` is patch or layout.
+
+``biometric`` is 1 for patches of biometric channels.
+"""
+Index(
+    "biometric_descriptions",
+    descriptions.c.node,
+    sqlite_where=descriptions.c.biometric == 1,
+    postgresql_where=descriptions.c.biometric == 1,
+)
 add_row_digest(descriptions)
 
 pages = Table(
@@ -50,6 +60,9 @@ pages = Table(
     Column("compacted", BigInteger),
 )
 """Totals of the rows in `frames` of one page of a layout.
+
+Of a biometric page, whose frames are in `sealed_messages`, only ``frames``, ``t_first`` and
+``t_last`` are known, by the minute.
 
 ``longest`` is the greatest ``t_end - t`` of a row, ever. Frames before ``compacted`` are in
 `patch_rows`.

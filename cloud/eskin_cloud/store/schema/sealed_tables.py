@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import BigInteger, Column, Index, LargeBinary, Table, exists, select
 
 from eskin_cloud.store.row_digests import add_row_digest
 from eskin_cloud.store.schema.tables import (
-    CHANNEL_LENGTH,
     NODE_LENGTH,
     SITE_LENGTH,
     metadata,
@@ -19,6 +18,9 @@ from eskin_cloud.store.text_type import Text
 if TYPE_CHECKING:
     from sqlalchemy import ColumnElement
 
+PLACE_LENGTH: Final = 68
+"""64 digits of a hash, a point, and a page."""
+
 sealed_messages = Table(
     "sealed_messages",
     metadata,
@@ -26,22 +28,23 @@ sealed_messages = Table(
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
     Column("sequence", BigInteger, primary_key=True, autoincrement=False),
     Column("cursor", BigInteger, nullable=False),
-    Column("channel", Text(CHANNEL_LENGTH), nullable=False),
-    Column("kind", Text(8), nullable=False),
+    Column("place", Text(PLACE_LENGTH), nullable=False),
+    Column("kind", Text(10), nullable=False),
     Column("subject", Text(32), nullable=False),
     Column("t_lo", BigInteger, nullable=False),
     Column("t_hi", BigInteger, nullable=False),
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary, nullable=False),
     Index("sealed_by_cursor", "cursor"),
-    Index("sealed_by_time", "node", "channel", "t_lo"),
-    Index("sealed_by_coming", "node", "channel", "received"),
+    Index("sealed_by_time", "node", "place", "t_lo"),
+    Index("sealed_by_coming", "node", "place", "received"),
     Index("sealed_by_subject", "subject"),
 )
-"""Blocks and peaks of biometric channels, encrypted under their subjects' keys.
+"""Messages of biometric channels, encrypted under their subjects' keys.
 
-``data`` is the message byte for byte; ``t_lo`` and ``t_hi`` are whole minutes; ``subject`` is a
-pseudonym.
+``place`` is the channel of a block or peak, layout and page of a frame, the layout of statements
+(`eskin.privacy.sealed_message.name_place`). ``data`` is the message byte for byte; ``t_lo`` and
+``t_hi`` are whole minutes; ``subject`` is a pseudonym.
 """
 
 add_row_digest(sealed_messages)
@@ -80,11 +83,14 @@ removals = Table(
     "removals",
     metadata,
     Column("node", Text(NODE_LENGTH), primary_key=True),
-    Column("channel", Text(CHANNEL_LENGTH), primary_key=True),
+    Column("channel", Text(PLACE_LENGTH), primary_key=True),
     Column("reason", Text(16), primary_key=True),
     Column("messages", BigInteger, nullable=False),
     Column("before", BigInteger, nullable=False),
     Column("at", BigInteger, nullable=False),
 )
-"""Removed messages by channel and reason: their number, latest time, and time of removal."""
+"""Removed messages by channel and reason: their number, latest time, and time of removal.
+
+``channel`` is a patch for frames, or the ``place`` of sealed ones.
+"""
 add_row_digest(removals)

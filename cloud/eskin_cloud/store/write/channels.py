@@ -53,7 +53,7 @@ def check_channels(
 def channels_of(message: Summary | SealedMessage) -> list[tuple[str, str | None]]:
     """The channels of a message, with their units; ``None`` for a sealed message."""
     if isinstance(message, SealedMessage):
-        return [(message.channel, None)]
+        return [] if message.channel is None else [(message.channel, None)]
     if isinstance(message, BlockSummary | Peak):
         return [(message.channel, message.unit)]
     if isinstance(message, Status):
@@ -116,10 +116,10 @@ def add_blocks(cache: WriteCache, row: Row, rows: Sequence[BlockRow]) -> None:
 
 
 def add_sealed(
-    connection: Connection, cache: WriteCache, node: str, message: SealedMessage
+    connection: Connection, cache: WriteCache, node: str, channel: str, message: SealedMessage
 ) -> None:
     """Count a sealed block or peak; only its minutes are known."""
-    key = node, message.channel
+    key = node, channel
     row = cache.row(connection, channels, *key)
     if row is None:
         row = _new_channel(*key, UNKNOWN, 0.0, 1)

@@ -13,11 +13,10 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import MessageError
 from eskin.privacy import SealedMessage
-from eskin.wire.frames import FrameSummary, Statements
+from eskin.wire.frames import DescribedLayout, FrameSummary, Privacy, Statements
 from eskin.wire.messages import BlockSummary, Gap, Peak, Position, Result, Status
 from eskin_cloud.store.db_errors import explain, is_store_fault
 from eskin_cloud.store.descriptions import (
-    DescribedLayout,
     UnknownDescriptionError,
     find_refusal,
 )
@@ -46,8 +45,13 @@ from eskin_cloud.store.write.missing_messages import (
     record_boot_ends,
     record_lost,
 )
-from eskin_cloud.store.write.pages import add_frames, page_key
-from eskin_cloud.store.write.parsed_message import WITHHELD, ParsedMessage, is_node
+from eskin_cloud.store.write.pages import (
+    add_frames,
+    add_sealed_frame,
+    ensure_page,
+    page_key,
+)
+from eskin_cloud.store.write.parsed_message import UNSEALED, WITHHELD, ParsedMessage, is_node
 from eskin_cloud.store.write.presence import (
     mark_online,
     record_lag,
@@ -55,7 +59,7 @@ from eskin_cloud.store.write.presence import (
     record_position,
     record_sealed_lag,
 )
-from eskin_cloud.store.write.statements import require_patches, statement_rows
+from eskin_cloud.store.write.statements import statement_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -93,8 +97,8 @@ class Receipt(NamedTuple):
     want: tuple[bytes, ...] = ()
 
 
-_Placed: TypeAlias = FrameSummary | Statements
-"""What is read by a layout."""
+_Placed: TypeAlias = FrameSummary | Statements | SealedMessage
+"""What is read by a layout; of sealed messages, frames and statements."""
 _NonBlock: TypeAlias = Peak | Gap | Status | Result | SealedMessage
 _STORED: Final = Receipt(STORED)
 _DUPLICATE: Final = Receipt(DUPLICATE)
@@ -300,6 +304,9 @@ def _prepare(batch: _Batch, items: Sequence[ParsedMessage]) -> None:
             boots[node, message.position.boot] = None
             if isinstance(message, FrameSummary):
                 of_pages[slot_of(node), node, message.layout, message.page] = None
+        elif isinstance(message, SealedMessage) and isinstance(message.place, tuple):
+            boots[node, message.position.boot] = None
+            of_pages[slot_of(node), node, *message.place] = None
         elif message is not None:
             boots[node, message.position.boot] = None
             places |= dict.fromkeys((node, channel) for channel, _ in channels_of(message))
@@ -344,7 +351,9 @@ def _ingest_message(batch: _Batch, item: ParsedMessage, gateway: str) -> Receipt
     if isinstance(message, BlockSummary):
         return _ingest_block(batch, item, message, gateway)
     if isinstance(message, FrameSummary | Statements):
-        return _ingest_placed(batch, item, message, gateway)
+        return _ingest_placed(batch, item, message, message.layout, gateway)
+    if isinstance(message, SealedMessage) and message.layout is not None:
+        return _ingest_placed(batch, item, message, message.layout, gateway)
     return _ingest_other(batch, item, message, gateway)
 
 
@@ -406,12 +415,18 @@ def _ingest_block(batch: _Batch, item: ParsedMessage, block: BlockSummary, gatew
     return _STORED
 
 
-def _ingest_placed(batch: _Batch, item: ParsedMessage, message: _Placed, gateway: str) -> Receipt:
+def _ingest_placed(
+    batch: _Batch, item: ParsedMessage, message: _Placed, layout: bytes, gateway: str
+) -> Receipt:
     """Store a frame or statements; `_finish_frames` does what frames share."""
     node, place = item.node, message.position
-    described = _find_layout(batch, node, message.layout)
+    described = _find_layout(batch, node, layout)
     if isinstance(described, UnknownDescriptionError):
         return _ask_for_descriptions(batch, item, place, described, gateway)
+    data = item.data
+    if isinstance(described, MessageError) or described.biometric_pages:
+        # A dead letter of it keeps no data, as they may be biometric.
+        item = item._replace(data=b"")
     ranges = batch.cache.ranges(batch.connection, node, place.boot)
     if place.sequence in ranges:
         return _check_duplicate(batch, item, place, gateway)
@@ -420,10 +435,12 @@ def _ingest_placed(batch: _Batch, item: ParsedMessage, message: _Placed, gateway
     try:
         if isinstance(described, MessageError):
             raise described
-        if isinstance(message, FrameSummary):
-            _store_frame(batch, item, message, described)
+        if isinstance(message, SealedMessage):
+            _store_sealed_by_layout(batch, node, message, described, data)
+        elif isinstance(message, FrameSummary):
+            _store_frame(batch, item._replace(data=data), message, described)
         else:
-            _store_statements(batch, item, message, described)
+            _store_statements(batch, item._replace(data=data), message, described)
     except MessageError as error:
         batch.refused.append((node, place))
         return _reject(batch, item, str(error), gateway)
@@ -457,7 +474,9 @@ def _store_frame(
         MessageError: It does not fit its layout; nothing is stored.
     """
     fitting = fit_frame(frame, described, item.data)
-    _record_layout(batch, item.node, frame)
+    if frame.page in described.biometric_pages:
+        raise MessageError(UNSEALED)
+    _record_layout(batch, item.node, frame.position, frame.layout)
     cursor = batch.cache.next_cursor(batch.connection)
     row = FrameRow.of(
         *(item.node, frame, fitting, item.data, item.digest), cursor=cursor, now=batch.now
@@ -475,18 +494,49 @@ def _store_statements(
     Raises:
         MessageError: They do not fit their layout; nothing is stored.
     """
-    require_patches(said, described)
-    _record_layout(batch, item.node, said)
+    if described.require_statements(said) is Privacy.BIOMETRIC:
+        raise MessageError(UNSEALED)
+    _record_layout(batch, item.node, said.position, said.layout)
     for row in statement_rows(item.node, said, described, item.data):
         batch.add_event(row)
     for gap in said.gaps:
         record_lost(batch.connection, item.node, gap.lost)
 
 
-def _record_layout(batch: _Batch, node: str, message: _Placed) -> None:
-    place = message.position
+def _store_sealed_by_layout(
+    batch: _Batch, node: str, message: SealedMessage, described: DescribedLayout, data: bytes
+) -> None:
+    """Store a sealed frame, or sealed statements.
+
+    Raises:
+        MessageError: Nothing of its page or layout is biometric; nothing is stored.
+    """
+    here = slot_of(node), node, described.hash
+    if isinstance(message.place, tuple):
+        page = message.place[1]
+        if page not in described.biometric_pages:
+            raise MessageError(f"page {page} of the layout is not biometric; do not seal it")
+        add_sealed_frame(batch.connection, batch.cache, (*here, page), message.time)
+    elif described.biometric_pages:
+        # So retention finds the layout, also if the node has sent no frame.
+        ensure_page(batch.connection, batch.cache, (*here, described.biometric_pages[0]))
+    else:
+        raise MessageError("no page of the layout is biometric; do not seal statements of it")
+    _record_layout(batch, node, message.position, described.hash)
+    _add_sealed(batch, node, message, data)
+
+
+def _add_sealed(batch: _Batch, node: str, message: SealedMessage, data: bytes) -> None:
+    cursor = batch.cache.next_cursor(batch.connection)
+    batch.sealed.append(_sealed_row(node, message, data, cursor, batch.now))
+    head = cursor, node, message.channel, None, None, batch.now, data
+    batch.entries.append(FeedEntry(*head, layout=message.layout))
+    record_sealed_lag(batch.connection, batch.cache, node, message, now=batch.now)
+
+
+def _record_layout(batch: _Batch, node: str, place: Position, layout: bytes) -> None:
     batch.add_event(mark_online(batch.connection, batch.cache, node, place, now=batch.now))
-    record_layout(batch.connection, batch.cache, node, place, message.layout)
+    record_layout(batch.connection, batch.cache, node, place, layout)
 
 
 def _find_layout(
@@ -553,11 +603,9 @@ def _reject(batch: _Batch, item: ParsedMessage, reason: str, gateway: str) -> Re
 
 def _store_message(batch: _Batch, node: str, message: _NonBlock, data: bytes) -> None:
     if isinstance(message, SealedMessage):
-        cursor = batch.cache.next_cursor(batch.connection)
-        batch.sealed.append(_sealed_row(node, message, data, cursor, batch.now))
-        batch.entries.append(FeedEntry(cursor, node, message.channel, None, None, batch.now, data))
-        add_sealed(batch.connection, batch.cache, node, message)
-        record_sealed_lag(batch.connection, batch.cache, node, message, now=batch.now)
+        _add_sealed(batch, node, message, data)
+        if message.channel is not None:
+            add_sealed(batch.connection, batch.cache, node, message.channel, message)
     elif isinstance(message, Peak):
         batch.add_event(peak_row(node, message, data))
     elif isinstance(message, Gap):
@@ -592,7 +640,7 @@ def _sealed_row(node: str, message: SealedMessage, data: bytes, cursor: int, now
         "boot": message.position.boot,
         "sequence": message.position.sequence,
         "cursor": cursor,
-        "channel": message.channel,
+        "place": message.place_name,
         "kind": message.kind.name.lower(),
         "subject": message.subject,
         "t_lo": message.time[0],

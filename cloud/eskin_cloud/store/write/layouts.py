@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from eskin_cloud.store.descriptions import DescribedLayout
+    from eskin.wire.frames import DescribedLayout
     from eskin_cloud.store.write.write_cache import WriteCache
 
 

@@ -13,12 +13,34 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin_cloud.store.frame_row import FrameRow
-    from eskin_cloud.store.write.write_cache import Key, WriteCache
+    from eskin_cloud.store.write.write_cache import Key, Row, WriteCache
 
 
 def page_key(row: FrameRow) -> Key:
     """The key of a frame's page."""
     return row.slot, row.node, row.layout, row.page
+
+
+def ensure_page(connection: Connection, cache: WriteCache, key: Key) -> Row:
+    """The row of a page; creates it if needed."""
+    row = cache.row(connection, pages, *key)
+    if row is None:
+        names = (column.name for column in pages.primary_key.columns)
+        row = empty_row(pages) | dict(zip(names, key, strict=True))
+        row |= dict.fromkeys(("frames", "samples", "bytes", "longest"), 0)
+        cache.create(pages, key, row)
+    return row
+
+
+def add_sealed_frame(
+    connection: Connection, cache: WriteCache, key: Key, time: tuple[int, int]
+) -> None:
+    """Count a sealed frame of a page; only its minutes are known."""
+    row, (first, last) = ensure_page(connection, cache, key), time
+    row["frames"] += 1
+    row["t_first"] = first if row["t_first"] is None else min(row["t_first"], first)
+    row["t_last"] = last if row["t_last"] is None else max(row["t_last"], last)
+    cache.change(pages, *key)
 
 
 def add_frames(connection: Connection, cache: WriteCache, rows: Sequence[FrameRow]) -> None:
@@ -31,12 +53,7 @@ def add_frames(connection: Connection, cache: WriteCache, rows: Sequence[FrameRo
     """
     key = page_key(rows[0])
     first, last = min(each.t for each in rows), max(each.t_end for each in rows)
-    row = cache.row(connection, pages, *key)
-    if row is None:
-        names = (column.name for column in pages.primary_key.columns)
-        row = empty_row(pages) | dict(zip(names, key, strict=True))
-        row |= dict.fromkeys(("frames", "samples", "bytes", "longest"), 0)
-        cache.create(pages, key, row)
+    row = ensure_page(connection, cache, key)
     if row["t_first"] is None:
         row |= {"t_first": first, "t_last": last}
     if row["compacted"] is not None:

@@ -141,7 +141,10 @@ def _decode(data: bytes) -> Summary | FrameSummary | Statements:
 
 
 def _require_biometric(message: SealedMessage) -> SealedMessage:
-    if message.kind is Kind.ENCRYPTED or not is_biometric(message.channel):
+    """Check that a sealed message may be biometric; of frames and statements the layout tells."""
+    if message.kind is Kind.ENCRYPTED or not (
+        message.channel is None or is_biometric(message.channel)
+    ):
         raise MessageError(f"channel {message.channel} is not biometric; do not seal it")
     return message
 

@@ -124,12 +124,12 @@ def record_lag(
 def record_sealed_lag(
     connection: Connection, cache: WriteCache, node: str, message: SealedMessage, *, now: int
 ) -> None:
-    """Record a sealed block's lag, at the resolution of its minutes, if no finer one is known.
+    """Record a sealed block's or frame's lag, by the minute, if no finer one is known.
 
     The lag of a peak is not recorded, as it would show when the peak occurred.
     """
     row = cache.row(connection, nodes, node)
-    if row is None or message.kind is not Kind.BLOCK:
+    if row is None or message.kind not in {Kind.BLOCK, Kind.FRAME}:
         return
     if row["lag_lo"] is None or row["lag_hi"] - row["lag_lo"] >= MINUTE:
         row["lag_lo"], row["lag_hi"] = _lag(now, message.time)

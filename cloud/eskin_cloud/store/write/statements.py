@@ -7,33 +7,14 @@ from typing import TYPE_CHECKING
 
 import orjson
 
-from eskin.errors import MessageError
 from eskin.wire.frames import Because
 from eskin_cloud.store.write.events import event_row
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from eskin.wire.frames import Contact, Gap, MonitorVerdict, Peak, Statements
-    from eskin_cloud.store.descriptions import DescribedLayout
+    from eskin.wire.frames import Contact, DescribedLayout, Gap, MonitorVerdict, Peak, Statements
     from eskin_cloud.store.write.write_cache import Row
-
-
-def require_patches(statements: Statements, described: DescribedLayout) -> None:
-    """Check that statements name patches and columns of their layout.
-
-    Raises:
-        MessageError: They do not.
-    """
-    most = len(described.patches)
-    for peak in statements.peaks:
-        if peak.patch >= most or peak.column >= len(described.patches[peak.patch].taxels):
-            raise MessageError(
-                f"field 5 names column {peak.column} of patch {peak.patch}, which the layout lacks"
-            )
-    for gap in statements.gaps:
-        if gap.patches and gap.patches[-1] >= most:
-            raise MessageError(f"field 8 names patch {gap.patches[-1]}; the layout has {most}")
 
 
 def statement_rows(

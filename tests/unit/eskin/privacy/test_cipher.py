@@ -2,52 +2,100 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+import cbor2
+import pycddl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.errors import BrokenSealError, MessageError, NoKeyError, PrivacyError
-from eskin.privacy import Decryptor, Encryptor, SealedMessage
+from eskin.interval import Verdict
+from eskin.privacy import Decryptor, Encryptor, SealedMessage, is_sealed
 from eskin.privacy.cipher import span
 from eskin.privacy.sealed_message import MINUTE, whole_minutes
-from eskin.wire.messages import Position
+from eskin.wire.frames import Frame, FrameSummary, Peak, Statements
+from eskin.wire.messages import Block, Position
+from eskin.wire.messages import Peak as PeakMessage
 from eskin.wire.messages.header import Kind
 from tests.unit.cloud.messages import block, peak
+from tests.unit.eskin.wire.frames.examples import FRAME
 
 if TYPE_CHECKING:
     from eskin.privacy import KeyStore
-    from eskin.wire.messages import Block, Peak
 
+Message = Block | PeakMessage | Frame | Statements
 CHANNEL = "t05.bioelectric"
 BLOCK = block(3, [1.5, 2.5], [1.75, 2.75], channel=CHANNEL, unit="V")
 PEAK = peak(4, channel=CHANNEL, unit="V")
+
+STATEMENTS = Statements(
+    Position(5, 7),
+    FRAME.layout,
+    peaks=(
+        Peak(2, 0, (5, 9), Verdict.CERTAIN, (1, 1), (1.5, 1.75), (0.5, 1.0), 0.999),
+        Peak(2, 0, (20, 25), Verdict.CERTAIN, (1, 1), (2.5, 2.75), (0.5, 1.0), 0.999),
+    ),
+)
+SUMMARY = FrameSummary.decode(FRAME.encode())
+CDDL = Path(__file__).parents[4] / "docs" / "eskin.cddl"
+every_kind = pytest.mark.parametrize(
+    "message", [BLOCK, PEAK, FRAME, STATEMENTS], ids=["block", "peak", "frame", "statements"]
+)
 
 EMPTY = SealedMessage(
     Position(1, 1), CHANNEL, Kind.BLOCK, "0" * 32, (0, 0), bytes(16), 0, bytes(16)
 )
 
 
-def veiled(keystore: KeyStore, message: Block | Peak = BLOCK) -> SealedMessage:
-    return Encryptor().encrypt(keystore.create("Ada"), "hand", message, message.encode())
+def veiled(keystore: KeyStore, message: Message = BLOCK) -> SealedMessage:
+    said = SUMMARY if isinstance(message, Frame) else message
+    return Encryptor().encrypt(keystore.create("Ada"), "hand", said, message.encode())
 
 
-@pytest.mark.parametrize("message", [BLOCK, PEAK], ids=["block", "peak"])
-def test_veiled_message_is_read_byte_for_byte(keystore: KeyStore, message: Block | Peak) -> None:
+@every_kind
+def test_veiled_message_is_read_byte_for_byte(keystore: KeyStore, message: Message) -> None:
     wire = veiled(keystore, message).encode()
+    assert is_sealed(wire)
     again = SealedMessage.decode(wire)
     assert again.encode() == wire
     read, data = Decryptor(keystore).read("hand", again)
-    assert data == read.encode() == message.encode()
+    assert data == message.encode()
+    assert read.position == message.position
 
 
-def test_veiled_bytes_tell_the_minute_and_no_value(keystore: KeyStore) -> None:
-    made = veiled(keystore)
+@every_kind
+def test_veiled_message_is_as_the_documented_cddl_says(
+    keystore: KeyStore, message: Message
+) -> None:
+    rule = re.sub(r"(?m)^message = .*$", "message = sealed", CDDL.read_text())
+    schema = pycddl.Schema(rule)
+    fields = cbor2.loads(veiled(keystore, message).encode())
+    schema.validate_cbor(cbor2.dumps(fields))
+    for change in ({4: "t05.bioelectric", 5: 7}, {4: bytes(32), 5: 1}, {77: 1}):
+        with pytest.raises(pycddl.ValidationError):
+            schema.validate_cbor(cbor2.dumps(fields | change))
+
+
+@every_kind
+def test_place_is_of_its_kind(keystore: KeyStore, message: Message) -> None:
+    made = veiled(keystore, message)
+    for kind in set(Kind) - {made.kind, Kind.BLOCK, Kind.PEAK, Kind.ENCRYPTED}:
+        with pytest.raises(MessageError):
+            SealedMessage.decode(replace(made, kind=kind).encode())
+
+
+@every_kind
+def test_veiled_bytes_tell_the_minute_and_no_value(keystore: KeyStore, message: Message) -> None:
+    made = veiled(keystore, message)
     lo, hi = made.time
-    assert lo <= span(BLOCK)[0] <= span(BLOCK)[1] <= hi
+    first, last = span(SUMMARY if isinstance(message, Frame) else message)
+    assert lo <= first <= last <= hi < lo + 3 * MINUTE
     assert lo % MINUTE == hi % MINUTE == 0
     told = (1.5, 2.5, 1.75, 2.75)
     for value in [struct.pack(order, one) for one in told for order in ("<d", ">d")]:
@@ -66,7 +114,8 @@ def test_whole_minutes_enclose_a_time(lo: int, longer: int) -> None:
     [
         {"position": Position(1, 4)},
         {"position": Position(2, 3)},
-        {"channel": "t06.bioelectric"},
+        {"place": "t06.bioelectric"},
+        {"place": (bytes(32), 0)},
         {"kind": Kind.PEAK},
         {"time": (0, MINUTE)},
         {"number": 1},
@@ -105,6 +154,14 @@ def test_what_is_inside_must_be_what_stands_outside(keystore: KeyStore) -> None:
     swapped = Encryptor().encrypt(subject, "hand", BLOCK, other.encode())
     with pytest.raises(PrivacyError, match="is not what it claims"):
         Decryptor(keystore).read("hand", swapped)
+
+
+def test_frame_inside_must_be_of_the_layout_and_page_outside(keystore: KeyStore) -> None:
+    subject = keystore.create("Ada")
+    for other in (replace(FRAME, page=2), replace(FRAME, layout=bytes(32)), STATEMENTS):
+        swapped = Encryptor().encrypt(subject, "hand", SUMMARY, other.encode())
+        with pytest.raises(PrivacyError):
+            Decryptor(keystore).read("hand", swapped)
 
 
 def test_nonces_of_a_key_never_repeat_over_messages_and_starts(keystore: KeyStore) -> None:

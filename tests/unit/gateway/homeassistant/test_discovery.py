@@ -16,12 +16,11 @@ from eskin_gateway.publish.frame_hulls import FrameHulls
 from eskin_gateway.publish.homeassistant import config, config_topic, configs
 from eskin_gateway.service import Gateway
 from eskin_gateway.settings import PublicSection
-from eskin_gateway.spool.descriptions import Skin
 from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.identity import IdentityKind
-from eskin.wire.frames import Controller, FrameSummary
+from eskin.wire.frames import Controller, DescribedLayout, FrameSummary
 from eskin.wire.messages import Block, ChannelInfo, Encoding, Status
 from eskin.wire.messages.header import CHANNEL as CHANNEL_NAME
 from eskin.wire.topics import Stream, live_topic
@@ -318,7 +317,7 @@ def test_biometric_patches_and_those_of_other_controllers_are_not_announced(
 
 
 def test_home_assistant_accepts_patches_and_contacts() -> None:
-    skin = Skin.join(LARGE.layout, LARGE.patches)
+    skin = DescribedLayout.of(LARGE.layout, LARGE.patches)
     announced = configs("homeassistant", "n", now_status(0), skin)
     frame = LARGE.frame(0, {0: np.full(20, 3500.0), 1: np.full(20, 10.0)})
     now = time.time_ns() - 5 * PERIOD

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from eskin.errors import MessageError
 from eskin.interval import Interval
 from eskin.wire.frames import Frame, Grid, PatchSamples
-from eskin.wire.frames.frame_parts import read_head, select_patches
+from eskin.wire.frames.frame_parts import read_head, replace_sequence, select_patches
 from eskin.wire.messages import Position
 from tests.unit.eskin.wire.frames.examples import FRAME, LAYOUT, PALM
 
@@ -42,6 +42,12 @@ def test_head_is_that_of_the_whole_frame(frame: Frame, ticks: int, page: int) ->
     of_whole = whole.position, whole.layout, whole.page, whole.ticks, whole.time, whole.grids
     assert head == of_whole
     assert head.stretch == (3, ticks)
+
+
+@given(frames(), st.integers(0, 2**53 - 1))
+def test_replaced_sequence_is_the_only_change(frame: Frame, sequence: int) -> None:
+    position = Position(frame.position.boot, sequence)
+    assert replace_sequence(frame.encode(), sequence) == replace(frame, position=position).encode()
 
 
 @given(frames(), st.data())

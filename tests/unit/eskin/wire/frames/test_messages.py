@@ -124,7 +124,10 @@ WRONG: list[tuple[Message, dict[int, Any]]] = [
         (15, float("inf")), (15, 0.0),
         (16, -1.0),
     ]),
-    (AIR, {12: [[1.0, 2.0]]}), (AIR, {7: 1}), (WEARER, {8: "Wearer"}),
+    (AIR, {12: [[1.0, 2.0]]}), (AIR, {7: 1}), (AIR, {7: 1, 8: "wearer"}),
+    (AIR, {3: "bioelectric"}), (AIR, {5: ["bio-a"]}), (WEARER, {8: "ada"}),
+    (WEARER, {8: "wearer-2"}),
+    (WEARER, {3: "voltage"}), (WEARER, {7: 0}),
     *((LAYOUT, {key: value}) for key, value in [
         (2, b""), (2, bytes(32)), (2, bytes(96)), (2, b"\1" * 33), (3, [3, 1]), (3, [2, 1, 0]),
         (3, []),
