@@ -200,6 +200,7 @@ def read_compacted(
     if totals is None:
         return []
     key = {"slot": slot_of(node), "node": node, "patch": patch_id}
+    are_countable(patch_rows.name)
     rows = connection.execute(_ROWS, key | _bounds(window, totals["longest"])).mappings()
     return [run for row in rows if is_intact_patch_row(row) for run in decode_runs(row["data"])]
 
@@ -217,6 +218,7 @@ def read_frame_rows(
         longest: The longest span of such a row, ns.
     """
     key = {"slot": slot_of(node), "node": node, "page": page} | _bounds(window, longest)
+    are_countable(frames.name)
     rows = connection.execute(_FRAMES, key).mappings()
     return [row for row in rows if is_intact_frame(row["data"], FrameHeader.of(row), row["head"])]
 
