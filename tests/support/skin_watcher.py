@@ -11,7 +11,7 @@ import asyncio
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import cbor2
 import httpx
@@ -64,7 +64,7 @@ async def _view(port: int, token: str, node: str, note: Callable[[str], None]) -
     cursor = ""
     while True:
         last: Position | None = None
-        since = {"cursor": cursor} if cursor else {}
+        since: dict[str, Any] = {"cursor": cursor} if cursor else {}
         try:
             async with dial(port, token, node=(node,), max_size=None, **since) as connection:
                 async for message in connection:

@@ -43,8 +43,6 @@ from tests.unit.cloud.sealing import Site, sealing
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tests.unit.cloud.clouds import Said
-
 log = logging.getLogger("eskin_cloud.bitflips")
 
 _STORE: Final = "store.sqlite"
@@ -240,7 +238,7 @@ class Asker:
         for said in (*old, block(500), peak(501)):
             await self.bring(said)
 
-    async def bring(self, said: Said) -> None:
+    async def bring(self, said: Any) -> None:
         """Bring a message, perhaps again."""
         answer = await self.stand.ingest(batch(said))
         assert answer.status_code != 500, "500 at ingest"
