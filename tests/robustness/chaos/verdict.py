@@ -89,7 +89,7 @@ class Verdict:
     Attributes:
         made: Blocks and frames that the nodes made.
         stored: Those in the store.
-        told: Those that a gap tells as lost.
+        stated: Those that a gap tells as lost.
         unborn: Those that never came to be in flash: killed between truth and commit.
         gaps: Reason to how many gaps.
         samples: Samples that were compared with the truth.
@@ -100,7 +100,7 @@ class Verdict:
 
     made: int = 0
     stored: int = 0
-    told: int = 0
+    stated: int = 0
     unborn: int = 0
     gaps: dict[str, int] = field(default_factory=dict)
     samples: int = 0
@@ -125,7 +125,7 @@ def _compare(site: Site, verdict: Verdict) -> None:
     for delivery in found.deliveries:
         verdict.made += delivery.made
         verdict.stored += delivery.stored
-        verdict.told += delivery.lost
+        verdict.stated += delivery.lost
         verdict.unborn += delivery.unborn
         if delivery.missing:
             verdict.faults.append(
@@ -182,7 +182,7 @@ def add_up(store: StoreLocation, verdict: Verdict) -> None:
     for place, blocks, samples, counted, summed in ask_store(store, query):
         if (blocks, samples) != (counted, summed):
             verdict.faults.append(
-                f"{place}: {blocks} blocks and {samples} samples are told, "
+                f"{place}: {blocks} blocks and {samples} samples are stated, "
                 f"{counted} and {summed} are stored"
             )
     query = """
