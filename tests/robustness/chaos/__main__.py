@@ -100,7 +100,7 @@ def _report(verdict: Verdict, plan: Sequence[Stroke], say: Callable[[str], None]
     say(f"faults: {dict(Counter(stroke.fault for stroke in plan))}")
     say(
         f"blocks and frames: {verdict.made} made, {verdict.stored} stored, "
-        f"{verdict.told} told as lost, {verdict.unborn} never in flash"
+        f"{verdict.stated} stated as lost, {verdict.unborn} never in flash"
     )
     say(f"samples within their intervals: {verdict.samples}; gaps: {verdict.gaps}")
     say(f"the skin's viewer got {verdict.seen} frames, its page {verdict.pages} rounds of answers")
