@@ -13,18 +13,23 @@ from benchmarks.contacts import measure_contacts
 from benchmarks.dashboard import measure_dashboard
 from benchmarks.envelope import measure_envelope
 from benchmarks.fleet import measure_emulation, measure_fleet
+from benchmarks.frame_ingest import measure_frame_ingest
 from benchmarks.frame_viewers import measure_frame_viewers
 from benchmarks.gateway import measure_gateway
+from benchmarks.gateway_frames import measure_gateway_frames
 from benchmarks.icm import measure_icm
 from benchmarks.ingest import measure_ingest
 from benchmarks.latency import measure_latency
 from benchmarks.models import measure_models
 from benchmarks.packing import measure_packing
+from benchmarks.patch_rows import measure_bytes
 from benchmarks.peaks import measure_peaks
 from benchmarks.pipeline import measure_pipeline
 from benchmarks.pixels import measure_pixels
 from benchmarks.pyramid import measure_pyramid
 from benchmarks.report import Row, as_table, write_json
+from benchmarks.skin import measure_skin
+from benchmarks.skin_reads import measure_skin_reads
 from benchmarks.storage import measure_storage
 from benchmarks.viewers import measure_viewers
 from tests.support.processes import unwound_by_signals
@@ -36,6 +41,7 @@ def main() -> None:
     parser.add_argument("--blocks", type=int, default=20_000, help="blocks through the gateway")
     parser.add_argument("--seconds", type=float, default=30.0, help="seconds of the running demo")
     parser.add_argument("--nodes", type=int, default=2000, help="nodes of a fleet over the network")
+    parser.add_argument("--skin-seconds", type=int, default=600, help="of a large skin, to read")
     options = parser.parse_args()
     console = Console()
     if not console.is_terminal:
@@ -46,10 +52,6 @@ def main() -> None:
         rows += measure_icm()
     with console.status("peaks of a tube against scipy's find_peaks …"):
         rows += measure_peaks()
-    with console.status("contacts of a large skin …"):
-        rows += measure_contacts()
-    with console.status("a large skin in columns …"):
-        rows += measure_columns()
     with console.status("packs beside the blocks that they are made of …"):
         rows += measure_packing()
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
@@ -70,6 +72,7 @@ def main() -> None:
             rows += measure_latency(data / "demo", seconds=options.seconds)
         with console.status("from the sample to the pixel in a browser …"):
             rows += measure_pixels(data / "pixels", seconds=options.seconds)
+        rows += _measure_skin(data, console, reads=options.skin_seconds, seconds=options.seconds)
         # It shows its own progress.
         rows += measure_pyramid(
             {size: data / f"{size}.sqlite" for size in (10**6, 10**8)},
@@ -80,12 +83,33 @@ def main() -> None:
             rows += measure_storage(data / "disk", seconds=2 * options.seconds)
         with console.status("the live stream to 200 viewers …"):
             rows += measure_viewers(data / "viewers", seconds=options.seconds)
-        with console.status("frames of 8,400 taxels to 50 viewers …"):
-            rows += measure_frame_viewers(data / "frames", seconds=options.seconds)
         with console.status("the dashboard's frames, and its pictures of months …"):
             rows += measure_dashboard(data / "stage", seconds=20.0, samples=30_000_000)
     console.print(as_table(rows))
     write_json(rows, Path("build/bench.json"))
+
+
+def _measure_skin(folder: Path, console: Console, *, reads: int, seconds: float) -> list[Row]:
+    """A large skin: each of its parts, then all of them in real time."""
+    rows: list[Row] = []
+    with console.status("a large skin in columns …"):
+        rows += measure_columns()
+    with console.status("contacts of a large skin …"):
+        rows += measure_contacts()
+    with console.status("bytes of the hand's samples …"):
+        rows += measure_bytes(folder / "hand")
+    with console.status("CPU of the gateway a frame …"):
+        rows += measure_gateway_frames()
+    with console.status("frames into the store …"):
+        rows += measure_frame_ingest(folder / "frames")
+    with console.status(f"one channel and pictures of {reads} s of a large skin …"):
+        rows += measure_skin_reads(folder / "reads", seconds=reads)
+    with console.status("frames of 8,400 taxels to 50 viewers …"):
+        rows += measure_frame_viewers(folder / "watched", seconds=seconds)
+    for rate in (50.0, 100.0):
+        say = console.print
+        rows += measure_skin(folder / f"skin-{rate:g}", rate=rate, seconds=seconds, say=say)
+    return rows
 
 
 main()

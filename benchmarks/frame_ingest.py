@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import tempfile
 import time
+from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import cbor2
@@ -19,6 +21,8 @@ from eskin_cloud.store import Store
 from eskin_cloud.store.descriptions import read_description, store_descriptions
 from eskin_cloud.store.write.ingest import STORED, ingest
 
+from benchmarks.report import Row
+from benchmarks.row_stores import DuckDBRows
 from eskin.interval import Interval
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
 from eskin.wire.messages import Position
@@ -30,6 +34,10 @@ _NODE: Final = "hand"
 _START: Final = 1_790_000_000_000_000_000
 _BATCHES: Final = 10
 _ROUNDS: Final = 3
+_LEAST: Final = 20.0
+"""Million samples a second, synced."""
+_TIMES: Final = 3.0
+"""How many times as fast as DuckDB."""
 
 
 class Case(NamedTuple):
@@ -106,22 +114,64 @@ def run(described: Sequence[bytes], bodies: Sequence[bytes]) -> tuple[float, flo
         return time.perf_counter() - begun, time.process_time() - used
 
 
+def measure_frame_ingest(folder: Path) -> list[Row]:
+    """Samples a second of each case, with DuckDB in turns; each has the median of its rounds."""
+    folder.mkdir()
+    with ExitStack() as stack:
+        peer = DuckDBRows(folder, stack)
+        cases = {case: _bodies(case) for case in _CASES}
+        rates: dict[Case | str, list[float]] = {each: [] for each in (*_CASES, peer.name)}
+        busy: dict[Case, list[float]] = {case: [] for case in _CASES}
+        for number in range(_ROUNDS + 1):
+            for case, (described, bodies) in cases.items():
+                wall, used = run(described, bodies)
+                rates[case].append(_samples(case) / wall / 1e6)
+                busy[case].append(_samples(case) / used / 1e6)
+            peer.prepare(number * peer.samples)
+            begun = time.perf_counter()
+            peer.store()
+            rates[peer.name].append(peer.samples / (time.perf_counter() - begun) / 1e6)
+        # The first round of all compiles.
+        found = {name: median(each[1:]) for name, each in rates.items()}
+    rows, unit, other = [], "Msamples/s", found[peer.name]
+    for case in _CASES:
+        name, rate = f"frames into SQLite, {case.name}", found[case]
+        ratio = rate / other
+        rows += [
+            Row(name, rate, unit, target=_LEAST, met=rate >= _LEAST),
+            Row(name, rate, unit, peer.name, other, ratio, _TIMES, ratio >= _TIMES),
+            Row(f"{name}, a second of CPU", median(busy[case][1:]), unit),
+        ]
+    return rows
+
+
+def _samples(case: Case) -> int:
+    return sum(case.columns) * case.rows * case.frames
+
+
+def _bodies(case: Case) -> tuple[list[bytes], list[bytes]]:
+    """Descriptions, and bodies of requests."""
+    described, frames = make(case)
+    size = len(frames) // _BATCHES
+    bodies = [
+        cbor2.dumps([[_NODE, data] for data in frames[begin : begin + size]])
+        for begin in range(0, len(frames), size)
+    ]
+    read_batch(bodies[0])
+    return described, bodies
+
+
 def main() -> None:
     """Print the best of some rounds of each case."""
     for case in _CASES:
-        described, frames = make(case)
-        size = len(frames) // _BATCHES
-        bodies = [
-            cbor2.dumps([[_NODE, data] for data in frames[begin : begin + size]])
-            for begin in range(0, len(frames), size)
-        ]
-        read_batch(bodies[0])
+        described, bodies = _bodies(case)
         rounds = [run(described, bodies) for _ in range(_ROUNDS)]
-        samples = sum(case.columns) * case.rows * case.frames / 1e6
+        samples = _samples(case) / 1e6
         wall, used = (min(each[k] for each in rounds) for k in range(2))
+        size = sum(map(len, bodies)) / case.frames
         print(
             f"{case.name}: {samples / wall:.1f} M samples/s; {samples / used:.1f} a second of the "
-            f"processor; {len(frames[-1])} bytes a frame"
+            f"processor; {size:.0f} bytes a frame"
         )
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from benchmarks.report import Row
 from eskin.wire.frames import Frame, FrameSummary
 from eskin.wire.frames.column_hulls import ColumnHulls
 from eskin.wire.frames.warm_up import warm_up
@@ -75,10 +76,26 @@ def _gateway(folder: Path, frames: list[bytes], skin: SkinOf, group: int) -> flo
     return used / (len(received) - 1) * 1e3
 
 
+def measure_gateway_frames() -> list[Row]:
+    """CPU of a gateway a frame of 1,920 channels, by frames in a commit."""
+    warm_up()
+    skin, rows = _skin(), []
+    frames = _frames(skin)
+    for group in _GROUPS:
+        with tempfile.TemporaryDirectory() as folder:
+            used = _gateway(Path(folder), frames, skin, group)
+        rows.append(Row(f"CPU of the gateway a frame of a skin, {group} a commit", used, "ms"))
+    return rows
+
+
+def _skin() -> SkinOf:
+    return SkinOf(*(patch(number, 64) for number in range(sum(_PAGES))), pages=_PAGES)
+
+
 def main() -> None:
     """Measure, and print."""
     warm_up()
-    skin = SkinOf(*(patch(number, 64) for number in range(sum(_PAGES))), pages=_PAGES)
+    skin = _skin()
     frames = _frames(skin)
     data = frames[0]
     summary = FrameSummary.decode(data)

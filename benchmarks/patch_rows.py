@@ -19,7 +19,8 @@ from eskin_cloud.store.patch_rows import decode_runs, encode_runs
 from eskin_cloud.store.patch_run import PatchRun
 from eskin_cloud.store.sample_grid import PATCH_CHUNK, STEP, patch_level
 
-from benchmarks.frames import Measured, measure
+from benchmarks.frames import Measured, measure, sizes
+from benchmarks.report import Row, at_most
 from eskin.interval import Interval
 from eskin.wire.frames import Patch, Sampling, decode_samples, encode_samples
 
@@ -33,6 +34,10 @@ _COLUMNS: Final = 64
 _PERIODS: Final = (20_000_000, 4_000_000)
 _LENGTHS: Final = (10, 60)
 _REPEATS: Final = 7
+_WIRE_ROWS: Final = 3
+_MOST_OF_WIRE: Final = 1.5
+_MOST_OF_COMPACTED: Final = 0.8
+_MOST_OF_PYRAMID: Final = 0.25
 _START: Final = 1_790_000_000_000_000_000
 
 
@@ -83,20 +88,42 @@ def milliseconds(work: Callable[[], object]) -> float:
     return min(found) * 1e3
 
 
+def measure_bytes(folder: Path) -> list[Row]:
+    """Bytes a sample of the packaged hand on its scenario: on the wire, compacted, in tiles."""
+    folder.mkdir()
+    patches = measure(folder, _SECONDS)
+    wire = sizes(patches, _WIRE_ROWS)["frame"]
+    name = "hand, bytes a sample"
+    rows = [at_most(f"{name}, frames of {_WIRE_ROWS} rows", wire, "B", _MOST_OF_WIRE)]
+    for seconds in _LENGTHS:
+        size = _compacted(patches, seconds)
+        rows.append(at_most(f"{name}, compacted to {seconds} s", size, "B", _MOST_OF_COMPACTED))
+    return [*rows, at_most(f"{name}, pyramid", _pyramid(patches), "B", _MOST_OF_PYRAMID)]
+
+
+def _compacted(patches: list[Measured], seconds: int) -> float:
+    size = samples = 0
+    for patch in patches:
+        runs = runs_of(patch, seconds)
+        size += len(encode_runs(runs))
+        samples += sum(run.lo.size for run in runs)
+    return size / samples
+
+
+def _pyramid(patches: list[Measured]) -> float:
+    lowest, next_, samples = map(sum, zip(*map(tile_bytes, patches), strict=True))
+    # Each level above that one has a quarter of it.
+    return float((lowest + next_ * 4 / 3) / samples)
+
+
 def main() -> None:
     """Print bytes a sample, then times."""
     with tempfile.TemporaryDirectory() as folder:
         patches = measure(Path(folder), _SECONDS)
     for seconds in _LENGTHS:
-        size = samples = 0
-        for patch in patches:
-            runs = runs_of(patch, seconds)
-            size += len(encode_runs(runs))
-            samples += sum(run.lo.size for run in runs)
-        print(f"hand, rows of {seconds} s: {size / samples:.3f} bytes a sample")
-    lowest, next_, samples = map(sum, zip(*map(tile_bytes, patches), strict=True))
-    # Each level above that one has a quarter of it.
-    print(f"hand, tiles: {(lowest + next_ * 4 / 3) / samples:.3f} bytes a sample")
+        size = _compacted(patches, seconds)
+        print(f"hand, rows of {seconds} s: {size:.3f} bytes a sample")
+    print(f"hand, tiles: {_pyramid(patches):.3f} bytes a sample")
     pressure = next(each for each in patches if each.unit == "Pa")
     wide = Interval.concatenate([pressure.values] * 5, axis=1)[:, :_COLUMNS]
     for period in _PERIODS:

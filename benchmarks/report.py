@@ -44,6 +44,11 @@ def at_most(name: str, value: float, unit: str, most: float) -> Row:
     return Row(name, value, unit, ratio=ratio, target=1.0, met=value <= most)
 
 
+def at_least(name: str, value: float, unit: str, least: float) -> Row:
+    """A figure that must reach a bound."""
+    return Row(name, value, unit, target=least, met=value >= least)
+
+
 def write_json(rows: Sequence[Row], path: Path) -> None:
     """Write all rows as a JSON list."""
     path.parent.mkdir(parents=True, exist_ok=True)

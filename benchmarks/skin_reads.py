@@ -22,13 +22,16 @@ from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compact
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 
+from benchmarks.report import Row, at_most
 from eskin.errors import QueryError
 from eskin.interval import Interval
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
 from eskin.wire.messages import Position
-from eskin.wire.timestamp import SECOND
+from eskin.wire.timestamp import SECOND, format_timestamp
+from tests.support.identities import Identities
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import NODE, START
+from tests.unit.cloud.service import Service
 from tests.unit.cloud.skins import describe
 
 if TYPE_CHECKING:
@@ -43,6 +46,10 @@ _STRETCH: Final = _ROWS * _PERIOD
 _VARIANTS: Final = 8
 _AT_ONCE: Final = 40
 _QUESTIONS: Final = 60
+_ASKED: Final = 105
+_STORED_MS: Final = 10.0
+_ASKED_MS: Final = 25.0
+_PICTURES_MS: Final = 300.0
 _DUE: Final = Due(2**62, 2**62)
 """Frames of any age are compacted."""
 
@@ -146,30 +153,92 @@ def read(store: Store, seconds: int) -> None:
             ask(f"100 pictures of {span} s as Arrow", lambda: pictures(span * SECOND))  # noqa: B023
 
 
+def measure_skin_reads(folder: Path, *, seconds: int) -> list[Row]:
+    """Hulls of one channel, in the store and over HTTP, and pictures over HTTP; all compacted."""
+    folder.mkdir()
+    identities = Identities(folder / "pki")
+    service = Service(folder / "cloud", identities, place=folder / "store.sqlite")
+    with Store(service.place, clock=lambda: START + seconds * SECOND) as store:
+        fill(store, seconds)
+        compact(store)
+        build(store)
+    samples = seconds * SECOND // _PERIOD
+    name = f"1,000 hulls of one of {_PATCHES * _COLUMNS} channels, {samples:.2g} samples"
+    start, end = START, START + seconds * SECOND
+    channel = "p3-7.pressure"
+    with Store(service.place, clock=lambda: end) as store:
+
+        def stored() -> None:
+            with store.read() as connection:
+                row = find_channel(connection, NODE, channel)
+                read_series(connection, row, Window(start, end), points=1000)
+
+        rows = [at_most(f"{name}, in the store, p99", _p99(stored), "ms", _STORED_MS)]
+    with service, service.people(service.token()) as client:
+        window = {"start": format_timestamp(start), "end": format_timestamp(end)}
+
+        def asked() -> None:
+            params = window | {"points": "1000"}
+            client.get(f"/api/v1/series/{NODE}/{channel}", params=params).raise_for_status()
+
+        def pictures() -> None:
+            arrow = {"Accept": "application/vnd.apache.arrow.stream"}
+            params = window | {"points": "100"}
+            place = f"/api/v1/nodes/{NODE}/frames"
+            client.get(place, params=params, headers=arrow).raise_for_status()
+
+        rows.append(at_most(f"{name}, over HTTP, p99", _p99(asked), "ms", _ASKED_MS))
+        name = f"100 pictures of {_PATCHES * _COLUMNS} taxels as Arrow over HTTP, p99"
+        rows.append(at_most(name, _p99(pictures), "ms", _PICTURES_MS))
+    return rows
+
+
+def _p99(question: Callable[[], None]) -> float:
+    """Milliseconds; the first answers compile."""
+    took = []
+    for _ in range(_ASKED):
+        begun = time.perf_counter()
+        question()
+        took.append((time.perf_counter() - begun) * 1e3)
+    return float(np.percentile(took[5:], 99))
+
+
+def fill(store: Store, seconds: int) -> int:
+    """Fill a store with frames; gives their bytes."""
+    layout, patches = skin()
+    describe(store, layout, *patches)
+    size = 0
+    for some in frames(seconds):
+        put(store, *some)
+        size += sum(len(each.encode()) for each in some)
+    return size
+
+
+def compact(store: Store) -> None:
+    """Compact all frames of a store."""
+    for page in find_compactable_frames(store, _DUE):
+        while compact_frames(store, page, _DUE):
+            pass
+
+
 def main() -> None:
     """Fill a store, and read it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=int, default=60, help="of frames")
     seconds = parser.parse_args().seconds
-    layout, patches = skin()
     with (
         tempfile.TemporaryDirectory() as folder,
         Store(Path(folder) / "store.sqlite", clock=lambda: START + seconds * SECOND) as store,
     ):
-        describe(store, layout, *patches)
-        begun, size = time.perf_counter(), 0
-        for some in frames(seconds):
-            put(store, *some)
-            size += sum(len(each.encode()) for each in some)
+        begun = time.perf_counter()
+        size = fill(store, seconds)
         print(
             f"{seconds} s of frames, {size / 1e6:.0f} MB, stored in "
             f"{time.perf_counter() - begun:.0f} s"
         )
         read(store, seconds)
         begun = time.perf_counter()
-        for page in find_compactable_frames(store, _DUE):
-            while compact_frames(store, page, _DUE):
-                pass
+        compact(store)
         print(f"compacted in {time.perf_counter() - begun:.0f} s")
         begun = time.perf_counter()
         build(store)

@@ -1,7 +1,8 @@
 """``python -m benchmarks.soak``: memory of broker, gateway and cloud under a steady load.
 
-One node sends blocks at a fixed rate over TLS, never with more than a window unacknowledged. In the
-end every block that was acknowledged must be in the cloud's store. Writes ``build/soak.json``.
+One node sends blocks at a fixed rate over TLS, never with more than a window unacknowledged. Beside
+it a skin of 336 taxels sends frames, which a viewer and a page watch. In the end every block that
+was acknowledged must be in the cloud's store. Writes ``build/soak.json``.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import json
 import sys
 import tempfile
 import time
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -21,13 +23,15 @@ from rich.table import Table
 
 from benchmarks.flood import Flood
 from benchmarks.trend import LEAST, Trend
-from tests.support.processes import unwound_by_signals, wait_until
+from eskin.identity import IdentityKind
+from eskin.identity.identity import CHAIN_FILE
+from tests.support.files import ask, write_settings
+from tests.support.processes import ESKIN, Running, unwound_by_signals, wait_until
+from tests.support.skin_watcher import Seen
 from tests.support.stacks import RealStack
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from tests.support.processes import Running
+    from collections.abc import Iterator, Mapping
 
 _WINDOW: Final = 4000
 _AT_ONCE: Final = 100
@@ -36,6 +40,9 @@ _SAMPLES: Final = 600
 _REST_S: Final = 30.0
 """A cloud gives memory back within 10 s of the last load, a gateway a little later."""
 _STRETCHES: Final = 60
+SKIN: Final = "small-hand"
+_TRUTH_BYTES: Final = 1 << 28
+_FRAMES: Final = "SELECT count(*) FROM frames"
 _KEPT: Final = 0.99
 """Share of the rate that must be reached; the end's last acknowledgements count as time."""
 
@@ -59,6 +66,9 @@ def main() -> None:
     kept = found["rate"] >= _KEPT * options.rate
     if not kept:
         console.print(f"[red]not the load that was asked for: {found['rate']:.0f} blocks/s")
+    if not found["frames"] or not found["pages"] or found["wrong"]:
+        console.print(f"[red]the skin was not seen as it is: {found['wrong']}")
+        kept = False
     sys.exit(0 if flat and kept and not found["missing"] else 1)
 
 
@@ -72,11 +82,16 @@ def soak(folder: Path, *, duration: float, rate: float, rest: float = _REST_S) -
         rest: Seconds between the load and the last look at the memory.
 
     Returns:
-        ``sent``, ``missing``, the rate reached, and for each process its memory in bytes before,
+        ``sent``, ``missing``, the rate reached, what the skin's watcher saw (``frames``, ``pages``,
+        ``wrong``), and for each process its memory in bytes before,
         under (also as medians of stretches of time) and after the load, the growth an hour as an
         interval, and the verdict.
     """
-    with RealStack(folder) as stack, Flood(stack.pki, stack.broker.node_port) as flood:
+    with (
+        RealStack(folder) as stack,
+        _skin(stack) as seen,
+        Flood(stack.pki, stack.broker.node_port) as flood,
+    ):
         parts = {"broker": stack.broker, "gateway": stack.gateway, "cloud": stack.cloud}
         flood.introduce()
         idle = memory(parts)
@@ -87,15 +102,48 @@ def soak(folder: Path, *, duration: float, rate: float, rest: float = _REST_S) -
         missing = _missing(stack, sent)
         time.sleep(rest)
         after = memory(parts)
+        watched = Seen.read(seen)
     return {
         "sent": sent,
         "missing": missing,
         "rate": sent / took,
+        "frames": len(watched.frames),
+        "pages": watched.pages,
+        "wrong": watched.wrong,
         "processes": {
             name: _process(seconds, [each[name] for each in samples], idle[name], after[name])
             for name in parts
         },
     }
+
+
+@contextmanager
+def _skin(stack: RealStack) -> Iterator[Path]:
+    """A node of 336 taxels, and what watches it; gives the file of what was seen."""
+    folder, seen = stack.folder / SKIN, stack.folder / "seen"
+    own = stack.identities.make(IdentityKind.NODE, SKIN)
+    folder.mkdir()
+    config = write_settings(folder / "node.toml", {
+        "node": {"name": SKIN, "profile": SKIN, "seed": 1},
+        "broker": {"host": "127.0.0.1", "port": stack.broker.node_port},
+        "identity": {"directory": own.directory, "site": stack.pki / "site.main" / CHAIN_FILE},
+        "flash": {"path": folder / "flash.sqlite"},
+        "truth": {"path": folder / "truth.sqlite", "limit_bytes": _TRUTH_BYTES},
+    })  # fmt: skip
+    node = Running([ESKIN, "node", "--config", str(config)], log=folder / "log")
+    with stack.operator() as client:
+        port, token = client.base_url.port, client.headers["Authorization"].split()[1]
+    words = ["-m", "tests.support.skin_watcher", str(port), SKIN, str(seen)]
+    watcher = Running(
+        [sys.executable, *words], log=folder / "watcher.log", env={"ESKIN_TOKEN": token}
+    )
+    with node:
+        node.wait_for(lambda: ask(stack.store, _FRAMES)[0][0] > 0, "a frame is stored")
+        watcher.start()
+        try:
+            yield seen
+        finally:
+            watcher.kill()
 
 
 def memory(parts: Mapping[str, Running]) -> dict[str, int]:
@@ -153,7 +201,8 @@ def _process(seconds: list[float], used: list[int], idle: int, after: int) -> di
 
 def _table(found: Mapping[str, Any]) -> Table:
     table = Table(
-        title=f"soak: {found['sent']} blocks at {found['rate']:.0f}/s, {found['missing']} missing"
+        title=f"soak: {found['sent']} blocks at {found['rate']:.0f}/s, {found['missing']} missing; "
+        f"{found['frames']} frames were seen"
     )
     for heading in ("process", "idle MB", "mean", "most", "after", "growth an hour", "verdict"):
         table.add_column(heading, justify="right")

@@ -14,6 +14,7 @@ from eskin_cloud.store.integrity import (
     LARGE_TABLES,
     DamagedTableError,
     find_corruption,
+    find_hidden_rows,
     rebuild_indexes,
 )
 from eskin_cloud.store.row_digests import CHECKED_TABLES, find_damaged
@@ -60,6 +61,8 @@ def look_at(store: Store, table: Table) -> None:
             is_whole = find_corruption(connection, table) is None
         if not is_whole:
             store.write(partial(rebuild_indexes, table=table)).result()
+            with store.read() as connection:
+                find_hidden_rows(connection, table)
     except StoreError as error:
         if isinstance(error, DamagedTableError) or is_corrupt(error):
             store.damage = f"{error}"

@@ -9,12 +9,12 @@ from sqlalchemy import func, or_, select, union
 from eskin.privacy.sealed_message import read_page
 from eskin.wire.biometric import BIOMETRIC, MARK
 from eskin_cloud.query.cursors import read_texts, write_cursor
-from eskin_cloud.store.damage import are_countable
+from eskin_cloud.store.damage import DamagedRowError, are_countable
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
 from eskin_cloud.store.read.patch_columns import describe_columns
 from eskin_cloud.store.read.patch_runs import find_layouts
 from eskin_cloud.store.row_digests import intact_rows
-from eskin_cloud.store.schema.frame_tables import descriptions
+from eskin_cloud.store.schema.frame_tables import descriptions, pages, patches
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import channels, nodes
 
@@ -78,17 +78,36 @@ def list_channels(
     names = sorted(found)
     if len(names) > _PAGE:
         names, following = names[:_PAGE], write_cursor(names[_PAGE - 1])
-    patches: dict[str, list[dict[str, Any]]] = {}
+    described: dict[str, list[dict[str, Any]]] = {}
     page: list[Channel] = []
     for name in names:
         row = found[name]
         if row is None:
             patch, column = columns[name]
-            if patch.patch_id not in patches:
-                patches[patch.patch_id] = describe_columns(connection, node, patch)
-            row = patches[patch.patch_id][column]
+            if patch.patch_id not in described:
+                described[patch.patch_id] = _describe(connection, node, patch)
+            if not described[patch.patch_id]:
+                continue
+            row = described[patch.patch_id][column]
         page.append(row)
     return page, following
+
+
+def _describe(connection: Connection, node: str, patch: Patch) -> list[dict[str, Any]]:
+    """All channels of a patch; none if its totals are damaged, which is reported.
+
+    Where totals are damaged that may be those of this patch, the first and the last sample are
+    unknown.
+    """
+    counted = are_countable(pages.name) and are_countable(patches.name)
+    try:
+        found = describe_columns(connection, node, patch)
+    except DamagedRowError:
+        return []
+    if counted:
+        return found
+    unknown = {"t_first": None, "t_last": None}
+    return [row | unknown for row in found if row["t_last"] is not None]
 
 
 def _columns(connection: Connection, node: str) -> dict[str, tuple[Patch, int]]:

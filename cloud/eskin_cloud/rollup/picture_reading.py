@@ -23,7 +23,12 @@ from eskin_cloud.rollup.picture_fold import (
     fold_tiles,
 )
 from eskin_cloud.rollup.ranges import Range, coarsened, merged, refined, without
-from eskin_cloud.store.damage import FrameHeader, is_intact_frame, is_intact_patch_row
+from eskin_cloud.store.damage import (
+    FrameHeader,
+    are_countable,
+    is_intact_frame,
+    is_intact_patch_row,
+)
 from eskin_cloud.store.descriptions import find_layout, find_patch
 from eskin_cloud.store.patch_rows import decode_runs
 from eskin_cloud.store.patch_totals import Place
@@ -119,6 +124,7 @@ class PictureReader:
             if np.any(self._layouts[described.hash].channel[numbers] >= 0):
                 longest = self._longest.get(row["page"], 0)
                 self._longest[row["page"]] = max(longest, row["longest"])
+        are_countable(patches.name)  # a row whose key is damaged is not found by it
         query = select(patches).where(self._here(patches)).order_by(patches.c.patch)
         rows = intact_rows(connection, patches, connection.execute(query).mappings())
         self._compacted = {row["patch"]: row for row in rows if self._is_in(row)}

@@ -10,7 +10,10 @@ from __future__ import annotations
 import logging
 from typing import TYPE_CHECKING, Final
 
+from sqlalchemy import select
+
 from eskin.errors import StoreError
+from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, report_damaged
 from eskin_cloud.store.row_digests import CHECKED_TABLES, find_damaged
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows, patch_tiles
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
@@ -23,6 +26,7 @@ from eskin_cloud.store.schema.tables import (
     sequences,
 )
 from eskin_cloud.store.schema.tile_tables import tiles
+from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, Table
@@ -42,6 +46,10 @@ LARGE_TABLES: Final = (
     patch_tiles,
 )
 """Tables that grow with the nodes' messages."""
+_HEADERS: Final[dict[str, type[FrameHeader | PatchRowHeader]]] = {
+    frames.name: FrameHeader,
+    patch_rows.name: PatchRowHeader,
+}
 
 
 class DamagedTableError(StoreError):
@@ -89,3 +97,15 @@ def rebuild_indexes(connection: Connection, table: Table) -> None:
         raise DamagedTableError(
             f"table {table.name} is damaged: {fault}; restore a backup of the store"
         )
+
+
+def find_hidden_rows(connection: Connection, table: Table) -> None:
+    """Report rows of frames with damaged headers: their readers may not find them by their keys."""
+    header = _HEADERS.get(table.name)
+    if header is None:
+        return
+    columns = (table.c[name] for name in ("slot", *header._fields, "head"))
+    for row in connection.execute(select(*columns)).mappings():
+        found = header.of(row)
+        if found.checksum() != row["head"] or row["slot"] != slot_of(row["node"]):
+            report_damaged(table.name, found.place)

@@ -28,11 +28,13 @@ def main() -> int:
     parser.add_argument("--flips", type=int, default=500, help="of each part")
     parser.add_argument("--seed", type=int, default=1, help="draws the bits")
     parser.add_argument("--part", action="append", choices=NAMES, help="only this; repeatable")
+    parser.add_argument("--table", action="append", help="only this of a database; repeatable")
     options = parser.parse_args()
+    tables = options.table or ()
     console = Console(stderr=True)
     found: dict[tuple[str, str], Counter[Outcome]] = defaultdict(Counter)
     for name in options.part or NAMES:
-        verdicts = attack(name, flips=options.flips, seed=options.seed)
+        verdicts = attack(name, flips=options.flips, seed=options.seed, tables=tables)
         for verdict in track(verdicts, name, total=options.flips, console=console):
             counted = found[name, str(verdict.flip.place)]
             counted[verdict.outcome] += 1

@@ -14,7 +14,7 @@ Answer: TypeAlias = "Mapping[str, Any]"
 
 NAMES: Final = (
     *("flash", "fleet", "spool", "keys", "identity", "authority", "broker"),
-    *("store", "store_log"),
+    *("store", "store_log", "frames"),
 )
 """The parts, each a file in ``parts``."""
 
@@ -26,11 +26,13 @@ class Part(NamedTuple):
         make: Fills an empty folder by the real code.
         read: Reads a copy of it by the real code, and may write to it.
         files: Which files bits are flipped in, as glob patterns below the folder.
+        tables: Of databases, which tables with their indexes; empty for all.
     """
 
     make: Callable[[Path], None]
     read: Callable[[Path], Answer]
     files: tuple[str, ...]
+    tables: tuple[str, ...] = ()
 
 
 def load(name: str) -> Part:

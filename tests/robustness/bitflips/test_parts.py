@@ -23,6 +23,7 @@ FLIPS = {
     "broker": 60,
     "store": 40,
     "store_log": 40,
+    "frames": 40,
 }
 
 

@@ -17,7 +17,7 @@ from tests.robustness.bitflips.flip import draw
 from tests.robustness.bitflips.part import load
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from tests.robustness.bitflips.flip import Flip
     from tests.robustness.bitflips.part import Answer, Part
@@ -84,8 +84,15 @@ def listening() -> Iterator[list[str]]:
             each.setLevel(level)
 
 
-def attack(name: str, *, flips: int, seed: int) -> Iterator[Verdict]:
-    """Make a part's files, and read so many copies of them, each with another bit flipped."""
+def attack(name: str, *, flips: int, seed: int, tables: Sequence[str] = ()) -> Iterator[Verdict]:
+    """Make a part's files, and read so many copies of them, each with another bit flipped.
+
+    Args:
+        name: Of the part.
+        flips: How many.
+        seed: Draws the bits.
+        tables: Of databases, in which tables and their indexes; empty for those of the part.
+    """
     part, random = load(name), Random(f"{name} {seed}")  # noqa: S311 - a plan, no secret
     with tempfile.TemporaryDirectory(dir=_FAST if _FAST.is_dir() else None) as fresh:
         whole, copy = Path(fresh) / "whole", Path(fresh) / "copy"
@@ -96,7 +103,7 @@ def attack(name: str, *, flips: int, seed: int) -> Iterator[Verdict]:
             expected = part.read(copy)
         shutil.rmtree(copy)
         for _ in range(flips):
-            flip = draw(whole, part.files, random)
+            flip = draw(whole, part.files, random, tables or part.tables)
             shutil.copytree(whole, copy)
             flip.apply(copy)
             yield judge(part, copy, expected, usual, flip)

@@ -5,10 +5,15 @@ Where the store is on a server: PostgreSQL, too.
 
 from __future__ import annotations
 
+import sys
 from contextlib import ExitStack
+from datetime import timedelta
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
+
+from eskin_cloud.access import Scope, create_token
+from eskin_cloud.store import Store
 
 from eskin.demo.layout import Layout
 from eskin.identity import IdentityKind
@@ -34,10 +39,13 @@ if TYPE_CHECKING:
 
     from eskin.identity import Identity
 
-NODES: Final = ("fingertip", "palm", "forearm")
+SKIN: Final = "small-hand"
+"""A node of 336 taxels, which sends frames and is watched."""
+NODES: Final = ("fingertip", "palm", "forearm", SKIN)
 GATEWAYS: Final = ("gateway-1", "gateway-2")
 _PORTS: Final = BrokerPorts(nodes=8883, gateways=8884, clients=8885)
 _INGEST: Final = 8443
+_PEOPLE: Final = 8080
 _MEBIBYTE: Final = 1 << 20
 _NO_STORE: Final = ": the store cannot be "
 """In a cloud's last line where it found no database when it started."""
@@ -52,6 +60,8 @@ class Site:
 
     Attributes:
         store: Where the cloud's store is.
+        seen: What the skin's watcher saw, once it watches.
+        watcher: Its process.
     """
 
     def __init__(self, root: Path, *, server: bool = False) -> None:
@@ -76,6 +86,8 @@ class Site:
             self._make_gateway(hosts[name], number) for number, name in enumerate(GATEWAYS, start=1)
         ]
         self.nodes = [self._make_node(hosts[name]) for name in NODES]
+        self.seen = root / "seen"
+        self.watcher: Running | None = None
 
     @property
     def parts(self) -> list[Part]:
@@ -130,10 +142,23 @@ class Site:
             running.start()
 
     def has_begun(self) -> bool:
-        """Whether something is stored."""
-        return (
-            self.store_is_made() and ask_store(self.store, "SELECT count(*) FROM blocks")[0][0] > 0
+        """Whether a block and a frame are stored."""
+        return self.store_is_made() and all(
+            ask_store(self.store, f"SELECT count(*) FROM {table}")[0][0] > 0  # noqa: S608 - our words
+            for table in ("blocks", "frames")
         )
+
+    def watch(self) -> None:
+        """Have the skin watched beside the cloud, until the end."""
+        with Store(self.store) as store:
+            token = create_token(
+                store, name="watcher", scopes=[Scope.READ], lifetime=timedelta(days=1)
+            )
+        words = ["-m", "tests.support.skin_watcher", str(_PEOPLE), SKIN, str(self.seen)]
+        argv = [*self.cloud.host.prefix, sys.executable, *words]
+        self.watcher = Running(argv, log=self._logs / "watcher.log", env={"ESKIN_TOKEN": token})
+        self._exits.callback(_end, self.watcher)
+        self.watcher.start()
 
     def store_is_made(self) -> bool:
         """Whether the cloud made its tables."""
@@ -228,6 +253,7 @@ class Site:
         store: dict[str, object] = {"path": self.store}
         config = write_settings(self.layout.root / "cloud.toml", {
             "store": store if self.database is None else self.database.settings,
+            "people": {"port": _PEOPLE},
             "gateways": {"host": host.address, "port": _INGEST, "identity": server.directory},
         })  # fmt: skip
         return self._part("cloud", [ESKIN, "cloud", "--config", str(config)], host, disk, server)

@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from eskin.demo.audit import audit
-from eskin.wire.messages import Gap, decode_message
+from eskin.wire import frames
+from eskin.wire.messages import Gap, Kind, decode_message
+from eskin.wire.messages.cbor_map import load
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.timestamp import SECOND
-from tests.robustness.chaos.site import NODES
+from tests.robustness.chaos.site import NODES, SKIN
+from tests.support.skin_watcher import Seen
 from tests.support.stores import ask_store
 
 if TYPE_CHECKING:
@@ -84,21 +87,25 @@ class Verdict:
     """What was found.
 
     Attributes:
-        made: Blocks that the nodes made.
+        made: Blocks and frames that the nodes made.
         stored: Those in the store.
-        told: Those that a gap tells as lost.
+        stated: Those that a gap tells as lost.
         unborn: Those that never came to be in flash: killed between truth and commit.
         gaps: Reason to how many gaps.
         samples: Samples that were compared with the truth.
+        seen: Frames that the skin's viewer got.
+        pages: Rounds of questions of a page that were answered.
         faults: What is wrong; empty if all is well.
     """
 
     made: int = 0
     stored: int = 0
-    told: int = 0
+    stated: int = 0
     unborn: int = 0
     gaps: dict[str, int] = field(default_factory=dict)
     samples: int = 0
+    seen: int = 0
+    pages: int = 0
     faults: list[str] = field(default_factory=list)
 
 
@@ -108,6 +115,7 @@ def judge(site: Site, blows: Sequence[Blow]) -> Verdict:
     _compare(site, verdict)
     explain(site.store, verdict, blows)
     add_up(site.store, verdict)
+    _watched(site, verdict)
     verdict.faults += [f"refused: {letter}" for letter in site.letters()]
     return verdict
 
@@ -117,7 +125,7 @@ def _compare(site: Site, verdict: Verdict) -> None:
     for delivery in found.deliveries:
         verdict.made += delivery.made
         verdict.stored += delivery.stored
-        verdict.told += delivery.lost
+        verdict.stated += delivery.lost
         verdict.unborn += delivery.unborn
         if delivery.missing:
             verdict.faults.append(
@@ -126,6 +134,10 @@ def _compare(site: Site, verdict: Verdict) -> None:
             )
         if delivery.waiting:
             verdict.faults.append(f"{delivery.node}: {delivery.waiting} blocks still wait")
+    for node, doubled in found.doubled.items():
+        if doubled:
+            verdict.faults.append(f"{node}: {len(doubled)} frames are stored twice: {doubled[0]}")
+    verdict.faults += [f"damaged: {row}" for row in found.damaged]
     for channel in found.channels:
         verdict.samples += channel.samples
         if not channel.passes:
@@ -170,8 +182,21 @@ def add_up(store: StoreLocation, verdict: Verdict) -> None:
     for place, blocks, samples, counted, summed in ask_store(store, query):
         if (blocks, samples) != (counted, summed):
             verdict.faults.append(
-                f"{place}: {blocks} blocks and {samples} samples are told, "
+                f"{place}: {blocks} blocks and {samples} samples are stated, "
                 f"{counted} and {summed} are stored"
+            )
+    query = """
+        SELECT p.node, p.page, max(p.frames), max(p.samples), count(f.sequence),
+            coalesce(sum(f.samples), 0)
+        FROM pages AS p LEFT JOIN frames AS f
+            ON f.node = p.node AND f.layout = p.layout AND f.page = p.page
+        GROUP BY p.node, p.layout, p.page
+    """
+    for node, page, total, samples, counted, summed in ask_store(store, query):
+        if (total, samples) != (counted, summed):
+            verdict.faults.append(
+                f"{node}: page {page} has {counted} frames and {summed} samples, "
+                f"{total} and {samples} by its totals"
             )
     for (node, boot), ranges in _numbers(store).items():
         spans = list(ranges)
@@ -181,6 +206,22 @@ def add_up(store: StoreLocation, verdict: Verdict) -> None:
             )
 
 
+def _watched(site: Site, verdict: Verdict) -> None:
+    """The skin's viewer and its page are answered, and see only what is stored."""
+    seen, watcher = Seen.read(site.seen), site.watcher
+    if watcher is None or watcher.process is None or watcher.process.poll() is not None:
+        said = "" if watcher is None else watcher.output()[-1000:]
+        verdict.faults.append(f"{SKIN}: its watcher has ended: {said}")
+    verdict.seen, verdict.pages = len(seen.frames), seen.pages
+    verdict.faults += seen.wrong
+    if not seen.frames or not seen.pages:
+        verdict.faults.append(f"{SKIN}: {len(seen.frames)} frames and {seen.pages} pages were seen")
+    numbers = _numbers(site.store)
+    lacking = [place for place in seen.frames if place[1] not in numbers[SKIN, place[0]]]
+    if lacking:
+        verdict.faults.append(f"{SKIN}: {len(lacking)} frames were seen and are not stored")
+
+
 def _numbers(store: StoreLocation) -> dict[tuple[str, int], SequenceRanges]:
     """By node and boot, the numbers of messages that came, or that a gap names as lost."""
     found: dict[tuple[str, int], SequenceRanges] = defaultdict(SequenceRanges)
@@ -188,9 +229,23 @@ def _numbers(store: StoreLocation) -> dict[tuple[str, int], SequenceRanges]:
         store, "SELECT node, boot, first, last FROM sequences"
     ):
         found[node, boot].add(first, last)
-    for node, data in ask_store(store, "SELECT node, data FROM events WHERE kind = 'gap'"):
-        gap = decode_message(bytes(data))
-        assert isinstance(gap, Gap)
-        for boot, first, last in gap.lost:
-            found[node, boot].add(first, last)
+    # Of statements, the first row holds the message, whatever it is about.
+    query = """
+        SELECT e.node, e.data FROM events AS e WHERE e.data IS NOT NULL AND EXISTS (
+            SELECT 1 FROM events AS g WHERE g.kind = 'gap' AND g.node = e.node
+            AND g.boot = e.boot AND g.sequence = e.sequence)
+    """
+    for node, data in ask_store(store, query):
+        for gap in _told(bytes(data)):
+            for boot, first, last in gap.lost:
+                found[node, boot].add(first, last)
     return found
+
+
+def _told(data: bytes) -> Sequence[Gap | frames.Gap]:
+    """The gaps that a message states."""
+    fields = load(data)
+    if fields.integer(1, 0, 255) == Kind.STATEMENTS:
+        return frames.Statements.read(fields).gaps
+    gap = decode_message(data)
+    return [gap] if isinstance(gap, Gap) else ()

@@ -20,6 +20,8 @@ def test_soak_misses_nothing_and_judges_all(tmp_path: Path) -> None:
     found = soak(tmp_path, duration=2.0, rate=50.0, rest=0.0)
     assert found["sent"] > 0
     assert found["missing"] == 0
+    assert found["frames"] > 0
+    assert found["wrong"] == []
     assert set(found["processes"]) == {"broker", "gateway", "cloud"}
     for part in found["processes"].values():
         lo, hi = part["growth_an_hour"]

@@ -76,6 +76,7 @@ def find_column(connection: Connection, node: str, channel: str) -> dict[str, An
 
     Raises:
         UnknownDescriptionError: A layout is damaged in the store.
+        DamagedRowError: Totals of a page or of the patch are damaged.
     """
     for described in find_layouts(connection, node):
         place = described.places.get(channel)
@@ -86,8 +87,12 @@ def find_column(connection: Connection, node: str, channel: str) -> dict[str, An
 
 
 def describe_columns(connection: Connection, node: str, patch: Patch) -> list[dict[str, Any]]:
-    """All channels of a patch, as `find_column` gives them."""
-    places = find_patch_pages(connection, node, patch.patch_id)
+    """All channels of a patch, as `find_column` gives them.
+
+    Raises:
+        DamagedRowError: Totals of a page or of the patch are damaged.
+    """
+    places = find_patch_pages(connection, node, patch.patch_id, strict=True)
     compacted = read_patch(connection, node, patch.patch_id)
     rows: list[RowMapping] = [place.totals for place in places]
     rows += [] if compacted is None else [compacted]

@@ -9,12 +9,18 @@ import numpy as np
 from sqlalchemy import and_, bindparam, select
 
 from eskin.wire.frames.frame_scan import Part, scan_frames
-from eskin_cloud.store.damage import FrameHeader, is_intact_frame, is_intact_patch_row
+from eskin_cloud.store.damage import (
+    DamagedRowError,
+    FrameHeader,
+    are_countable,
+    is_intact_frame,
+    is_intact_patch_row,
+)
 from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.patch_rows import decode_runs
 from eskin_cloud.store.patch_run import PatchRun
 from eskin_cloud.store.read.window import Window, before
-from eskin_cloud.store.row_digests import intact_rows
+from eskin_cloud.store.row_digests import intact_rows, require_intact_row
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows, patches
 from eskin_cloud.store.schema.tables import nodes
 from eskin_cloud.store.slot import slot_of
@@ -95,10 +101,22 @@ class PatchPage(NamedTuple):
     totals: RowMapping
 
 
-def read_pages(connection: Connection, node: str) -> list[RowMapping]:
-    """The totals of a node's pages; those of the latest layout come first."""
-    rows = connection.execute(_PAGES, {"slot": slot_of(node), "node": node}).mappings()
+def read_pages(connection: Connection, node: str, *, strict: bool = False) -> list[RowMapping]:
+    """The totals of a node's pages; those of the latest layout come first.
+
+    Args:
+        connection: In a read transaction.
+        node: The node.
+        strict: Whether damaged totals are an error; else they are reported and dropped.
+
+    Raises:
+        DamagedRowError: Totals are damaged.
+    """
+    are_countable(pages.name)  # a row whose key is damaged is not found by it; this reports it
+    rows = connection.execute(_PAGES, {"slot": slot_of(node), "node": node}).mappings().all()
     found = intact_rows(connection, pages, rows)
+    if strict and len(found) < len(rows):
+        raise DamagedRowError(f"totals of the pages of {node}")
     return sorted(found, key=lambda row: (row["t_last"] is None, -(row["t_last"] or 0)))
 
 
@@ -133,20 +151,28 @@ def find_layouts(connection: Connection, node: str) -> list[DescribedLayout]:
 
 
 def read_patch(connection: Connection, node: str, patch_id: str) -> RowMapping | None:
-    """The totals of a patch's compacted rows; ``None`` if it has none."""
+    """The totals of a patch's compacted rows; ``None`` if it has none.
+
+    Raises:
+        DamagedRowError: They are damaged.
+    """
+    are_countable(patches.name)  # as for pages
     key = {"slot": slot_of(node), "node": node, "patch": patch_id}
-    rows = connection.execute(_PATCH, key).mappings()
-    return next(iter(intact_rows(connection, patches, rows)), None)
+    row = connection.execute(_PATCH, key).mappings().one_or_none()
+    return require_intact_row(connection, patches, row)
 
 
-def find_patch_pages(connection: Connection, node: str, patch_id: str) -> list[PatchPage]:
-    """The pages whose frames hold a patch.
+def find_patch_pages(
+    connection: Connection, node: str, patch_id: str, *, strict: bool = False
+) -> list[PatchPage]:
+    """The pages whose frames hold a patch; ``strict`` is that of `read_pages`.
 
     Raises:
         UnknownDescriptionError: A layout is damaged in the store.
+        DamagedRowError: Totals are damaged.
     """
     found = []
-    for row in read_pages(connection, node):
+    for row in read_pages(connection, node, strict=strict):
         described = find_layout(connection, node, bytes(row["layout"]))
         found += [
             PatchPage(described, row["page"], number, row)
@@ -170,6 +196,7 @@ def read_runs(connection: Connection, node: str, patch_id: str, window: Window) 
 
     Raises:
         UnknownDescriptionError: A layout is damaged in the store.
+        DamagedRowError: The patch's totals are damaged.
     """
     found = read_compacted(connection, node, patch_id, window)
     places: dict[int, list[PatchPage]] = defaultdict(list)
@@ -193,6 +220,7 @@ def read_compacted(
     if totals is None:
         return []
     key = {"slot": slot_of(node), "node": node, "patch": patch_id}
+    are_countable(patch_rows.name)
     rows = connection.execute(_ROWS, key | _bounds(window, totals["longest"])).mappings()
     return [run for row in rows if is_intact_patch_row(row) for run in decode_runs(row["data"])]
 
@@ -248,6 +276,7 @@ def read_frame_rows(
         longest: The longest span of such a row, ns.
     """
     key = {"slot": slot_of(node), "node": node, "page": page} | _bounds(window, longest)
+    are_countable(frames.name)
     rows = connection.execute(_FRAMES, key).mappings()
     return [row for row in rows if is_intact_frame(row["data"], FrameHeader.of(row), row["head"])]
 

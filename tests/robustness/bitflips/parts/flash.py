@@ -13,6 +13,7 @@ from eskin.privacy.open_keystore import open_key
 from eskin.runtime.settings import KeysSection
 from eskin.wire.messages import Gap, decode_message
 from tests.robustness.bitflips.part import Part
+from tests.unit.eskin.wire.frames import examples
 from tests.unit.sensor_node.designs import waiting
 from tests.unit.sensor_node.flashes import open_flash
 from tests.unit.sensor_node.stores import Store
@@ -25,15 +26,19 @@ if TYPE_CHECKING:
 _FLASH: Final = "flash.sqlite"
 _KEYS: Final = "keys"
 _BOOTS: Final = (1_800_000_000, 1_800_000_600)
+_DESCRIBED: Final = {
+    each.content_hash: each.encode() for each in (*examples.PATCHES, examples.LAYOUT)
+}
 _NOW: Final = 1_800_001_200
 """Boots are numbered by the second in which they begin."""
 
 
 def make(folder: Path) -> None:
-    """Fill a flash in two boots, with a result and a charge."""
+    """Fill a flash in two boots, with descriptions, a result and a charge."""
     key = open_key(KeysSection(), folder / _KEYS, "flash.key")
     for epoch in _BOOTS:
         store = Store(folder / _FLASH, key=key, epoch=epoch)
+        store.outbox.describe(examples.LAYOUT.content_hash, _DESCRIBED)
         store.fill(12, peak_every=3)
         store.flash.store_answer(b"the last result")
         store.flash.store_charge(b"the charge")
@@ -56,6 +61,9 @@ def read(folder: Path) -> dict[str, Any]:
                 lost |= {(b, n) for b, first, last in gap.lost for n in range(first, last + 1)}
             else:
                 found[f"message {kept.position}"] = (kept.body, kept.time, kept.samples)
+        for name in flash.descriptions():
+            if body := flash.description(name):
+                found[f"description {name.hex()}"] = body
         found["answer"] = flash.answer()
         found |= {f"end of {boot}": last for boot, last in flash.ended()}
         if charge := flash.charge():
@@ -71,6 +79,7 @@ def _say(flash: Flash) -> None:
         outbox.mark_sent(kept.position, 1)
     with outbox.batch() as batch:
         batch.take([outbox.message_writer.gap(0, (0, 9), 5)])
+    outbox.describe(examples.LAYOUT.content_hash, _DESCRIBED)
     outbox.acknowledge([(flash.boot, 0, 3)])
     outbox.held()
 

@@ -15,6 +15,7 @@ from tests.robustness.bitflips.part import Part
 from tests.support.identities import Identities
 from tests.unit.gateway.in_memory import Inside
 from tests.unit.gateway.messages import block, gap, peak, status
+from tests.unit.gateway.skins import LARGE
 from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 _SPOOL: Final = "spool.db"
 _NODE: Final = "fingertip"
+_SKIN: Final = LARGE
 _SAID: Final = 30
 _NEVER_SAID: Final = [
     (boot, n) for boot in (1, 2) for n in range(90) if boot == 2 or n >= _SAID or n % 5 == 4
@@ -43,10 +45,12 @@ def _envelope(stream: Stream, message: Any) -> bytes:
 
 
 def make(folder: Path) -> None:
-    """Messages of a node: its certificate, blocks, peaks, a gap, and an unreadable one."""
+    """Messages of a node: its certificate, skin, blocks, peaks, gaps, and an unreadable one."""
     inside = Inside(folder, _identities())
     with closing(inside.spool):
         inside.arrive(Stream.STATUS, _envelope(Stream.STATUS, status(0)))
+        for each in _SKIN.descriptions:
+            inside.arrive(Stream.LAYOUTS, _seal()(_NODE, Stream.LAYOUTS, each))
         for number in range(1, _SAID):
             if number % 5 == 4:
                 continue
@@ -69,6 +73,9 @@ def read(folder: Path) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for stored in spool.take(1000, 1 << 30):
             found[f"message {stored.boot} {stored.sequence}"] = stored[:5]
+        for name in _SKIN.hashes:
+            if body := spool.description(_NODE, name):
+                found[f"description {name.hex()}"] = body
         record = inside.node_states[_NODE]
         found["seen"] = [place for place in _NEVER_SAID if record.is_duplicate(Position(*place))]
         found |= dict(_later(inside))
@@ -83,7 +90,12 @@ def _later(inside: Inside) -> Iterator[tuple[str, Any]]:
         yield "new is stored", len(inside.spool.take(1000, 1 << 30)) - before
     inside.arrive(Stream.STATUS, _envelope(Stream.STATUS, status(71)))
     inside.arrive(Stream.BLOCKS, _envelope(Stream.BLOCKS, block(72)))
+    inside.arrive(Stream.FRAMES, _envelope(Stream.FRAMES, _SKIN.frame(73)))
+    for each in _SKIN.descriptions:
+        inside.arrive(Stream.LAYOUTS, _seal()(_NODE, Stream.LAYOUTS, each))
+    inside.arrive(Stream.FRAMES, _envelope(Stream.FRAMES, _SKIN.frame(73)))
     taken = inside.spool.take(1000, 1 << 30)
+    yield "frame is stored", any(stored.sequence == 73 for stored in taken)
     yield "known again", any(stored.sequence == 72 for stored in taken)
     inside.spool.dead_letters()
     for name in inside.spool.nodes():

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("eskin_cloud.bitflips")
 
 _STORE: Final = "store.sqlite"
-_WINDOW: Final = {"start": START - SECOND, "end": START + 3600 * SECOND}
+WINDOW: Final = {"start": START - SECOND, "end": START + 3600 * SECOND}
 _PLACES: Final = ((NODE, CHANNEL), (NODE, PACKED), (NODE, BUILT), (HAND, "t05.bioelectric"))
 _LISTS: Final = (
     "nodes",
@@ -63,7 +63,8 @@ _ALL: Final = tuple(Scope)
 
 
 @cache
-def _identities() -> Identities:
+def identities() -> Identities:
+    """A CA, a gateway and a cloud."""
     made = Identities(Path(mkdtemp(prefix="eskin-bitflips-")))
     made.make(IdentityKind.SERVER, "server.cloud")
     return made
@@ -77,7 +78,7 @@ def make(folder: Path) -> None:
 
 
 async def _make(folder: Path) -> None:
-    with sealing(folder, _identities()) as stand:
+    with sealing(folder, identities()) as stand:
         store = stand.cloud.store
         token = partial(create_token, store, scopes=_ALL, lifetime=timedelta(days=9))
         secrets = {name: token(name=name) for name in ("good", "revoked", "closed")}
@@ -101,8 +102,9 @@ async def _make(folder: Path) -> None:
 
 
 @contextmanager
-def _standing(folder: Path, token: str) -> Iterator[Stand]:
-    server = _identities().ca.parent / "server.cloud"
+def standing(folder: Path, token: str) -> Iterator[Stand]:
+    """A cloud on a store, which has looked for damage."""
+    server = identities().ca.parent / "server.cloud"
     settings = CloudSettings(
         store=StoreSection(path=folder / _STORE),
         gateways=GatewaysSection(identity=server),
@@ -117,52 +119,57 @@ def _standing(folder: Path, token: str) -> Iterator[Stand]:
                 look_at(store, table)
             except StoreError as error:
                 log.warning("%s", error)
-        yield Stand(cloud, clock, _identities().gateway, token, {NODE, HAND})
+        yield Stand(cloud, clock, identities().gateway, token, {NODE, HAND})
 
 
 def read(folder: Path) -> dict[str, Any]:
     """Ask everything, of everybody, and bring what was brought before."""
     secrets = cbor2.loads((folder / "secrets").read_bytes())
-    with _standing(folder, secrets["good"]) as stand:
-        return asyncio.run(_Asker(stand, secrets).ask())
+    with standing(folder, secrets["good"]) as stand:
+        return asyncio.run(Asker(stand, secrets).ask())
 
 
-class _Asker:
+class Asker:
+    """Asks a cloud, and keeps each part of its answers by itself."""
+
     def __init__(self, stand: Stand, secrets: dict[str, str]) -> None:
-        self._stand = stand
+        self.stand = stand
         self._secrets = secrets
-        self._found: dict[str, Any] = {}
+        self.found: dict[str, Any] = {}
 
     async def ask(self) -> dict[str, Any]:
+        """Ask everything; gives what was found."""
         await self._ask_secrets()
         for path in _LISTS:
-            for item in (await self._get(path) or {}).get("items", ()):
-                self._keep(f"{path} {item.get('id', item)}", item)
+            for item in (await self.get(path) or {}).get("items", ()):
+                self.keep(f"{path} {item.get('id', item)}", item)
         for path in _ONES:
-            self._keep(path, await self._get(path))
+            self.keep(path, await self.get(path))
         for node, channel in _PLACES:
-            await self._ask_series(node, channel)
+            await self.ask_series(node, channel)
         await self._fetch()
         await self._bring()
-        return self._found
+        return self.found
 
-    def _keep(self, name: str, value: Any) -> None:
+    def keep(self, name: str, value: Any) -> None:
         """Keep each part of an answer by itself; what says nothing is left out."""
         if isinstance(value, dict):
             for part, inner in value.items():
-                self._keep(f"{name} {part}", inner)
+                self.keep(f"{name} {part}", inner)
         elif isinstance(value, list):
             for part, inner in enumerate(value):
-                self._keep(f"{name} {part}", inner)
+                self.keep(f"{name} {part}", inner)
         elif value is not None and not name.endswith(" settled"):  # which follows from the rest
-            self._found[name] = value
+            self.found[name] = value
 
-    async def _get(self, path: str, **params: Any) -> Any:
-        answer = await self._answer(path, **params)
+    async def get(self, path: str, **params: Any) -> Any:
+        """The answer in JSON; ``None`` where there is none, which is logged."""
+        answer = await self.answer(path, **params)
         return None if answer is None else answer.json()
 
-    async def _answer(self, path: str, **params: Any) -> httpx.Response | None:
-        answer = await self._stand.get(f"/api/v1/{path}", **params)
+    async def answer(self, path: str, **params: Any) -> httpx.Response | None:
+        """The answer; ``None`` where there is none, which is logged, as what it lacks is."""
+        answer = await self.stand.get(f"/api/v1/{path}", **params)
         assert answer.status_code != 500, f"500 at {path}"
         if answer.status_code != 200:
             log.error("%s: %s", path, answer.json()["detail"])
@@ -174,9 +181,9 @@ class _Asker:
     async def _ask_secrets(self) -> None:
         for name, secret in self._secrets.items():
             is_session = name.startswith("session")
-            async with self._stand.client(token="" if is_session else secret) as client:
+            async with self.stand.client(token="" if is_session else secret) as client:
                 cookies = (
-                    {f"eskin_session_{self._stand.cloud.settings.people.port}": secret}
+                    {f"eskin_session_{self.stand.cloud.settings.people.port}": secret}
                     if is_session
                     else None
                 )
@@ -184,14 +191,15 @@ class _Asker:
                 answer = await client.get("/api/v1/nodes")
             assert answer.status_code != 500, f"500 for {name}"
             if answer.status_code == 200:
-                self._found[f"{name} may"] = True
+                self.found[f"{name} may"] = True
             else:
                 log.error("%s: %s", name, answer.json()["detail"])
 
-    async def _ask_series(self, node: str, channel: str) -> None:
+    async def ask_series(self, node: str, channel: str) -> None:
+        """Read a channel as hulls, in all samples, and as a file."""
         path = f"series/{node}/{channel}"
         for points in (3, 20_000):
-            answer = await self._answer(path, points=points, **_WINDOW)
+            answer = await self.answer(path, points=points, **WINDOW)
             if answer is None or (points == 3 and DAMAGED in answer.headers):
                 continue
             said = answer.json()
@@ -199,9 +207,9 @@ class _Asker:
             said["t"] = [begin + t for t in said["t"]]
             for moment, *bounds in zip(said["t"], said["lo"], said["hi"], strict=True):
                 if bounds != [None, None]:
-                    self._found[f"{channel} by {points} at {moment}"] = bounds
+                    self.found[f"{channel} by {points} at {moment}"] = bounds
         try:
-            answer = await self._answer("export", channel=f"{node}/{channel}", **_WINDOW)
+            answer = await self.answer("export", channel=f"{node}/{channel}", **WINDOW)
         except AssertionError:  # httpx's: the answer was broken off
             log.warning("export: broken off")
             return
@@ -211,34 +219,38 @@ class _Asker:
                     log.error("export: unknown %s", row)
                     continue
                 key = tuple(row[name] for name in ("boot", "sequence", "earliest"))
-                self._found[f"export {channel} {key}"] = row
+                self.found[f"export {channel} {key}"] = row
 
     async def _fetch(self) -> None:
-        answer = await fetch(self._stand)
+        answer = await fetch(self.stand)
         assert answer.status_code != 500, "500 at deliveries"
         if answer.status_code != 200:
             log.error("deliveries: %s", answer.json()["detail"])
             return
         for node, number, data in cbor2.loads(answer.content)["give"]:
             try:
-                self._found[f"command {node} {number}"] = opened(_identities(), data, node).encode()
+                self.found[f"command {node} {number}"] = opened(identities(), data, node).encode()
             except EskinError as error:  # as the node says
                 log.warning("command refused by its node: %s", error)
 
     async def _bring(self) -> None:
         old = (peak(1), gap(2), block(3), peak(400), gap(401))
         for said in (*old, block(500), peak(501)):
-            answer = await self._stand.ingest(batch(said))
-            assert answer.status_code != 500, "500 at ingest"
-            if answer.status_code != 200:
-                log.error("ingest: %s", answer.json()["detail"])
-                continue
-            result = answer.json()["items"][0]["result"]
-            name = f"brought {said.position}"
-            if result in {"rejected", "unknown_node"}:
-                log.error("%s: %s", name, answer.json()["items"][0]["reason"])
-                continue
-            self._found[name] = result
+            await self.bring(said)
+
+    async def bring(self, said: Any) -> None:
+        """Bring a message, perhaps again."""
+        answer = await self.stand.ingest(batch(said))
+        assert answer.status_code != 500, "500 at ingest"
+        if answer.status_code != 200:
+            log.error("ingest: %s", answer.json()["detail"])
+            return
+        result = answer.json()["items"][0]["result"]
+        name = f"brought {said.position}"
+        if result in {"rejected", "unknown_node", "unknown_layout"}:
+            log.error("%s: %s", name, answer.json()["items"][0]["reason"])
+            return
+        self.found[name] = result
 
 
 PART: Final = Part(make, read, (_STORE,))
