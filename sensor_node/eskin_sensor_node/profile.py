@@ -10,7 +10,7 @@ from typing import Any, Final, Self
 from eskin.errors import SettingsError
 
 _DESCRIPTION: Final = "description"
-_SECTIONS: Final[tuple[str, ...]] = ("sampling", "machine", "energy")
+_SECTIONS: Final[tuple[str, ...]] = ("sampling", "machine", "energy", "skin")
 
 
 def profile_names() -> list[str]:
@@ -26,8 +26,8 @@ class Profile:
     Attributes:
         name: Such as ``fingertip``.
         description: One line for people.
-        taxels: The ``[[taxel]]`` tables.
-        sections: Its ``[sampling]``, ``[machine]`` and ``[energy]``, where it has them.
+        taxels: The ``[[taxel]]`` tables; none where it has a skin.
+        sections: Its ``[sampling]``, ``[machine]``, ``[energy]`` and ``[skin]``, where it has them.
         text: The same tables as TOML with their comments, ready to stand at the end of a node's
             file.
     """
@@ -54,4 +54,4 @@ class Profile:
         lines = [line for line in text.splitlines() if not line.startswith(f"{_DESCRIPTION} =")]
         sections = {key: tables[key] for key in _SECTIONS if key in tables}
         rest = "\n".join(lines).strip() + "\n"
-        return cls(name, tables[_DESCRIPTION], tables["taxel"], sections, rest)
+        return cls(name, tables[_DESCRIPTION], tables.get("taxel", []), sections, rest)

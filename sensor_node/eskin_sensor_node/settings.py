@@ -12,6 +12,7 @@ from eskin.identity import IdentityKind
 from eskin.runtime.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
 from eskin_sensor_node.kinds.registry import Taxel
 from eskin_sensor_node.kinds.settings import Companion, TaxelSection
+from eskin_sensor_node.kinds.skin_section import SkinSection
 from eskin_sensor_node.profile import Profile, profile_names
 from eskin_sensor_node.world.scenario.fit import Played
 
@@ -371,8 +372,9 @@ class NodeSettings(Settings):
     energy: EnergySection = EnergySection()
     renewal: NodeRenewalSection = NodeRenewalSection()
     log: LogSection = LogSection()
+    skin: SkinSection = SkinSection()
     taxel: tuple[Taxel, ...] = Field(
-        min_length=1,
+        default=(),
         max_length=100,
         description="the sensing elements; without them the packaged profile's",
     )
@@ -390,14 +392,27 @@ class NodeSettings(Settings):
         if not isinstance(node, dict) or node.get("profile") not in profile_names():
             return data
         profile = Profile.read(node["profile"])
-        filled = {"taxel": profile.taxels} | data
+        skin = data.get("skin")
+        own_skin = isinstance(skin, dict) and skin.get("scenario")
+        filled = {"taxel": [] if own_skin else profile.taxels} | data
         for name, section in profile.sections.items():
+            if name == "skin" and data.get("taxel"):
+                continue
             given = data.get(name, {})
             if isinstance(given, dict):
                 filled[name] = section | given
         if not node.get("description"):
             filled["node"] = node | {"description": profile.description}
         return filled
+
+    @model_validator(mode="after")
+    def _skin_or_taxels(self) -> Self:
+        if self.skin.present == bool(self.taxel):
+            raise ValueError("give either [[taxel]] tables or a [skin] with its scenario")
+        names = self.skin.controllers
+        if names and self.node.name not in names:
+            raise ValueError(f"skin.controllers = {names} does not name '{self.node.name}'")
+        return self
 
     @field_validator("taxel")
     @classmethod

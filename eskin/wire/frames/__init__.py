@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eskin.wire.frames.content_hash import content_hash
-from eskin.wire.frames.frame import Frame, Grid, PatchSamples
+from eskin.wire.frames.frame import Frame, Grid, PatchSamples, frame_limit
 from eskin.wire.frames.layout import Controller, Layout, Seam
 from eskin.wire.frames.patch import Patch, Privacy
 from eskin.wire.frames.sample_codec import SampleCodes, Sampling, decode_samples, encode_samples
@@ -38,4 +38,5 @@ __all__ = [
     "content_hash",
     "decode_samples",
     "encode_samples",
+    "frame_limit",
 ]

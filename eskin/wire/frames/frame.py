@@ -35,7 +35,7 @@ from eskin.wire.messages.cbor_map import (
 from eskin.wire.messages.header import Kind, Position, position_fields, read_position
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from eskin.interval import Interval
     from eskin.wire.frames.layout import Layout
@@ -188,6 +188,19 @@ class PatchSamples:
             raise MessageError("columns share no error, and nor does the patch: its epoch is 0")
         if not sum(self.sampling(grids[self.grid]).counts):
             raise MessageError("no row of the patch's grid holds a sample of it")
+
+
+def frame_limit(columns: Iterable[int], rows: int) -> int:
+    """The most bytes of a frame with one grid, whose patches have all their samples.
+
+    A page is planned so that this is at most 64 KiB.
+
+    Args:
+        columns: Of each patch.
+        rows: Of the grid.
+    """
+    each = (_PATCH_BYTES + Sampling(rows, count).limit for count in columns)
+    return _HEAD_BYTES + _GRID_BYTES + sum(each)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,1 +1,9 @@
-"""Taxels of one kind as columns of arrays."""
+"""Taxels of one kind as columns of arrays: a large skin is sampled at once."""
+
+from __future__ import annotations
+
+from eskin_sensor_node.columns.factory import build
+from eskin_sensor_node.columns.pad_columns import Fault, PadColumns
+from eskin_sensor_node.columns.stretch import PatchColumns, SkinColumns, Stretch
+
+__all__ = ["Fault", "PadColumns", "PatchColumns", "SkinColumns", "Stretch", "build"]

@@ -59,6 +59,8 @@ class Converter:
         self._amplifier = 1.0 + taxel.gain_tolerance * random.uniform(-1.0, 1.0)
         errors = taxel.trimmer_tolerance * random.uniform(-1.0, 1.0, 2 * taxel.trimmer_steps + 1)
         levels = np.arange(-taxel.trimmer_steps, taxel.trimmer_steps + 1)
+        # Columns of converters have a column of errors for each level.
+        levels = levels.reshape(-1, *[1] * (errors.ndim - 1))
         self._trims = levels * taxel.trimmer_step * (taxel.adc_max - taxel.adc_min) * (1.0 + errors)
         self.adjust(1.0, 0)
 
@@ -75,7 +77,7 @@ class Converter:
         return self._quantised(held, *self._amplified(gain, trim))
 
     def _amplified(self, gain: float, trim: int) -> tuple[float, float]:
-        return gain * self._amplifier, float(self._trims[trim + len(self._trims) // 2])
+        return gain * self._amplifier, self._trims[trim + len(self._trims) // 2]
 
     def _quantised(self, values: Floats, gain: float, trim: float) -> Codes:
         steps = (gain * values - trim - self._zero) / self._step

@@ -21,8 +21,8 @@ TRUE_VACUUM_PERMITTIVITY: Final = float(
 
 
 def draw_part(random: np.random.Generator, value: float, tolerance: float) -> float:
-    """A true part, uniformly from inside its tolerance."""
-    return value * (1.0 + tolerance * float(random.uniform(-1.0, 1.0)))
+    """A true part, uniformly from inside its tolerance; a generator of columns gives a column."""
+    return value * (1.0 + tolerance * random.uniform(-1.0, 1.0))
 
 
 def draw_noise(

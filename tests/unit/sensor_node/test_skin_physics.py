@@ -197,7 +197,7 @@ def test_felt_pressure_and_distances_hold_the_truth(
     random = np.random.default_rng(seed)
     script = read_scenario("hand.toml")
     stage = Stage(script, [design.place], seed=seed)
-    pad = Pads([design], [random], stage=stage, faults=script.fault)
+    pad = Pads.draw([design], [random], stage=stage, faults=script.fault)
     true, stimulus = pad.truth(np.sort(random.uniform(0.0, 20.0, 500)))
     inversion = PadInversion(design)
     error = 0.0 if thin else 1e-3
@@ -228,7 +228,7 @@ def test_touch_is_certain_on_a_skin_of_packaged_pads() -> None:
     stage = Stage(script)
     designs = [pad_of("hand.toml", name) for name in stage.skin.names]
     randoms = [np.random.default_rng((3, number)) for number in range(len(designs))]
-    true, stimulus = Pads(designs, randoms, stage=stage, faults=[]).truth(TIMES)
+    true, stimulus = Pads.draw(designs, randoms, stage=stage, faults=[]).truth(TIMES)
     felt = []
     for design, random, row in zip(designs, randoms, true["capacitance"], strict=True):
         codes = build_frontend(design, random).digitise({"capacitance": row}, random).codes

@@ -14,7 +14,7 @@ The permittivity follows the surroundings: ``ε = ε0·εr·[1 + a·(T - 20 °C)
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 import numpy as np
 
@@ -38,39 +38,99 @@ _OPEN_LINE: Final = 1e-18
 """Capacitance in F of a line that is broken at the oscillator."""
 
 
+class PadParts(NamedTuple):
+    """True parts of some pads, each a column.
+
+    Attributes:
+        area: Of the plates, m².
+        permittivity: Relative, at rest.
+        distance: Of the plates at rest, m.
+        elasticity: In Pa.
+        per_kelvin: Relative change of the permittivity for each K.
+        per_percent: The same for each percent of humidity.
+    """
+
+    area: Floats
+    permittivity: Floats
+    distance: Floats
+    elasticity: Floats
+    per_kelvin: Floats
+    per_percent: Floats
+
+
 class Pads:
     """Some pads with their true parts, each a row of an array.
 
     Args:
-        taxels: Their data sheets.
-        randoms: Draw the true parts, one generator for each.
+        parts: Theirs.
+        apart: By how much each step of a pad's actuator takes its plates apart, steps × pads × 1.
+        places: Where they are in their skin.
         stage: Plays their scenario for them, in this order.
         faults: Those of the scenario.
     """
 
     def __init__(
         self,
+        parts: PadParts,
+        apart: Floats,
+        places: Sequence[str],
+        *,
+        stage: Stage,
+        faults: Sequence[FaultSection],
+    ) -> None:
+        self._parts = parts
+        self._charge = TRUE_VACUUM_PERMITTIVITY * parts.permittivity * parts.area
+        self._apart = apart
+        self.move(0)
+        rows = {place: row for row, place in enumerate(places)}
+        self._faults = [(rows[fault.taxel], fault) for fault in faults if fault.taxel in rows]
+        self._stuck: dict[float, Floats] = {}
+        self._stage = stage
+
+    @classmethod
+    def draw(
+        cls,
         taxels: Sequence[PadSection],
         randoms: Sequence[np.random.Generator],
         *,
         stage: Stage,
         faults: Sequence[FaultSection],
-    ) -> None:
-        parts = [_draw(taxel, random) for taxel, random in zip(taxels, randoms, strict=True)]
-        self._area, permittivity, self._near, self._elasticity = np.array(parts).T[:, :, None]
-        self._charge = TRUE_VACUUM_PERMITTIVITY * permittivity * self._area
-        self._apart = [draw_actuator(*each) for each in zip(taxels, randoms, strict=True)]
-        self.move(0)
-        slopes = [_draw_slopes(*each) for each in zip(taxels, randoms, strict=True)]
-        self._per_kelvin, self._per_percent = np.array(slopes).T[:, :, None]
-        rows = {taxel.place: row for row, taxel in enumerate(taxels)}
-        self._faults = [(rows[fault.taxel], fault) for fault in faults if fault.taxel in rows]
-        self._stuck: dict[float, Floats] = {}
-        self._stage = stage
+    ) -> Self:
+        """Draw the true parts of some pads, each with its own data sheet and generator."""
+        parts, apart = [], []
+        for taxel, random in zip(taxels, randoms, strict=True):
+            standing = _draw(taxel, random)
+            apart.append(draw_actuator(taxel, random))
+            parts.append((*standing, *_draw_slopes(taxel, random)))
+        columns = PadParts(*np.array(parts).T[:, :, None])
+        places = [taxel.place for taxel in taxels]
+        return cls(columns, np.array(apart).T[:, :, None], places, stage=stage, faults=faults)
+
+    @classmethod
+    def draw_columns(
+        cls,
+        taxel: PadSection,
+        random: np.random.Generator,
+        places: Sequence[str],
+        *,
+        stage: Stage,
+        faults: Sequence[FaultSection],
+    ) -> Self:
+        """Draw the true parts of many pads with one data sheet, whose plates do not move.
+
+        Args:
+            taxel: The data sheet.
+            random: Draws a column of a part at once.
+            places: Where they are.
+            stage: Plays their scenario for them, in this order.
+            faults: Those of the scenario.
+        """
+        parts = PadParts(*_draw(taxel, random), *_draw_slopes(taxel, random))  # type: ignore[arg-type]  # columns
+        return cls(parts, np.zeros((1, len(places), 1)), places, stage=stage, faults=faults)
 
     def move(self, steps: int) -> None:
         """Move the plates of all to one of their actuators' steps."""
-        self._distance = self._near + np.array([[apart[steps]] for apart in self._apart])
+        self._distance = self._parts.distance + self._apart[steps]
 
     def truth(self, seconds: Floats) -> tuple[dict[str, Floats], Stimulus]:
         """What is at some times, each quantity an array of pads × times, and what caused it.
@@ -80,10 +140,23 @@ class Pads:
             plate distance in m (harmonic over the plate, with crosstalk) and the one under the
             contact, mean pressure of the contacts in Pa.
         """
-        stimulus = self._stage.stimulus(seconds)
+        capacitance, stimulus = self.capacitance(seconds)
         covered = stimulus.covered
         touched = covered > 0.0
         local = np.where(touched, stimulus.pressure / np.where(touched, covered, 1.0), 0.0)
+        elasticity = self._parts.elasticity
+        truth = {
+            "capacitance": capacitance,
+            "contact_area": covered * self._parts.area,
+            "plate_distance": self._distance / (1.0 + stimulus.felt / elasticity),
+            "contact_distance": self._distance / (1.0 + local / elasticity),
+            "pressure": stimulus.pressure,
+        }
+        return truth, stimulus
+
+    def capacitance(self, seconds: Floats) -> tuple[Floats, Stimulus]:
+        """At the oscillator in F, pads × times, with crosstalk and faults; and what caused it."""
+        stimulus = self._stage.stimulus(seconds)
         capacitance = self._capacitance(stimulus)
         if self._faults:
             break_off(
@@ -93,14 +166,7 @@ class Pads:
                 intact=self._kept,
                 dead=_OPEN_LINE,
             )
-        truth = {
-            "capacitance": capacitance,
-            "contact_area": covered * self._area,
-            "plate_distance": self._distance / (1.0 + stimulus.felt / self._elasticity),
-            "contact_distance": self._distance / (1.0 + local / self._elasticity),
-            "pressure": stimulus.pressure,
-        }
-        return truth, stimulus
+        return capacitance, stimulus
 
     def _kept(self, then: Floats) -> Floats:
         """What stuck taxels keep, from before their plates moved on."""
@@ -112,11 +178,11 @@ class Pads:
     def _capacitance(self, stimulus: Stimulus) -> Floats:
         ambient = (
             1.0
-            + self._per_kelvin * (stimulus.temperature - REFERENCE_TEMPERATURE)
-            + self._per_percent * (stimulus.humidity - REFERENCE_HUMIDITY)
+            + self._parts.per_kelvin * (stimulus.temperature - REFERENCE_TEMPERATURE)
+            + self._parts.per_percent * (stimulus.humidity - REFERENCE_HUMIDITY)
         )
         rest = self._charge / self._distance
-        return np.asarray(rest * ambient * (1.0 + stimulus.felt / self._elasticity))
+        return np.asarray(rest * ambient * (1.0 + stimulus.felt / self._parts.elasticity))
 
 
 class PadWorld(World):
@@ -125,7 +191,7 @@ class PadWorld(World):
     def __init__(self, taxel: PadSection, random: np.random.Generator) -> None:
         script = read_scenario(taxel.scenario)
         stage = Stage(script, [taxel.place])
-        self._pads = Pads([taxel], [random], stage=stage, faults=script.fault)
+        self._pads = Pads.draw([taxel], [random], stage=stage, faults=script.fault)
 
     def move(self, steps: int) -> None:
         """Move the plates to one of their actuator's steps."""

@@ -44,7 +44,7 @@ class Run:
         stage = Stage(script, seed=seed)
         self._names = np.array(stage.skin.names, dtype=object)
         parts = self._randoms(_PAD_PARTS, n)
-        self._pads = Pads(plan.pads, parts, stage=stage, faults=script.fault)
+        self._pads = Pads.draw(plan.pads, parts, stage=stage, faults=script.fault)
         self._pad_chains = Chains(plan.pads, parts, self._randoms(_PAD_NOISE, n))
         broken = [stage.skin.numbers[fault.taxel] for fault in script.fault]
         self._inversion = SkinInversion(
