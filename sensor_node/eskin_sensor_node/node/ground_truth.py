@@ -1,16 +1,17 @@
-"""Ground truth: the true samples behind every block, which only the emulator knows.
+"""Ground truth: the true samples behind every block and frame, which only the emulator knows.
 
 A file of its own for a node, or for a whole fleet, written before the flash's commit, so that every
-stored block has its truth.
+stored block and frame has its truth.
 """
 
 from __future__ import annotations
 
 import sqlite3
+import zlib
 from collections import defaultdict
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from eskin.runtime.sqlite_integrity import UNREADABLE, why
 from eskin.wire.messages import Position
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from contextlib import AbstractContextManager
     from pathlib import Path
 
@@ -43,6 +44,16 @@ CREATE TABLE IF NOT EXISTS truth (
     dt INTEGER NOT NULL,     -- sampling period in ns
     samples BLOB NOT NULL    -- float64, little endian
 ) STRICT;
+CREATE TABLE IF NOT EXISTS true_frame (
+    id INTEGER PRIMARY KEY,  -- in the order of their making
+    node TEXT NOT NULL,
+    boot INTEGER NOT NULL,
+    sequence INTEGER NOT NULL,
+    time INTEGER NOT NULL,   -- true UTC of the first moment, ns since 1970
+    "end" INTEGER NOT NULL,  -- true UTC when all of its samples are complete
+    samples BLOB NOT NULL    -- float64, little endian, first all first bytes and so on; deflated
+) STRICT;
+CREATE UNIQUE INDEX IF NOT EXISTS true_frame_position ON true_frame (boot, sequence, node);
 CREATE TABLE IF NOT EXISTS settled (
     node TEXT NOT NULL,
     boot INTEGER NOT NULL,
@@ -55,6 +66,14 @@ _INSERT: Final = (
     "INSERT OR REPLACE INTO truth (node, boot, sequence, channel, time, dt, samples) "
     "VALUES (?,?,?,?,?,?,?)"
 )
+_INSERT_FRAME: Final = (
+    'INSERT OR REPLACE INTO true_frame (node, boot, sequence, time, "end", samples) '
+    "VALUES (?,?,?,?,?,?)"
+)
+_POSITIONS: Final = (
+    "SELECT node, boot, sequence FROM truth UNION ALL SELECT node, boot, sequence FROM true_frame"
+)
+_TABLES: Final = ("truth", "true_frame")
 _KEEP: Final = "INSERT OR REPLACE INTO fact VALUES (?, ?)"
 _LATER: Final = (
     "INSERT INTO fact VALUES ('end', ?) ON CONFLICT (key) DO UPDATE SET value = max(value, ?1)"
@@ -88,6 +107,24 @@ class TrueBlock:
         return self.time + self.dt * len(self.values)
 
 
+@dataclass(frozen=True, slots=True)
+class TrueFrame:
+    """The truth behind one frame.
+
+    Attributes:
+        position: The frame's boot and sequence.
+        time: True UTC of its first moment, ns.
+        end: True UTC when all of its samples are complete, ns.
+        values: True values in the units of their patches, without noise: patch after patch as in
+            the frame, row after row.
+    """
+
+    position: Position
+    time: int
+    end: int
+    values: Floats
+
+
 class GroundTruth:
     """The ground truth's file. One process writes, others may read meanwhile.
 
@@ -107,10 +144,11 @@ class GroundTruth:
                 self._owner = opened.enter_context(LockFile(path))
                 self._db = opened.enter_context(closing(_connect(path)))
                 self._db.executescript(_SCHEMA)
-                self._used = int(
+                self._used = sum(
                     self._db.execute(
-                        f"SELECT coalesce(sum(length(samples) + {_SLACK}), 0) FROM truth"  # noqa: S608 - a constant
+                        f"SELECT coalesce(sum(length(samples) + {_SLACK}), 0) FROM {table}"  # noqa: S608 - a constant
                     ).fetchone()[0]
+                    for table in _TABLES
                 )
                 opened.pop_all()
         except LockedError as error:
@@ -146,16 +184,36 @@ class GroundTruth:
         return found
 
     @classmethod
-    def made(cls, path: Path) -> dict[str, list[Position]]:
-        """Positions of all blocks whose truth is there, in order, of each node.
+    def read_frames(
+        cls, path: Path, positions: Iterable[Position], *, node: str
+    ) -> dict[Position, TrueFrame]:
+        """Read the truth behind some frames of a node, also while it writes.
+
+        Returns:
+            What is (still) there.
 
         Raises:
             FlashError: The file cannot be read.
         """
-        query = "SELECT node, boot, sequence FROM truth ORDER BY boot, sequence"
+        query = 'SELECT time, "end", samples FROM true_frame WHERE boot = ? AND sequence = ?'
+        found: dict[Position, TrueFrame] = {}
+        with _reading(path) as db:
+            for position in positions:
+                row = db.execute(*_of(node, query, position.boot, position.sequence)).fetchone()
+                if row is not None:
+                    found[position] = TrueFrame(position, row[0], row[1], _inflated(row[2]))
+        return found
+
+    @classmethod
+    def made(cls, path: Path) -> dict[str, list[Position]]:
+        """Positions of all blocks and frames whose truth is there, in order, of each node.
+
+        Raises:
+            FlashError: The file cannot be read.
+        """
         found: dict[str, list[Position]] = defaultdict(list)
         with _reading(path) as db:
-            for node, boot, sequence in db.execute(query):
+            for node, boot, sequence in db.execute(f"{_POSITIONS} ORDER BY boot, sequence"):
                 found[node].append(Position(boot, sequence))
         return dict(found)
 
@@ -170,12 +228,12 @@ class GroundTruth:
 
     @classmethod
     def oldest(cls, path: Path, *, node: str | None = None) -> Position | None:
-        """The position of the oldest block whose truth is still there; ``None`` if there is none.
+        """The least position whose truth is still there; ``None`` if there is none.
 
         Raises:
             FlashError: The file cannot be read.
         """
-        query, values = _of(node, "SELECT boot, sequence FROM truth WHERE boot >= ?", 0)
+        query, values = _of(node, f"SELECT boot, sequence FROM ({_POSITIONS}) WHERE boot >= ?", 0)  # noqa: S608 - a constant
         with _reading(path) as db:
             row = db.execute(f"{query} ORDER BY boot, sequence LIMIT 1", values).fetchone()
         return None if row is None else Position(*row)
@@ -226,30 +284,36 @@ class GroundTruth:
 
     def store(
         self,
-        blocks: Mapping[str, Sequence[TrueBlock]],
+        made: Mapping[str, Sequence[TrueBlock | TrueFrame]],
         settled: Mapping[str, tuple[int, int]] | None = None,
     ) -> None:
-        """Store the truth behind blocks of some nodes, in one commit.
+        """Store the truth behind blocks and frames of some nodes, in one commit.
 
         Args:
-            blocks: By node.
+            made: By node.
             settled: Of each node, the position of its boot below which all was in flash before, or
                 is named by a gap.
 
         Raises:
             FlashError: It cannot be written.
         """
-        rows = [_row(node, block) for node, each in blocks.items() for block in each]
-        if not rows:
+        rows: dict[str, list[tuple[Any, ...]]] = {_INSERT: [], _INSERT_FRAME: []}
+        for node, each in made.items():
+            for true in each:
+                insert = _INSERT_FRAME if isinstance(true, TrueFrame) else _INSERT
+                rows[insert].append(_row(node, true))
+        ends = [true.end for each in made.values() for true in each]
+        if not ends:
             return
-        ends = (block.end for each in blocks.values() for block in each)
-        used = self._used + sum(len(row[-1]) + _SLACK for row in rows)
+        used = self._used + sum(len(row[-1]) + _SLACK for each in rows.values() for row in each)
         with self._commit(), self._writing():
-            self._db.executemany(_INSERT, rows)
+            for insert, inserted in rows.items():
+                self._db.executemany(insert, inserted)
             self._db.execute(_LATER, (max(ends),))
             settled_rows = [(node, *position) for node, position in (settled or {}).items()]
             self._db.executemany(_SETTLED, settled_rows)
-            used -= self._drop(used - self._limit)
+            for table in _TABLES:
+                used -= self._drop(table, used - self._limit)
         self._used = used
 
     @contextmanager
@@ -288,12 +352,12 @@ class GroundTruth:
         row = self._db.execute("SELECT value FROM fact WHERE key = ?", (key,)).fetchone()
         return None if row is None else int(row[0])
 
-    def _drop(self, excess: int) -> int:
-        """Drop the oldest; gives the bytes that this frees."""
+    def _drop(self, table: str, excess: int) -> int:
+        """Drop the oldest of a table; gives the bytes that this frees."""
         freed = 0
         while freed < excess:
             rows = self._db.execute(
-                "DELETE FROM truth WHERE id IN (SELECT id FROM truth ORDER BY id LIMIT ?) "
+                f"DELETE FROM {table} WHERE id IN (SELECT id FROM {table} ORDER BY id LIMIT ?) "  # noqa: S608 - our own names
                 "RETURNING length(samples)",
                 (_FORGOTTEN_AT_ONCE,),
             ).fetchall()
@@ -317,10 +381,22 @@ def _of(node: str | None, query: str, *values: int) -> tuple[str, tuple[int | st
     return (query, values) if node is None else (f"{query} AND node = ?", (*values, node))
 
 
-def _row(node: str, block: TrueBlock) -> tuple[str, int, int, str, int, int, bytes]:
-    samples = block.values.astype("<f8").tobytes()
-    place = node, block.position.boot, block.position.sequence
-    return *place, block.channel, block.time, block.dt, samples
+def _row(node: str, true: TrueBlock | TrueFrame) -> tuple[Any, ...]:
+    place = node, true.position.boot, true.position.sequence
+    if isinstance(true, TrueFrame):
+        return *place, true.time, true.end, _deflated(true.values)
+    return *place, true.channel, true.time, true.dt, true.values.astype("<f8").tobytes()
+
+
+def _deflated(values: Floats) -> bytes:
+    # Bytes of one weight follow each other: neighbours have the same sign, exponent and first bits.
+    planes = values.astype("<f8").view(np.uint8).reshape(-1, 8).T
+    return zlib.compress(planes.tobytes(), level=1)
+
+
+def _inflated(data: bytes) -> Floats:
+    planes = np.frombuffer(zlib.decompress(data), np.uint8).reshape(8, -1)
+    return np.ascontiguousarray(planes.T).view("<f8").ravel().astype(np.float64)
 
 
 def _connect(path: Path) -> sqlite3.Connection:

@@ -124,14 +124,14 @@ COUNTED: st.SearchStrategy[Any] = st.one_of(
 )
 PEAKS = st.builds(
     lambda patch, column, time, counted, height, prominence, coverage: Peak(
-        patch, column, time, *counted, height, prominence, coverage
+        patch, column, time, counted[0], counted[1], height, prominence, coverage
     ),
     st.integers(0, 1999), st.integers(0, 63), TIMES, COUNTED, BOUNDS, BOUNDS, SHARES,
 )  # fmt: skip
 LINKS = st.builds(Link, COUNTS, st.sampled_from((Verdict.POSSIBLE, Verdict.CERTAIN)))
 CONTACTS = st.builds(
     lambda label, time, counted, cells, force, centroid, coverage, links: Contact(
-        label, time, *counted, cells, force, tuple(centroid), coverage, tuple(links)
+        label, time, counted[0], counted[1], cells, force, tuple(centroid), coverage, tuple(links)
     ),
     COUNTS, TIMES, COUNTED, st.just((1, 3)), BOUNDS, st.lists(BOUNDS, min_size=2, max_size=3),
     SHARES, st.lists(LINKS, max_size=3),
@@ -145,7 +145,9 @@ REASONED: st.SearchStrategy[Any] = st.one_of(
     ),
 )
 VERDICTS = st.builds(
-    lambda name, time, reasoned, coverage: MonitorVerdict(name, time, *reasoned, coverage),
+    lambda name, time, reasoned, coverage: MonitorVerdict(
+        name, time, reasoned[0], reasoned[1], reasoned[2], coverage
+    ),
     NAMES, TIMES, REASONED, SHARES,
 )  # fmt: skip
 GAPS = st.builds(
