@@ -99,17 +99,15 @@ def passes(*, rest: bool, peaks: bool, smoothed: bool = False) -> Cycles:
     return total
 
 
-def message(size: int, encoding: str | None = None, samples: int = 0) -> Cycles:
+def message(size: int, samples: int = 0) -> Cycles:
     """Of a message of so many bytes that is written, kept, and sent.
 
     Args:
         size: Its bytes, without its envelope.
-        encoding: Of its samples; ``None``: it has none.
-        samples: How many.
+        samples: How many samples it holds; 0: it states something.
     """
     sealed = PRICES["seal_byte"].times(size + ENVELOPE).plus(PRICES["seal_message"]).times(_SEALED)
     total = PRICES["message"].plus(sealed)
-    if encoding is None:
+    if not samples:
         return total.plus(PRICES["peak"])
-    written = PRICES[f"encode_{encoding}"].times(samples).plus(PRICES[f"block_{encoding}"])
-    return total.plus(written)
+    return total.plus(PRICES["encode_q16"].times(samples)).plus(PRICES["block_q16"])

@@ -10,7 +10,6 @@ from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from eskin.wire.messages.command_schema import Arguments, State, Value
-    from eskin_sensor_node.firmware.message_writer import Record
     from eskin_sensor_node.node.node import Node
     from eskin_sensor_node.node.taxel import EmulatedTaxel
 
@@ -45,14 +44,14 @@ class NodeControls:
         if "rate" in arguments:
             for taxel in taxels:
                 _require_rate(taxel, arguments["rate"])
-        with self._node.between_frames() as records:
+        with self._node.between_frames():
             for taxel in taxels:
                 if name == "calibrate":
                     taxel.control_unit.calibrate()
                 elif name == "reset":
-                    records.extend(taxel.reset())
+                    taxel.reset()
                 else:
-                    records.extend(_set(taxel, arguments))
+                    _set(taxel, arguments)
         return self._state()
 
     def restore(self, state: State) -> State:
@@ -64,11 +63,11 @@ class NodeControls:
         Returns:
             The node's state.
         """
-        with self._node.between_frames() as records:
+        with self._node.between_frames():
             for place, settings in state.items():
                 taxel = self._taxels.get(place.partition(".")[0])
                 if taxel is not None:
-                    records.extend(_restore(taxel, place, settings))
+                    _restore(taxel, place, settings)
         return self._state()
 
     def _chosen(self, place: str) -> list[EmulatedTaxel]:
@@ -100,27 +99,25 @@ class NodeControls:
         return state
 
 
-def _set(taxel: EmulatedTaxel, arguments: Arguments) -> list[Record]:
-    records: list[Record] = []
+def _set(taxel: EmulatedTaxel, arguments: Arguments) -> None:
     unit = taxel.control_unit
     if "threshold" in arguments:
         names = [each.channel.name for each in unit.units]
         k = names.index(str(arguments["channel"]))
-        records += unit.set_threshold(k, float(arguments["threshold"]))
+        unit.set_threshold(k, float(arguments["threshold"]))
     if "adaptive" in arguments:
-        records += taxel.adapt(on=arguments["adaptive"] == "on")
+        taxel.adapt(on=arguments["adaptive"] == "on")
     if "gain" in arguments:
-        records += taxel.amplify(float(arguments["gain"]))
+        taxel.amplify(float(arguments["gain"]))
     if "smoothing" in arguments:
-        records += unit.smooth(float(arguments["smoothing"]))
+        unit.smooth(float(arguments["smoothing"]))
     if "rate" in arguments:
-        records += taxel.sample_every(_period(arguments["rate"]))
+        taxel.sample_every(_period(arguments["rate"]))
     if "mode" in arguments:
         unit.mode = str(arguments["mode"])
-    return records
 
 
-def _restore(taxel: EmulatedTaxel, place: str, settings: dict[str, Value]) -> list[Record]:
+def _restore(taxel: EmulatedTaxel, place: str, settings: dict[str, Value]) -> None:
     unit = taxel.control_unit
     arguments = {key: value for key, value in settings.items() if key in _OF_TAXEL}
     if arguments.get("mode") not in (None, *Mode):
@@ -134,7 +131,7 @@ def _restore(taxel: EmulatedTaxel, place: str, settings: dict[str, Value]) -> li
     # What is as designed needs no change, and costs no peaks.
     if arguments.get("rate") == BILLION / unit.schedule.dt:
         del arguments["rate"]
-    return _set(taxel, arguments)
+    _set(taxel, arguments)
 
 
 def _period(rate: Value) -> int:

@@ -15,7 +15,9 @@ from eskin.errors import FlashError
 from eskin.privacy.subject import KEY_BYTES
 from eskin_sensor_node.machine.clock import Clock, Crystal
 from eskin_sensor_node.machine.compilation import compiled_inversion
-from eskin_sensor_node.machine.compiled_writer import CompiledWriter
+from eskin_sensor_node.machine.node_layout import plan_layout
+from eskin_sensor_node.firmware.message_writer import MessageWriter
+from functools import partial
 from eskin_sensor_node.machine.flash.flash import Flash
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
@@ -46,8 +48,12 @@ class OfflineNode:
     def __init__(self, settings: NodeSettings, flash: Flash, truth: GroundTruth) -> None:
         self._now = 0
         self.flash = flash
+        self.layout = plan_layout(settings)
         self.outbox: Outbox = build_outbox(
-            flash, capacity=2**30, broker=settings.broker, message_writer=CompiledWriter
+            flash,
+            capacity=2**30,
+            broker=settings.broker,
+            message_writer=partial(MessageWriter, layout=self.layout.layout.content_hash),
         )
         seed = truth.seed(settings.node.seed)
         random = np.random.default_rng(seed)
