@@ -63,7 +63,7 @@ class Patch:
 
 
 class _Part:
-    """Samples of one column of a patch in one stretch."""
+    """What one column of a patch has of a stretch: samples, or none that are sent."""
 
     __slots__ = ("column", "coverage", "dt", "highs", "lows", "n", "start")
 
@@ -72,8 +72,8 @@ class _Part:
         column: int,
         frame: "Frame",
         coverage: float,
-        lows: "array[float]",
-        highs: "array[float]",
+        lows: "array[float] | None",
+        highs: "array[float] | None",
     ) -> None:
         self.column = column
         self.start = frame.start
@@ -87,13 +87,15 @@ class _Part:
 class Matrix:
     """Samples of one patch in one stretch: rows × columns.
 
+    Its rows are those of all columns that were sampled, whether their samples are sent or not.
+
     Attributes:
-        patch: Number of the patch.
+        patch: The patch.
         start: Ticks of the first row.
         dt: From row to row, ns.
         rows: How many.
         strides: Of each column ``k``: it is sampled in rows whose number is a multiple of ``2^k``.
-        samples: How many samples were measured.
+        samples: How many samples are sent.
         coverage: Least probability that a sample's interval encloses the truth.
     """
 
@@ -106,7 +108,7 @@ class Matrix:
         self.dt = min(part.dt for part in parts)
         last = max(part.start + (part.n - 1) * part.dt for part in parts)
         self.rows = (last - self.start) // self.dt + 1
-        self.samples = sum(part.n for part in parts)
+        self.samples = sum(part.n for part in parts if part.lows is not None)
         self.coverage = min(part.coverage for part in parts)
         self.strides = bytearray(patch.columns)
         for part in parts:
@@ -124,11 +126,13 @@ class Matrix:
         return self.start // self.dt
 
     def bounds(self) -> "tuple[array[float], array[float]]":
-        """Lower and upper bounds, row after row; of a column that sent nothing all is unknown."""
+        """Lower and upper bounds, row after row; what is not sent is unknown."""
         size = self.rows * self.patch.columns
         lows = array("d", [-INFINITY]) * size
         highs = array("d", [INFINITY]) * size
         for part in self._parts:
+            if part.lows is None or part.highs is None:
+                continue
             cell = (part.start - self.start) // self.dt * self.patch.columns + part.column
             step = part.dt // self.dt * self.patch.columns
             for k in range(part.n):
@@ -181,13 +185,14 @@ class Assembler:
         column: int,
         frame: "Frame",
         coverage: float,
-        lows: "array[float]",
-        highs: "array[float]",
+        bounds: "tuple[array[float], array[float]] | None",
     ) -> None:
-        """Take a column's samples; the first n of the buffers are copied."""
-        n = frame.n
-        part = _Part(column, frame, coverage, lows[:n], highs[:n])
+        """Take what a column was sampled at, and its bounds where they are sent; copies them."""
+        lows = highs = None
+        if bounds is not None:
+            lows, highs = bounds[0][: frame.n], bounds[1][: frame.n]
         self._patches[patch.number] = patch
+        part = _Part(column, frame, coverage, lows, highs)
         self._parts.setdefault(patch.number, []).append(part)
 
     def state_peak(
@@ -210,8 +215,9 @@ class Assembler:
         """Write what was taken: a frame a page, then peaks of each subject."""
         pages: dict[int, list[Matrix]] = {}
         for number in sorted(self._parts):
-            patch = self._patches[number]
-            pages.setdefault(patch.page, []).append(Matrix(patch, self._parts[number]))
+            matrix = Matrix(self._patches[number], self._parts[number])
+            if matrix.samples:
+                pages.setdefault(matrix.patch.page, []).append(matrix)
         self._parts = {}
         self.written = []
         records = []

@@ -207,9 +207,8 @@ class ChannelUnit:
         at_rest = self.baseline.track(self.lows, self.highs, frame.n, self.threshold)
         self.maybe_touched = self.baseline.known and self.threshold > 0.0 and not at_rest
         sent = mode == SAMPLES or (mode == ADAPTIVE and self._is_due(at_rest=at_rest))
-        if sent:
-            coverage = self.channel.coverage
-            self._assembler.add(self.patch, self.column, frame, coverage, self.lows, self.highs)
+        bounds = (self.lows, self.highs) if sent else None
+        self._assembler.add(self.patch, self.column, frame, self.channel.coverage, bounds)
         if self.detector is not None:
             if self.smoothing.weight > 0.0:
                 self.smoothing.smooth(self.lows, self.highs, frame.n)
@@ -217,6 +216,11 @@ class ChannelUnit:
             if frame.closes:
                 self._state_peaks(self.detector.gap(0))
         return sent
+
+    def omit(self, frame: "Frame") -> None:
+        """Skip a frame that was sampled, and is not sent because the taxel is broken."""
+        self.skip(frame.n)
+        self._assembler.add(self.patch, self.column, frame, self.channel.coverage, None)
 
     def skip(self, samples: int) -> None:
         """Skip missing samples; hands on the peaks that stay undecided."""

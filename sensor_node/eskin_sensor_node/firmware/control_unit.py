@@ -161,7 +161,7 @@ class ControlUnit:
             return sent
         for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
             if self.broken and quantity in self._taxel.derived:
-                unit.skip(frame.n)
+                unit.omit(frame)
                 self.omitted_samples += frame.n
             elif unit.report(frame, self.effective_mode):
                 sent.append(unit)
