@@ -54,8 +54,8 @@ class Measured(NamedTuple):
     least_width: float
 
 
-def measure(folder: Path) -> list[Measured]:
-    """What the hand measures."""
+def measure(folder: Path, seconds: int = _SECONDS) -> list[Measured]:
+    """What the hand measures in so many seconds."""
     given: dict[str, Any] = {
         "node": {"name": "hand", "profile": "hand", "seed": 7},
         "identity": {"directory": folder, "site": folder},
@@ -70,7 +70,7 @@ def measure(folder: Path) -> list[Measured]:
     truth = GroundTruth(settings.truth.path, limit=2**31)
     outbox = build_outbox(flash, capacity=2**30, broker=settings.broker)
     node, _ = build_node(settings, outbox=outbox, truth=truth, start=0)
-    node.run_until(_SECONDS * _BILLION)
+    node.run_until(seconds * _BILLION)
     channels: dict[str, list[Block]] = defaultdict(list)
     for kept in flash.after((-1, -1), 1_000_000):
         message = decode_message(kept.body)

@@ -15,6 +15,7 @@ from eskin_cloud.api import (
     confirmed,
     dashboard,
     deliveries,
+    descriptions,
     events,
     export,
     gateways,
@@ -70,7 +71,7 @@ def gateway_application(cloud: AppState) -> FastAPI:
         refusal=HTTPStatus.FORBIDDEN,
         least_status=300,
     )
-    for resource in (ingest, certificates, confirmed, deliveries, notices):
+    for resource in (ingest, certificates, descriptions, confirmed, deliveries, notices):
         app.include_router(resource.router, prefix=API)
     return app
 

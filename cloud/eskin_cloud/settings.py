@@ -275,11 +275,21 @@ class RetentionSection(Section):
 
 
 class PackingSection(Section):
-    """Blocks of which a live stream is no more resumed are packed: the same bytes in a third."""
+    """Blocks of which a live stream is no more resumed are packed: the same bytes in a third.
 
-    on: bool = Field(default=True, description="whether old blocks are packed")
+    Frames become rows of their patches: the same values in a third.
+    """
+
+    on: bool = Field(default=True, description="whether old blocks and frames are packed")
     every_s: float = Field(
-        default=60.0, gt=0, le=86_400, description="seconds between two looks for blocks to pack"
+        default=60.0, gt=0, le=86_400, description="seconds between two looks for what to pack"
+    )
+    frames_after_min: float = Field(
+        default=2.0,
+        ge=0,
+        le=10_080,
+        description="minutes after which frames are packed; a live stream is resumed from younger "
+        "ones only",
     )
 
 

@@ -1,4 +1,4 @@
-"""Events: peaks, gaps, answered commands, and what changed in a node's status."""
+"""Events: peaks, gaps, contacts, verdicts, answered commands, changes of a node's status."""
 
 from typing import Annotated, Literal
 
@@ -13,7 +13,7 @@ from eskin_cloud.api.responses import as_json
 from eskin_cloud.privacy.peaks import find_peaks
 from eskin_cloud.query.events import EventQuery, find_events
 from eskin_cloud.schemas.base import TIME, PageDocument, Time, page
-from eskin_cloud.schemas.events import EventDocument, describe_event
+from eskin_cloud.schemas.events import EventDocument, EventKind, describe_event
 from eskin_cloud.store.read.lookup import find_node
 from eskin_cloud.store.read.window import parse_time, require_ordered
 
@@ -27,10 +27,10 @@ class EventsQuery(BaseModel):
 
     node: str | None = Field(default=None, max_length=100, description="of this node only")
     channel: str | None = Field(default=None, max_length=100, description="of this channel only")
-    kind: Literal["peak", "gap", "status", "command", "conflict"] | None = Field(
+    kind: EventKind | None = Field(default=None, description="only these")
+    verdict: Literal["certain", "possible", "impossible"] | None = Field(
         default=None, description="only these"
     )
-    verdict: Literal["certain", "possible"] | None = Field(default=None, description="only these")
     start: Time | None = Field(default=None, description=f"not over before; {TIME}")
     end: Time | None = Field(default=None, description=f"begun before; {TIME}")
     limit: int = Field(default=100, ge=1, le=1000, description="events at once")

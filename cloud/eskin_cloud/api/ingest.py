@@ -20,9 +20,16 @@ from eskin_cloud.api.request_body import Received, apart, received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
 from eskin_cloud.ingest.batch import read_batch
+from eskin_cloud.schemas.base import Json
 from eskin_cloud.schemas.ingest import IngestDocument
 from eskin_cloud.store.write.gateways import record_contact
-from eskin_cloud.store.write.ingest import UNKNOWN_NODE, IngestResult, ingest, ingest_individually
+from eskin_cloud.store.write.ingest import (
+    UNKNOWN_NODE,
+    IngestResult,
+    Receipt,
+    ingest,
+    ingest_individually,
+)
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
 log = logging.getLogger(__name__)
@@ -67,7 +74,7 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
         )
     cloud.metrics.dead_letters_dropped.inc(outcome.dropped)
     cloud.metrics.conflicts.inc(outcome.conflicts)
-    results = [{"result": result.result, "reason": result.reason} for result in outcome.results]
+    results = [_describe(result) for result in outcome.results]
     own = (
         item.node
         for item, receipt in zip(items, outcome.results, strict=True)
@@ -75,6 +82,13 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
     )
     watched = cloud.viewers.watched(dict.fromkeys(own))
     return as_json({"items": results, "watched": dict.fromkeys(watched, cloud.viewers.lasting)})
+
+
+def _describe(receipt: Receipt) -> Json:
+    document: Json = {"result": receipt.result, "reason": receipt.reason}
+    if receipt.want:
+        document["want"] = [name.hex() for name in receipt.want]
+    return document
 
 
 async def _store(cloud: AppState, posted: Received, items: Sequence[ParsedMessage]) -> IngestResult:

@@ -1,4 +1,4 @@
-"""Compact old blocks in the background, a little at a time."""
+"""Compact old blocks and frames in the background, a little at a time."""
 
 from __future__ import annotations
 
@@ -7,12 +7,17 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
+from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.store.compaction import compact_page, find_compactable
+from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from eskin_cloud.app_state import AppState
 
+_MINUTE: Final = 60 * SECOND
 _RESTS: Final = 3.0
 """It rests so many times as long as it worked: it takes a quarter of a processor at most."""
 
@@ -31,8 +36,17 @@ async def _catch_up(cloud: AppState, stopping: asyncio.Event) -> None:
     if not cloud.settings.packing.on:
         return
     for place in await asyncio.to_thread(find_compactable, store, behind):
-        more = True
-        while more and not stopping.is_set():
-            begun = time.monotonic()
-            more = await asyncio.to_thread(compact_page, store, place, behind)
-            await asyncio.sleep(_RESTS * (time.monotonic() - begun))
+        await _repeat(partial(compact_page, store, place, behind), stopping)
+    age = int(cloud.settings.packing.frames_after_min * _MINUTE)
+    due = Due.after(cloud.clock(), age)
+    for page in await asyncio.to_thread(find_compactable_frames, store, due):
+        await _repeat(partial(compact_frames, store, page, due), stopping)
+
+
+async def _repeat(work: Callable[[], bool], stopping: asyncio.Event) -> None:
+    """Work step by step, as long as there is more."""
+    more = True
+    while more and not stopping.is_set():
+        begun = time.monotonic()
+        more = await asyncio.to_thread(work)
+        await asyncio.sleep(_RESTS * (time.monotonic() - begun))

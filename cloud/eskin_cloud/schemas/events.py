@@ -1,12 +1,14 @@
 """Events, and blocks sample by sample."""
 
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from typing_extensions import TypedDict
 
 from eskin.wire.messages import Block
 from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin_cloud.schemas.base import IntervalDocument, Json, Row, TimeDocument, interval, time_span
+
+EventKind: TypeAlias = Literal["peak", "gap", "contact", "verdict", "status", "command", "conflict"]
 
 
 class EventDocument(TypedDict):
@@ -15,8 +17,8 @@ class EventDocument(TypedDict):
     id: str
     node: str
     channel: str | None
-    kind: Literal["peak", "gap", "status", "command", "conflict"]
-    verdict: Literal["certain", "possible"] | None
+    kind: EventKind
+    verdict: Literal["certain", "possible", "impossible"] | None
     time: TimeDocument
     height: IntervalDocument | None
     prominence: IntervalDocument | None

@@ -1,6 +1,6 @@
 """Answers to gateways."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NotRequired
 
 from pydantic import BaseModel, Field
 from typing_extensions import TypedDict
@@ -9,8 +9,14 @@ from typing_extensions import TypedDict
 class ResultDocument(TypedDict):
     """What became of one message."""
 
-    result: Literal["stored", "duplicate", "rejected", "unknown_node"]
+    result: Literal["stored", "duplicate", "rejected", "unknown_node", "unknown_layout"]
     reason: str | None
+    want: NotRequired[
+        Annotated[
+            list[str],
+            Field(description="of an unknown layout: SHA-256 of descriptions to present, hex"),
+        ]
+    ]
 
 
 class IngestDocument(TypedDict):
@@ -20,6 +26,19 @@ class IngestDocument(TypedDict):
     watched: Annotated[
         dict[str, float], Field(description="nodes that a viewer watches, and for how many seconds")
     ]
+
+
+class DescriptionItem(BaseModel):
+    """What became of one description."""
+
+    result: Literal["stored", "duplicate", "rejected", "unknown_node"]
+    reason: str | None
+
+
+class DescriptionsDocument(BaseModel):
+    """What became of each description, in the order in which they were presented."""
+
+    items: list[DescriptionItem]
 
 
 class ConfirmedItem(BaseModel):

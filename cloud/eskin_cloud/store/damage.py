@@ -29,6 +29,8 @@ _MOST: Final = 100_000
 
 
 _HEADER: Final = Struct("<10q8s3d")
+_FRAME_HEADER: Final = Struct("<9q8s")
+_PATCH_ROW_HEADER: Final = Struct("<7q3d8s")
 
 
 class RowHeader(NamedTuple):
@@ -73,6 +75,87 @@ class RowHeader(NamedTuple):
         except StructError:
             return None
         return checksum(f"{self.node} {self.channel} ".encode() + packed_columns)
+
+
+class FrameHeader(NamedTuple):
+    """The columns that describe a frame's ``data``, and the digest of ``data``.
+
+    Attributes:
+        node: As in `schema.frame_tables.frames`, like all others.
+    """
+
+    node: str
+    boot: int
+    sequence: int
+    layout: bytes
+    page: int
+    t: int
+    t_end: int
+    error: int
+    t_lo: int
+    t_hi: int
+    samples: int
+    bounds: bytes
+    digest: bytes
+
+    @classmethod
+    def of(cls, row: Mapping[str, Any] | RowMapping) -> Self:
+        """The header of a row."""
+        return cls(*(row[name] for name in cls._fields))
+
+    @property
+    def place(self) -> DamagedRow:
+        """The row's key."""
+        return DamagedRow(self.node, self.boot, self.sequence, None)
+
+    def checksum(self) -> int | None:
+        """The value of column ``head``; ``None`` if a damaged column has another type."""
+        try:
+            packed = _FRAME_HEADER.pack(*self[1:3], *self[4:11], self.digest)
+            return checksum(b"".join((f"{self.node} ".encode(), packed, self.layout, self.bounds)))
+        except (StructError, TypeError):
+            return None
+
+
+class PatchRowHeader(NamedTuple):
+    """The columns that describe a compacted row's ``data``, and the digest of ``data``.
+
+    Attributes:
+        node: As in `schema.frame_tables.patch_rows`, like all others.
+    """
+
+    node: str
+    patch: str
+    t: int
+    boot: int
+    sequence: int
+    t_end: int
+    error: int
+    frames: int
+    samples: int
+    lo: float
+    hi: float
+    coverage: float
+    hash: bytes
+    digest: bytes
+
+    @classmethod
+    def of(cls, row: Mapping[str, Any] | RowMapping) -> Self:
+        """The header of a row."""
+        return cls(*(row[name] for name in cls._fields))
+
+    @property
+    def place(self) -> DamagedRow:
+        """The row's first frame."""
+        return DamagedRow(self.node, self.boot, self.sequence, self.frames)
+
+    def checksum(self) -> int | None:
+        """The value of column ``head``; ``None`` if a damaged column has another type."""
+        try:
+            packed = _PATCH_ROW_HEADER.pack(*self[2:12], self.digest)
+            return checksum(b"".join((f"{self.node} {self.patch} ".encode(), packed, self.hash)))
+        except (StructError, TypeError):
+            return None
 
 
 class DamagedRow(NamedTuple):
@@ -169,6 +252,55 @@ def is_intact_block(data: bytes, head: RowHeader, own: int) -> bool:
     if digest_of(data) == head.digest and is_intact_header(head, own):
         return True
     report_damaged("blocks", head.place)
+    return False
+
+
+def require_intact_frame(row: Mapping[str, Any] | RowMapping) -> None:
+    """Verify the digests of a row of frames.
+
+    Args:
+        row: With the columns of `FrameHeader`, ``head`` and ``data``.
+
+    Raises:
+        DamagedRowError: The row is damaged.
+    """
+    head = FrameHeader.of(row)
+    if not is_intact_frame(row["data"], head, row["head"]):
+        raise DamagedRowError(head.place)
+
+
+def is_intact_frame(data: bytes, head: FrameHeader, own: int) -> bool:
+    """Whether a row of frames is intact; a damaged one is reported.
+
+    Args:
+        data: Column ``data``.
+        head: The row's header.
+        own: Column ``head``.
+    """
+    if digest_of(data) == head.digest and is_intact_frame_header(head, own):
+        return True
+    report_damaged("frames", head.place)
+    return False
+
+
+def is_intact_frame_header(head: FrameHeader, own: int) -> bool:
+    """Whether a row's header is intact, ``bounds`` included; a damaged one is reported."""
+    if head.checksum() == own:
+        return True
+    report_damaged("frames", head.place)
+    return False
+
+
+def is_intact_patch_row(row: Mapping[str, Any] | RowMapping) -> bool:
+    """Whether a compacted row is intact; a damaged one is reported.
+
+    Args:
+        row: With the columns of `PatchRowHeader`, ``head`` and ``data``.
+    """
+    head = PatchRowHeader.of(row)
+    if digest_of(row["data"]) == head.digest and head.checksum() == row["head"]:
+        return True
+    report_damaged("patch_rows", head.place)
     return False
 
 

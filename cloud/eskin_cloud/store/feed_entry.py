@@ -6,16 +6,18 @@ from typing import Any, NamedTuple
 
 
 class FeedEntry(NamedTuple):
-    """A stored block or event, with its cursor; a tuple, because there are many.
+    """A stored block, frame or event, with its cursor; a tuple, because there are many.
 
     Attributes:
         cursor: Position in the feed; it grows with each message.
         node: The node.
-        channel: The channel; ``None`` for a gap or a status.
-        block: The block's bytes; ``None`` for an event.
-        event: The event's row; ``None`` for a block.
+        channel: The channel; ``None`` for a frame, a gap or a status.
+        block: The block's bytes; ``None`` for anything else.
+        event: The event's row; ``None`` for a block or a frame.
         received: When the cloud stored it, UTC ns.
         sealed: A sealed block or peak; ``block`` and ``event`` are then ``None``.
+        frame: The frame's bytes; ``None`` for anything else.
+        layout: Hash of the layout by which the frame is read.
     """
 
     cursor: int
@@ -25,11 +27,13 @@ class FeedEntry(NamedTuple):
     event: dict[str, Any] | None
     received: int
     sealed: bytes | None = None
+    frame: bytes | None = None
+    layout: bytes | None = None
 
     @property
     def size(self) -> int:
         """Bytes of the message."""
-        body = self.block or self.sealed
+        body = self.block or self.frame or self.sealed
         if body is None and self.event is not None:
             body = self.event.get("data")
         return len(body or b"")

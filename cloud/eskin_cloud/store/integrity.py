@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import StoreError
 from eskin_cloud.store.row_digests import CHECKED_TABLES, find_damaged
+from eskin_cloud.store.schema.frame_tables import frames, patch_rows, patch_tiles
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import (
     blocks,
@@ -28,7 +29,18 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-LARGE_TABLES: Final = (blocks, sealed_messages, events, digests, sequences, dead_letters, tiles)
+LARGE_TABLES: Final = (
+    blocks,
+    frames,
+    patch_rows,
+    sealed_messages,
+    events,
+    digests,
+    sequences,
+    dead_letters,
+    tiles,
+    patch_tiles,
+)
 """Tables that grow with the nodes' messages."""
 
 

@@ -117,5 +117,6 @@ def _names(table: Table) -> list[str]:
 
 
 def _place(table: Table, row: Mapping[str, Any] | RowMapping) -> str:
-    key = (str(row[column.name])[:_LONGEST_KEY] for column in table.primary_key.columns)
-    return f"{table.name} {' '.join(key)}"
+    values = (row[column.name] for column in table.primary_key.columns)
+    key = (each.hex() if isinstance(each, bytes) else str(each) for each in values)
+    return f"{table.name} {' '.join(each[:_LONGEST_KEY] for each in key)}"

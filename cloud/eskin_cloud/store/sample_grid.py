@@ -15,6 +15,8 @@ STEP: Final = 2
 """Powers of two between levels."""
 CHUNK: Final = 8
 """A chunk is ``2^CHUNK`` tiles."""
+PATCH_CHUNK: Final = 6
+"""A chunk of a patch, which holds all its columns, is ``2^PATCH_CHUNK`` tiles."""
 TOP: Final = 50
 """The highest level: some thousand of its tiles cover all 64-bit times."""
 MOST_CHUNKS: Final = 64
@@ -22,16 +24,27 @@ MOST_CHUNKS: Final = 64
 MOST_SPAN: Final = 4096
 """Most chunks that a message's samples may span."""
 _SAMPLES: Final = 64
+_PATCH_SAMPLES: Final = 32
 
 
-def base_level(dt: int) -> int:
+def base_level(dt: int, samples: int = _SAMPLES) -> int:
     """The lowest level of a channel: tiles of 64 to 256 samples; those of all channels nest.
 
     Args:
         dt: Sampling period of its first block, ns.
+        samples: The fewest samples of a tile.
     """
-    bits = (_SAMPLES * dt - 1).bit_length()
+    bits = (samples * dt - 1).bit_length()
     return min(bits + bits % STEP, TOP)
+
+
+def patch_level(dt: int) -> int:
+    """The lowest level of a patch: tiles of 32 to 128 samples a column.
+
+    Args:
+        dt: Period of its first frame, ns.
+    """
+    return base_level(dt, _PATCH_SAMPLES)
 
 
 class SampleGrid(NamedTuple):

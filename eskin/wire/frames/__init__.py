@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from eskin.wire.frames.content_hash import content_hash
 from eskin.wire.frames.frame import Frame, Grid, PatchSamples, frame_limit
+from eskin.wire.frames.frame_summary import FrameSummary
 from eskin.wire.frames.layout import Controller, Layout, Seam
 from eskin.wire.frames.patch import Patch, Privacy
 from eskin.wire.frames.sample_codec import SampleCodes, Sampling, decode_samples, encode_samples
@@ -22,6 +23,7 @@ __all__ = [
     "Contact",
     "Controller",
     "Frame",
+    "FrameSummary",
     "Gap",
     "Grid",
     "Layout",

@@ -137,8 +137,42 @@ def encode_samples(values: Interval, sampling: Sampling, least_width: float) -> 
     cells = _cells(*sampling)
     exponent, offset = _scale(lo, hi, cells[0], finest_exponent(least_width))
     out = np.empty(sampling.limit + _PADDING, np.uint8)
-    size = _encode(lo, hi, cells, exponent, offset, out)
+    size = _encode(lo, hi, cells, exponent, offset, _FAR, out)
     return SampleCodes(exponent, offset, out[:size].tobytes())
+
+
+class EncodedMatrices(NamedTuple):
+    """Several matrices of samples, encoded.
+
+    Attributes:
+        exponents: Of each.
+        offsets: Of each.
+        ends: Where the codes of each begin, and where the last ones end.
+        codes: Differences, packed, one matrix after the other.
+    """
+
+    exponents: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    codes: NDArray[np.uint8]
+
+
+def encode_matrices(
+    lo: Floats, hi: Floats, sampling: Sampling, least_width: float
+) -> EncodedMatrices:
+    """Encode matrices that are sampled alike, each as `encode_samples` does.
+
+    Args:
+        lo: Lower bounds, shape ``(matrices, rows·columns)``; no sample is an empty interval.
+        hi: Upper bounds.
+        sampling: Which cells hold a sample.
+        least_width: As their patch states it.
+    """
+    numbers = np.empty((3, len(lo) + 1), np.int64)
+    out = np.empty(sampling.limit * len(lo) + _PADDING, np.uint8)
+    _encode_all(lo, hi, _cells(*sampling), finest_exponent(least_width), numbers, out)
+    exponents, offsets, ends = numbers
+    return EncodedMatrices(exponents[:-1], offsets[:-1], ends, out[: ends[-1]])
 
 
 def decode_samples(encoded: SampleCodes, sampling: Sampling) -> Interval:
@@ -207,10 +241,10 @@ def _quanta_down(value: float, exponent: int) -> int:
 
 
 @part
-def _within_reach(lo: float, hi: float) -> tuple[float, float]:
+def _within_reach(lo: float, hi: float, far: float) -> tuple[float, float]:
     return (
-        -np.inf if lo < -_FAR else min(lo, _FAR),
-        np.inf if hi > _FAR else max(hi, -_FAR),
+        -np.inf if lo < -far else min(lo, far),
+        np.inf if hi > far else max(hi, -far),
     )
 
 
@@ -224,7 +258,7 @@ def _scale(lo: Floats, hi: Floats, order: NDArray[np.int32], finest: int) -> tup
     """The finest exponent with which all codes fit, and the offset."""
     lowest, highest = np.inf, -np.inf
     for k in range(len(order)):
-        low, high = _within_reach(lo[order[k, 0]], hi[order[k, 0]])
+        low, high = _within_reach(lo[order[k, 0]], hi[order[k, 0]], _FAR)
         if low > -np.inf:
             lowest, highest = min(lowest, low), max(highest, low)
         if high < np.inf:
@@ -245,14 +279,15 @@ def _encode(
     cells: tuple[NDArray[np.int32], int],
     exponent: int,
     offset: int,
+    far: float,
     out: NDArray[np.uint8],
 ) -> int:
-    """Write codes; gives how many bytes they take."""
+    """Write codes; gives how many bytes they take. Bounds beyond ``far`` are unbounded."""
     order, starts = cells
     bases, widths = np.zeros(lo.size, np.int32), np.zeros(lo.size, np.int32)
     for k in range(len(order)):
         cell, before = order[k]
-        low, high = _within_reach(lo[cell], hi[cell])
+        low, high = _within_reach(lo[cell], hi[cell], far)
         if low > -np.inf:
             bases[cell] = _quanta_down(low, exponent) - offset
             widths[cell] = _NO_UPPER
@@ -269,6 +304,23 @@ def _encode(
     place = _pack(bases, order[starts:], out, place)
     place = _pack(widths, order[:starts], out, place)
     return _pack(widths, order[starts:], out, place)
+
+
+@kernel
+def _encode_all(
+    lo: Floats,
+    hi: Floats,
+    cells: tuple[NDArray[np.int32], int],
+    finest: int,
+    numbers: NDArray[np.int64],
+    out: NDArray[np.uint8],
+) -> None:
+    """Write the codes of all matrices; exponents, offsets and ends go into the rows of numbers."""
+    numbers[2, 0] = 0
+    for k in range(len(lo)):
+        exponent, offset = _scale(lo[k], hi[k], cells[0], finest)
+        size = _encode(lo[k], hi[k], cells, exponent, offset, _FAR, out[numbers[2, k] :])
+        numbers[0, k], numbers[1, k], numbers[2, k + 1] = exponent, offset, numbers[2, k] + size
 
 
 @part

@@ -5,12 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import timedelta
 from functools import partial
+from math import inf
 from typing import TYPE_CHECKING, Final
 
 from eskin_cloud.access import create_login_code
 from eskin_cloud.jobs.missing_messages import look
 from eskin_cloud.rollup.tile_builder import build
 from eskin_cloud.store.compaction import compact_page
+from eskin_cloud.store.row_digests import ROW_DIGEST
+from eskin_cloud.store.schema.frame_tables import (
+    patch_rows,
+    patch_tiles,
+    patches,
+    stale_patch_chunks,
+)
+from eskin_cloud.store.text_type import Text
+from sqlalchemy import BigInteger, Double, Integer, LargeBinary, insert
 
 from eskin.wire.messages import Encoding
 from eskin.wire.timestamp import SECOND
@@ -20,15 +30,19 @@ from tests.unit.cloud.messages import DT, NODE, START, block, gap, peak, status
 from tests.unit.cloud.orders import order
 from tests.unit.cloud.sealing import NODE as HAND
 from tests.unit.cloud.sealing import beat, declared, notice, pulse
+from tests.unit.cloud.skins import HAND as HAND_LAYOUT
+from tests.unit.cloud.skins import PATCHES, describe, frame, statements
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
+    from sqlalchemy import Connection
 
     from tests.unit.cloud.clouds import Stand
     from tests.unit.cloud.sealing import Site
 
 PACKED: Final = "t02.capacitance"
 BUILT: Final = "t03.capacitance"
+_VALUES: Final = {BigInteger: 2**40, Double: -inf, Integer: 7, LargeBinary: b"\0\1", Text: "a"}
 
 
 async def fill(stand: Stand, site: Site) -> None:
@@ -49,6 +63,20 @@ async def fill(stand: Stand, site: Site) -> None:
     remove_before(store, START + SECOND)
     _pack(store)
     _build(store)
+    describe(store, HAND_LAYOUT, *PATCHES, node=HAND)
+    put(store, frame(300), frame(301, page=1), statements(302), node=HAND)
+    store.write_and_wait(_insert_derived)
+
+
+def _insert_derived(connection: Connection) -> None:
+    """One row in each table that is made of frames."""
+    for table in (patches, patch_rows, patch_tiles, stale_patch_chunks):
+        values = {
+            column.name: _VALUES[type(column.type)]
+            for column in table.columns
+            if column.name != ROW_DIGEST
+        }
+        connection.execute(insert(table), values)
 
 
 def _pack(store: Store) -> None:

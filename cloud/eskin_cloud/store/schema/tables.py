@@ -121,8 +121,11 @@ nodes = Table(
         for name in ("clock_earliest", "clock_latest", "clock_after", "clock_before")
     ),
     *(Column(name, BigInteger) for name in ("held_boot", "held_sequence")),
+    Column("layout", LargeBinary),
 )
-"""Each node: latest position and status, and the lag of its latest block.
+"""Each node: latest position and status, and the lag of its latest block or frame.
+
+``layout`` is the hash of its latest layout.
 
 ``held_*`` is the lowest position in the node's flash, by the latest status.
 
@@ -213,7 +216,7 @@ events = Table(
     Column("sequence", BigInteger, nullable=False),
     Column("kind", Text(8), nullable=False),
     Column("channel", Text(CHANNEL_LENGTH)),
-    Column("verdict", Text(8)),
+    Column("verdict", Text(10)),
     Column("t_lo", BigInteger, nullable=False),
     Column("t_hi", BigInteger, nullable=False),
     Column("count_lo", BigInteger),
@@ -231,11 +234,11 @@ events = Table(
     Index("events_by_time", "t_lo", "cursor"),
     Index("events_by_node", "node", "t_lo", "cursor"),
 )
-"""Peaks, gaps, answered commands, changes of a node's status, and conflicts.
+"""Peaks, gaps, contacts, verdicts, answered commands, changes of a node's status, and conflicts.
 
 A conflict is another message under a stored number.
 
-``data`` is the message byte for byte.
+``data`` is the message byte for byte; of many events from one message, the first has it.
 """
 
 commands = Table(

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from eskin_cloud.store.write.block_row import BlockRow
     from eskin_cloud.store.write.write_cache import Row, WriteCache
 
-MOST_CHANNELS: Final = 10_000
-"""Of a node: each costs a row that is never deleted."""
+MOST_CHANNELS: Final = 20_000
+"""Of a node: each costs a row that is never deleted, or a place in a description. A hand of 8,400
+taxels has as many channels of each quantity."""
 UNKNOWN: Final = ""
 """The unit of a channel with sealed messages only, until a status states it."""
 _EMPTY: Final = empty_row(channels)

@@ -11,12 +11,18 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 from sqlalchemy import delete, func, insert, select, tuple_
 from sqlalchemy.exc import SQLAlchemyError
 
+from eskin.errors import MessageError
 from eskin.privacy import SealedMessage
+from eskin.wire.frames import FrameSummary, Statements
 from eskin.wire.messages import BlockSummary, Gap, Peak, Position, Result, Status
 from eskin_cloud.store.db_errors import explain, is_store_fault
+from eskin_cloud.store.descriptions import DescribedLayout, UnknownDescriptionError
 from eskin_cloud.store.feed_entry import FeedEntry
+from eskin_cloud.store.frame_row import FrameRow, require_storable
+from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages
 from eskin_cloud.store.schema.tables import blocks, dead_letters, events
+from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.block_row import BlockRow
 from eskin_cloud.store.write.bulk_insert import BulkInsert, bulk_insert
 from eskin_cloud.store.write.channels import (
@@ -30,13 +36,22 @@ from eskin_cloud.store.write.channels import (
 from eskin_cloud.store.write.commands import store_result
 from eskin_cloud.store.write.duplicates import MAX_RANGES
 from eskin_cloud.store.write.events import event_row, gap_row, peak_row, status_row
+from eskin_cloud.store.write.layouts import layout_of
 from eskin_cloud.store.write.missing_messages import (
     describe_flash_rollback,
     record_boot_ends,
     record_lost,
 )
+from eskin_cloud.store.write.pages import add_frames, page_key
 from eskin_cloud.store.write.parsed_message import ParsedMessage, is_node
-from eskin_cloud.store.write.presence import mark_online, record_position, record_sealed_lag
+from eskin_cloud.store.write.presence import (
+    mark_online,
+    record_lag,
+    record_layout,
+    record_position,
+    record_sealed_lag,
+)
+from eskin_cloud.store.write.statements import require_patches, statement_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,7 +60,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin_cloud.store.write.duplicates import StoredSequences
-    from eskin_cloud.store.write.write_cache import Row, WriteCache
+    from eskin_cloud.store.write.write_cache import Key, Row, WriteCache
 
 log = logging.getLogger(__name__)
 
@@ -53,6 +68,9 @@ STORED: Final = "stored"
 DUPLICATE: Final = "duplicate"
 REJECTED: Final = "rejected"
 UNKNOWN_NODE: Final = "unknown_node"
+UNKNOWN_LAYOUT: Final = "unknown_layout"
+MOST_WANTED: Final = 256
+"""Descriptions that one answer asks for."""
 
 
 class Receipt(NamedTuple):
@@ -60,14 +78,19 @@ class Receipt(NamedTuple):
 
     Attributes:
         result: ``stored``, ``duplicate``, ``rejected``, or ``unknown_node``: the cloud stores
-            nothing of the node until the gateway presents its certificate for the gateway's site.
+            nothing of the node until the gateway presents its certificate for the gateway's site;
+            or ``unknown_layout``: the same until it presents descriptions.
         reason: Why the message is not stored.
+        want: Hashes of the descriptions, at most `MOST_WANTED`.
     """
 
     result: str
     reason: str | None = None
+    want: tuple[bytes, ...] = ()
 
 
+_Placed: TypeAlias = FrameSummary | Statements
+"""What is read by a layout."""
 _NonBlock: TypeAlias = Peak | Gap | Status | Result | SealedMessage
 _STORED: Final = Receipt(STORED)
 _DUPLICATE: Final = Receipt(DUPLICATE)
@@ -92,7 +115,8 @@ class IngestResult:
         results: One a message, in the batch's order.
         entries: Entries for the live feed.
         dropped: Number of old dead letters that were deleted to make room.
-        lag: Enclosure of the time from the latest block's last sample to its storage, ns.
+        lag: Enclosure of the time from the last sample of the latest block or frame to its
+            storage, ns.
         conflicts: Number of messages that differ from those stored under their numbers.
     """
 
@@ -132,6 +156,10 @@ class _Batch:
     cache: WriteCache
     now: int
     blocks: BulkInsert
+    frames: list[FrameRow] = field(default_factory=list)
+    layouts: dict[tuple[str, bytes], DescribedLayout | UnknownDescriptionError | MessageError] = (
+        field(default_factory=dict)
+    )
     events: list[Row] = field(default_factory=list)
     sealed: list[Row] = field(default_factory=list)
     dead: list[Row] = field(default_factory=list)
@@ -182,7 +210,7 @@ def ingest(
         batch.foreign = {node for node in nodes if known.get(node) != site and is_node(node)}
     _prepare(batch, [item for item in items if item.node not in batch.foreign])
     results = [_ingest_message(batch, item, gateway) for item in items]
-    lag = _finish_runs(batch)
+    lags = _finish_runs(batch), _finish_frames(batch)
     batch.blocks.finish()
     if batch.events:
         connection.execute(insert(events), batch.events)
@@ -191,7 +219,7 @@ def ingest(
     for node, (boot, sequence) in batch.refused:
         record_lost(connection, node, [(boot, sequence, sequence)])
     dropped = store_dead_letters(connection, batch.dead, most=dead_letters) if batch.dead else 0
-    return IngestResult(results, batch.entries, dropped, lag, batch.conflicts)
+    return IngestResult(results, batch.entries, dropped, lags[1] or lags[0], batch.conflicts)
 
 
 def ingest_individually(
@@ -259,16 +287,21 @@ def _prepare(batch: _Batch, items: Sequence[ParsedMessage]) -> None:
     runs: dict[tuple[str, int, str], None] = {}
     boots: dict[tuple[str, int], None] = {}
     places: dict[tuple[str, str], None] = {}
+    of_pages: dict[tuple[int, str, bytes, int], None] = {}
     for item in items:
         node, message = item.node, item.message
         if isinstance(message, BlockSummary):
             runs[node, message.position.boot, message.channel] = None
+        elif isinstance(message, FrameSummary | Statements):
+            boots[node, message.position.boot] = None
+            if isinstance(message, FrameSummary):
+                of_pages[slot_of(node), node, message.layout, message.page] = None
         elif message is not None:
             boots[node, message.position.boot] = None
             places |= dict.fromkeys((node, channel) for channel, _ in channels_of(message))
     boots |= dict.fromkeys((node, boot) for node, boot, _ in runs)
     places |= dict.fromkeys((node, channel) for node, _, channel in runs)
-    batch.cache.prepare(batch.connection, boots=boots, places=places)
+    batch.cache.prepare(batch.connection, boots=boots, places=places, of_pages=of_pages)
 
 
 def _finish_runs(batch: _Batch) -> tuple[int, int] | None:
@@ -281,12 +314,40 @@ def _finish_runs(batch: _Batch) -> tuple[int, int] | None:
     return lag
 
 
+def _finish_frames(batch: _Batch) -> tuple[int, int] | None:
+    """Insert frames, add them to the rows of node and page; returns the last frame's lag."""
+    lag = None
+    of_pages: dict[Key, list[FrameRow]] = {}
+    latest: dict[str, FrameRow] = {}
+    inserted = bulk_insert(batch.connection, frames)
+    for row in batch.frames:
+        of_pages.setdefault(page_key(row), []).append(row)
+        latest[row.node] = row
+    for rows in of_pages.values():
+        add_frames(batch.connection, batch.cache, rows)
+    for row in sorted(latest.values(), key=lambda row: row.cursor):
+        lag = record_lag(batch.connection, batch.cache, row.node, row.last_time, now=batch.now)
+    for row in batch.frames:
+        inserted.add(row)
+    inserted.finish()
+    return lag
+
+
 def _ingest_message(batch: _Batch, item: ParsedMessage, gateway: str) -> Receipt:
-    message, reason = item.message, item.reason
+    message = item.message
     if item.node in batch.foreign:
         return _UNKNOWN
     if isinstance(message, BlockSummary):
         return _ingest_block(batch, item, message, gateway)
+    if isinstance(message, FrameSummary | Statements):
+        return _ingest_placed(batch, item, message, gateway)
+    return _ingest_other(batch, item, message, gateway)
+
+
+def _ingest_other(
+    batch: _Batch, item: ParsedMessage, message: _NonBlock | None, gateway: str
+) -> Receipt:
+    reason = item.reason
     if message is not None:
         place = message.position
         ranges = batch.cache.ranges(batch.connection, item.node, place.boot)
@@ -339,6 +400,67 @@ def _ingest_block(batch: _Batch, item: ParsedMessage, block: BlockSummary, gatew
     batch.blocks.add(row)
     batch.entries.append(FeedEntry(cursor, node, block.channel, item.data, None, batch.now))
     return _STORED
+
+
+def _ingest_placed(batch: _Batch, item: ParsedMessage, message: _Placed, gateway: str) -> Receipt:
+    """Store a frame or statements; `_finish_frames` does what frames share."""
+    node, place = item.node, message.position
+    described = _find_layout(batch, node, message.layout)
+    if isinstance(described, UnknownDescriptionError):
+        return Receipt(UNKNOWN_LAYOUT, str(described), described.want[:MOST_WANTED])
+    ranges = batch.cache.ranges(batch.connection, node, place.boot)
+    if place.sequence in ranges:
+        return _check_duplicate(batch, item, place, gateway)
+    if not ranges.has_room_for(place.sequence):
+        return _reject(batch, item, _TOO_MANY_RANGES, gateway)
+    try:
+        if isinstance(described, MessageError):
+            raise described
+        if isinstance(message, FrameSummary):
+            described.require_frame(message)
+            require_storable(message, described, item.data)
+        else:
+            require_patches(message, described)
+    except MessageError as error:
+        batch.refused.append((node, place))
+        return _reject(batch, item, str(error), gateway)
+    batch.add_event(mark_online(batch.connection, batch.cache, node, place, now=batch.now))
+    record_layout(batch.connection, batch.cache, node, place, message.layout)
+    if isinstance(message, FrameSummary):
+        cursor = batch.cache.next_cursor(batch.connection)
+        batch.frames.append(
+            FrameRow.of(
+                *(node, message, described, item.data, item.digest), cursor=cursor, now=batch.now
+            )
+        )
+        batch.entries.append(
+            FeedEntry(
+                *(cursor, node, None, None, None, batch.now),
+                frame=item.data,
+                layout=message.layout,
+            )
+        )
+    else:
+        for row in statement_rows(node, message, described, item.data):
+            batch.add_event(row)
+        for gap in message.gaps:
+            record_lost(batch.connection, node, gap.lost)
+    batch.cache.add(batch.connection, node, place.boot, place.sequence, item.digest)
+    return _STORED
+
+
+def _find_layout(
+    batch: _Batch, node: str, name: bytes
+) -> DescribedLayout | UnknownDescriptionError | MessageError:
+    """A layout, or why there is none; looked for once a batch."""
+    found = batch.layouts.get((node, name))
+    if found is None:
+        try:
+            found = layout_of(batch.connection, batch.cache, node, name)
+        except (UnknownDescriptionError, MessageError) as error:
+            found = error
+        batch.layouts[node, name] = found
+    return found
 
 
 def _check_duplicate(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
 from eskin.privacy import SealedMessage, is_biometric, is_not_biometric, is_sealed
 from eskin.runtime.digest import digest
+from eskin.wire.frames import FrameSummary, Statements
 from eskin.wire.messages import BlockSummary, Peak, Summary, decode_summary
 from eskin.wire.messages.cbor_map import MOST_BYTES
 from eskin.wire.messages.compression import compress_all
@@ -21,8 +22,13 @@ from eskin_cloud.store.schema.tables import NODE_LENGTH
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+Message: TypeAlias = Summary | SealedMessage | FrameSummary | Statements
+"""Whatever has a place in a node's sequence."""
+
 _AT_ONCE: Final = 64
 """Messages that are parsed at once: they fit a processor's cache."""
+_FRAME: Final = bytes((1, Kind.FRAME))
+_STATEMENTS: Final = bytes((1, Kind.STATEMENTS))
 UNSEALED: Final = (
     "a biometric channel must be sealed; nothing of this message is kept: send it through a "
     "gateway that seals"
@@ -46,7 +52,7 @@ class ParsedMessage(NamedTuple):
 
     node: str
     data: bytes
-    message: Summary | SealedMessage | None
+    message: Message | None
     reason: str | None = None
     compressed: bytes | None = None
     digest: bytes = b""
@@ -78,7 +84,7 @@ class ParsedMessage(NamedTuple):
             if block is None and is_sealed(data):
                 sealed = _require_biometric(SealedMessage.decode(data))
                 return cls(node, data, sealed, digest=digest(sealed.said))
-            message = decode_summary(data) if block is None else block
+            message = _decode(data) if block is None else block
             if isinstance(message, BlockSummary | Peak) and is_biometric(message.channel):
                 return cls.rejected(node, b"", UNSEALED)
             _require_storable(message)
@@ -125,13 +131,22 @@ def _require_node(name: str) -> None:
     IdentityKind.NODE.require_name(name)
 
 
+def _decode(data: bytes) -> Summary | FrameSummary | Statements:
+    # Deterministic CBOR of a map with less than 24 fields begins with its head, and field 1.
+    if data[1:3] == _FRAME:
+        return FrameSummary.decode(data)
+    if data[1:3] == _STATEMENTS:
+        return Statements.decode(data)
+    return decode_summary(data)
+
+
 def _require_biometric(message: SealedMessage) -> SealedMessage:
     if message.kind is Kind.ENCRYPTED or not is_biometric(message.channel):
         raise MessageError(f"channel {message.channel} is not biometric; do not seal it")
     return message
 
 
-def _require_storable(message: Summary) -> None:
+def _require_storable(message: Message) -> None:
     if isinstance(message, BlockSummary) and message.time[1] + message.span > MOST_MOMENT:
         raise MessageError(
             f"last sample lies after the year 2262: first at {message.time[1]} ns, "

@@ -78,6 +78,49 @@ def record_position(
     return lag
 
 
+def record_layout(
+    connection: Connection, cache: WriteCache, node: str, position: Position, layout: bytes
+) -> None:
+    """Record the layout of an online node's latest message.
+
+    Args:
+        connection: The writer's, in a transaction.
+        cache: The writer's.
+        node: The node.
+        position: That of a message which `mark_online` has recorded.
+        layout: Hash of the layout by which it is read.
+    """
+    row = cache.row(connection, nodes, node)
+    if row is None or row["layout"] == layout:
+        return
+    if row["layout"] is None or position >= (row["boot"], row["sequence"]):
+        row["layout"] = layout
+        cache.change(nodes, node)
+
+
+def record_lag(
+    connection: Connection, cache: WriteCache, node: str, moment: tuple[int, int], *, now: int
+) -> tuple[int, int]:
+    """Record the lag of a node's latest frame.
+
+    Args:
+        connection: The writer's, in a transaction.
+        cache: The writer's.
+        node: The node.
+        moment: Enclosure of its last sample's time, UTC ns.
+        now: UTC ns.
+
+    Returns:
+        An enclosure of the lag, ns, at most `MOST_LAG`.
+    """
+    lag = _lag(now, moment)
+    row = cache.row(connection, nodes, node)
+    if row is not None:
+        row["lag_lo"], row["lag_hi"] = lag
+        cache.change(nodes, node)
+    return lag
+
+
 def record_sealed_lag(
     connection: Connection, cache: WriteCache, node: str, message: SealedMessage, *, now: int
 ) -> None:

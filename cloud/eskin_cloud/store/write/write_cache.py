@@ -14,6 +14,7 @@ from eskin_cloud.store.notify import FEED, notify
 from eskin_cloud.store.read.lookup import key_batches
 from eskin_cloud.store.row_digests import intact_rows, without_digest
 from eskin_cloud.store.sample_grid import CHUNK, level_for
+from eskin_cloud.store.schema.frame_tables import pages
 from eskin_cloud.store.schema.tables import channels, feed, nodes, sequences
 from eskin_cloud.store.schema.tile_tables import stale_chunks
 from eskin_cloud.store.write.duplicates import StoredDigests, StoredSequences, stored_spans
@@ -29,12 +30,14 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Row: TypeAlias = dict[str, Any]
+Key: TypeAlias = tuple[Any, ...]
+"""The columns of a row's primary key."""
 
 MOVING: Final = "moving"
 """The writer's name while a store is moved."""
 _MAX_BOOTS: Final = 10_000
 _MAX_ROWS: Final = 100_000
-"""Rows of nodes and channels together."""
+"""Rows of nodes, channels and pages together."""
 _WRITER: Final = select(feed.c.writer)
 _MARK_STALE: Final = text(
     "INSERT INTO stale_chunks (node, channel, chunk, mark) VALUES (:node, :channel, :chunk, :mark) "
@@ -50,7 +53,7 @@ def _by_key(table: Table) -> ColumnElement[bool]:
     return and_(*(column == bindparam(f"at_{column.name}") for column in table.primary_key.columns))
 
 
-_TABLES: Final = (nodes, channels, sequences)
+_TABLES: Final = (nodes, channels, pages, sequences)
 # Compiled once: compiling a statement takes as long as executing it.
 _INSERT: Final = {table: insert(table) for table in _TABLES}
 _UPDATE: Final = {table: update(table).where(_by_key(table)) for table in _TABLES}
@@ -58,13 +61,14 @@ _DELETE: Final = {table: delete(table).where(_by_key(table)) for table in _TABLE
 
 
 class WriteCache:
-    """Rows of nodes, channels and sequences, and the last cursor; `save` writes them back.
+    """Rows of nodes, channels, pages and sequences, and the last cursor; `save` writes them back.
 
     Only the writer thread uses it. A rollback clears it, and so does a write of another process.
 
     Attributes:
         name: Identifies this writer to other processes.
         digests: Digests of stored messages.
+        frame_units: By node, the units of the channels in its layouts.
     """
 
     def __init__(self) -> None:
@@ -92,10 +96,12 @@ class WriteCache:
         self.digests = StoredDigests()
         self._sites: dict[str, str] = {}
         self._ranges: dict[tuple[str, int], StoredSequences] = {}
-        self._rows: dict[Table, dict[tuple[str, ...], Row | None]] = {nodes: {}, channels: {}}
+        self._rows: dict[Table, dict[Key, Row | None]] = {nodes: {}, channels: {}, pages: {}}
+        self._layouts: set[tuple[str, bytes]] = set()
+        self.frame_units: dict[str, dict[str, str]] = {}
         self._channels_of: dict[str, int] = {}
-        self._new: set[tuple[Table, tuple[str, ...]]] = set()
-        self._changed: dict[tuple[Table, tuple[str, ...]], None] = {}
+        self._new: set[tuple[Table, Key]] = set()
+        self._changed: dict[tuple[Table, Key], None] = {}
         self._added: dict[tuple[str, int], None] = {}
         self._invalid: dict[tuple[str, str, int], None] = {}
         self._reset: dict[tuple[str, str], None] = {}
@@ -124,6 +130,7 @@ class WriteCache:
         *,
         boots: Iterable[tuple[str, int]],
         places: Collection[tuple[str, str]],
+        of_pages: Collection[Key] = (),
     ) -> None:
         """Read the rows that a batch needs, a few statements for all.
 
@@ -131,10 +138,12 @@ class WriteCache:
             connection: The writer's, in a transaction.
             boots: Nodes and their boots.
             places: Nodes and their channels.
+            of_pages: Keys of pages.
         """
         unknown = [key for key in dict.fromkeys(boots) if key not in self._ranges]
         self._prepare_rows(connection, nodes, dict.fromkeys((node,) for node, _ in unknown))
         self._prepare_rows(connection, channels, places)
+        self._prepare_rows(connection, pages, of_pages)
         self._prepare_counts(connection, places)
         if not unknown:
             return
@@ -162,9 +171,7 @@ class WriteCache:
             self._ranges[node, boot] = restored
             self.mark_ranges_changed(node, boot)
 
-    def _prepare_rows(
-        self, connection: Connection, table: Table, keys: Iterable[tuple[str, ...]]
-    ) -> None:
+    def _prepare_rows(self, connection: Connection, table: Table, keys: Iterable[Key]) -> None:
         rows = self._rows[table]
         unknown = [key for key in keys if key not in rows]
         if not unknown:
@@ -206,8 +213,8 @@ class WriteCache:
         """Have `save` write the ranges of a boot, which the caller changed."""
         self._added[node, boot] = None
 
-    def row(self, connection: Connection, table: Table, *key: str) -> Row | None:
-        """A node's or a channel's row; call `change` after changing it."""
+    def row(self, connection: Connection, table: Table, *key: Any) -> Row | None:
+        """A node's, a channel's or a page's row; call `change` after changing it."""
         rows = self._rows[table]
         if key not in rows:
             query = select(table)
@@ -217,6 +224,21 @@ class WriteCache:
             rows[key] = None if found is None else without_digest(found)
         return rows[key]
 
+    def is_accepted(self, node: str, layout: bytes) -> bool:
+        """Whether a node's messages may be read by a layout (`write.layouts`)."""
+        return (node, layout) in self._layouts
+
+    def accept(self, node: str, layout: bytes, units: dict[str, str]) -> None:
+        """Accept a layout.
+
+        Args:
+            node: The node.
+            layout: The layout's hash.
+            units: The units of the channels in all layouts of the node.
+        """
+        self._layouts.add((node, layout))
+        self.frame_units[node] = units
+
     def count_channels(self, connection: Connection, node: str) -> int:
         """The number of a node's channels."""
         if node not in self._channels_of:
@@ -224,7 +246,7 @@ class WriteCache:
             self._channels_of[node] = connection.execute(query).scalar_one()
         return self._channels_of[node]
 
-    def create(self, table: Table, key: tuple[str, ...], row: Row) -> None:
+    def create(self, table: Table, key: Key, row: Row) -> None:
         """Add a new row."""
         self._rows[table][key] = row
         if table is channels and key[0] in self._channels_of:
@@ -232,7 +254,7 @@ class WriteCache:
         self._new.add((table, key))
         self._changed[table, key] = None
 
-    def change(self, table: Table, *key: str) -> None:
+    def change(self, table: Table, *key: Any) -> None:
         """Have `save` write a row."""
         self._changed[table, key] = None
 
@@ -331,6 +353,10 @@ class WriteCache:
             for rows in self._rows.values():
                 rows.clear()
             self._channels_of.clear()
+        if len(self._layouts) > _MAX_ROWS:
+            self._layouts.clear()
+        if sum(map(len, self.frame_units.values())) > _MAX_ROWS:
+            self.frame_units.clear()
 
 
 def _with_key_parameters(table: Table, rows: Iterable[Row]) -> list[Row]:

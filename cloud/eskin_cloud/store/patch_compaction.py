@@ -1,0 +1,316 @@
+"""Compact old frames of a page into rows of its patches, some seconds of frames at a time.
+
+Rows are built from a snapshot, without the write lock; one transaction inserts them, moves the
+totals and deletes the frames, if all of them still exist. Damaged frames stay. Numbers and digests
+of all frames stay, so a copy of a compacted frame is still a duplicate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
+
+import numpy as np
+from sqlalchemy import and_, delete, func, select, tuple_
+
+from eskin.errors import MessageError
+from eskin.runtime.digest import digest
+from eskin.wire.frames import Frame
+from eskin.wire.timestamp import SECOND
+from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_frame
+from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
+from eskin_cloud.store.patch_rows import MOST_CELLS, encode_runs
+from eskin_cloud.store.patch_run import PatchRun
+from eskin_cloud.store.patch_totals import add_rows
+from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
+from eskin_cloud.store.schema.tables import feed
+from eskin_cloud.store.write.bulk_insert import insert_many
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sqlalchemy import ColumnElement, Connection, RowMapping
+
+    from eskin.wire.frames import Patch
+    from eskin_cloud.store.descriptions import DescribedLayout
+    from eskin_cloud.store.store import Store
+    from eskin_cloud.store.write.write_cache import Row
+
+SHORTEST: Final = 10 * SECOND
+"""Least span of a row, if frames follow each other."""
+_LONGEST: Final = 600 * SECOND
+"""A row of few samples spans so much."""
+_SAMPLES: Final = 8192
+"""Samples of a patch in a row, on average of the page; below, it becomes longer."""
+_GAP: Final = 60 * SECOND
+"""A row ends before such a gap."""
+_SETTLED: Final = 3600 * SECOND
+"""Frames that are followed by none for so long become a row that is not full."""
+_FRAMES: Final = 1024
+"""Most frames of a row."""
+_HEADS: Final = tuple(
+    frames.c[name] for name in ("boot", "sequence", "t", "t_end", "samples", "received")
+)
+PageKey: TypeAlias = tuple[int, str, bytes, int]
+"""Slot, node, layout and number of a page."""
+
+
+class Due(NamedTuple):
+    """Which frames are compacted.
+
+    Attributes:
+        received: Those received until then, UTC ns.
+        settled: Of those received until then, UTC ns, also too few for a row.
+    """
+
+    received: int
+    settled: int
+
+    @classmethod
+    def after(cls, now: int, age: int) -> Due:
+        """Frames of an age in ns."""
+        return cls(now - age, now - max(age, _SETTLED))
+
+
+@dataclass(frozen=True, slots=True)
+class CompactedFrames:
+    """Rows that replace frames of a page.
+
+    Attributes:
+        page: The page.
+        gone: Boot and sequence of the replaced frames.
+        samples: Of the replaced frames.
+        size: Bytes of the replaced frames.
+        rows: Rows of `patch_rows`, and the period of each.
+        since: Start of the frames, UTC ns; ``None`` for the page's beginning.
+        until: Up to where the page is compacted.
+        cursor: Latest cursor in the snapshot.
+    """
+
+    page: PageKey
+    gone: Sequence[tuple[int, int]]
+    samples: int
+    size: int
+    rows: Sequence[tuple[Row, int]]
+    since: int | None
+    until: int
+    cursor: int
+
+
+def find_compactable_frames(store: Store, due: Due) -> list[PageKey]:
+    """Pages with frames that are old enough.
+
+    Raises:
+        StoreError: The store cannot be read.
+    """
+    p = pages.c
+    with store.read() as connection:
+        query = select(p.slot, p.node, p.layout, p.page, p.compacted).where(p.frames > 0)
+        found = []
+        for *key, since in connection.execute(query).all():
+            first = _heads(connection, (key[0], key[1], key[2], key[3]), since, 1)
+            if first and first[0]["received"] <= due.received:
+                found.append((key[0], key[1], key[2], key[3]))
+    return found
+
+
+def compact_frames(store: Store, page: PageKey, due: Due) -> bool:
+    """Compact the page's next frames, one row a patch; returns whether there may be more.
+
+    Raises:
+        StoreError: The store cannot be read or written.
+    """
+    with store.read() as connection:
+        made = _compact(connection, page, due)
+    if made is None:
+        return False
+    store.packed += made.size
+    return store.write(lambda connection: _replace(connection, store, made)).result()
+
+
+def _within(page: PageKey) -> ColumnElement[bool]:
+    f = frames.c
+    return and_(f.slot == page[0], f.node == page[1], f.page == page[3], f.layout == page[2])
+
+
+def _heads(
+    connection: Connection, page: PageKey, since: int | None, most: int
+) -> Sequence[RowMapping]:
+    f = frames.c
+    query = select(*_HEADS).where(_within(page)).order_by(f.t, f.boot, f.sequence).limit(most)
+    if since is not None:
+        query = query.where(f.t >= since)
+    return connection.execute(query).mappings().all()
+
+
+def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames | None:
+    p, f = pages.c, frames.c
+    here = and_(p.slot == page[0], p.node == page[1], p.layout == page[2], p.page == page[3])
+    totals = connection.execute(select(p.compacted).where(here)).one_or_none()
+    if totals is None:
+        return None
+    try:
+        described = find_layout(connection, page[1], page[2])
+    except (UnknownDescriptionError, MessageError):
+        return None  # damaged, and reported: its frames stay
+    since = totals.compacted
+    heads = _heads(connection, page, since, _FRAMES + 1)
+    many = described.layout.pages[page[3]]
+    count = _count(heads, due, _SAMPLES * many)
+    if not count:
+        return None
+    until = heads[count]["t"] if count < len(heads) else heads[count - 1]["t"] + 1
+    last = heads[count - 1]
+    query = select(frames).where(_within(page), f.t <= last["t"])
+    if since is not None:
+        query = query.where(f.t >= since)
+    query = query.order_by(f.t, f.boot, f.sequence).limit(count)
+    rows = [row for row in connection.execute(query).mappings().all() if _is_intact(row)]
+    runs, gone = _runs(rows, described)
+    if until == since and not gone:
+        return None
+    return CompactedFrames(
+        page=page,
+        gone=[(row["boot"], row["sequence"]) for row in gone],
+        samples=sum(row["samples"] for row in gone),
+        size=sum(len(row["data"]) for row in gone),
+        rows=[
+            (_row(page, described.patches[number], described.layout.patches[number], each),
+             each[0].dt)
+            for number, each in runs.items()
+        ],
+        since=since,
+        until=until,
+        cursor=connection.execute(select(feed.c.cursor)).scalar_one(),
+    )  # fmt: skip
+
+
+def _count(heads: Sequence[RowMapping], due: Due, samples: int) -> int:
+    """How many of the first frames become a row; 0 if they are not enough yet."""
+    end, found = heads[0]["t_end"] if heads else 0, 0
+    for k, head in enumerate(heads):
+        if k and (head["t"] - end > _GAP or k == _FRAMES or found >= MOST_CELLS // 2):
+            return k
+        if head["received"] > due.received:
+            return k if _is_settled(heads[:k], due) else 0
+        end, found = max(end, head["t_end"]), found + head["samples"]
+        span = end - heads[0]["t"]
+        if span >= SHORTEST and (found >= samples or span >= _LONGEST):
+            return k + 1
+    return len(heads) if _is_settled(heads, due) else 0
+
+
+def _is_settled(heads: Sequence[RowMapping], due: Due) -> bool:
+    return all(head["received"] <= due.settled for head in heads)
+
+
+def _is_intact(row: RowMapping) -> bool:
+    return is_intact_frame(row["data"], FrameHeader.of(row), row["head"])
+
+
+def _runs(
+    rows: Sequence[RowMapping], described: DescribedLayout
+) -> tuple[dict[int, list[PatchRun]], list[RowMapping]]:
+    """The runs of each patch in frames, and the frames that could be read."""
+    runs: dict[int, list[PatchRun]] = {}
+    read = []
+    for row in rows:
+        try:
+            frame = Frame.decode(row["data"])
+        except MessageError:
+            continue  # of an earlier version of the format
+        read.append(row)
+        middle = (frame.time[0] + frame.time[1]) // 2
+        error = (frame.time[1] - frame.time[0] + 1) // 2
+        for each, values in zip(frame.patches, frame.values, strict=True):
+            grid = frame.grids[each.grid]
+            place = frame.position.boot, frame.position.sequence, frame.ticks + grid.delay
+            run = PatchRun(
+                described.layout.patches[each.patch], *place, middle + grid.delay, error,
+                grid.period, grid.first_row, each.strides, each.epoch, each.unshared,
+                grid.coverage, values.inf, values.sup,
+            )  # fmt: skip
+            runs.setdefault(each.patch, []).append(run)
+    for each_patch in runs.values():
+        each_patch.sort(key=lambda run: (run.t, run.boot, run.sequence))
+    return runs, read
+
+
+def _row(page: PageKey, patch: Patch, name: bytes, runs: Sequence[PatchRun]) -> Row:
+    """The row of some runs of a patch."""
+    data = encode_runs(runs)
+    spans = [_span(run, patch) for run in runs]
+    known = [_known(run) for run in runs]
+    row: Row = {
+        "slot": page[0],
+        "node": page[1],
+        "patch": patch.patch_id,
+        "t": min(first for first, _ in spans),
+        "boot": runs[0].boot,
+        "sequence": runs[0].sequence,
+        "hash": name,
+        "t_end": max(last for _, last in spans),
+        "error": max(run.error for run in runs),
+        "frames": len(runs),
+        "samples": sum(int(mask.sum()) for mask in known),
+        "lo": min(float(run.lo[mask].min()) for run, mask in zip(runs, known, strict=True)),
+        "hi": max(float(run.hi[mask].max()) for run, mask in zip(runs, known, strict=True)),
+        "coverage": min(run.coverage for run in runs),
+        "data": data,
+        "digest": digest(data),
+    }
+    return row | {"head": PatchRowHeader.of(row).checksum()}
+
+
+def _known(run: PatchRun) -> Any:
+    """Which cells hold a sample."""
+    rows = run.first_row + np.arange(run.lo.shape[0])[:, np.newaxis]
+    strides = np.frombuffer(run.strides or bytes(run.lo.shape[1]), np.uint8).astype(np.int64)
+    return rows % (1 << strides) == 0
+
+
+def _span(run: PatchRun, patch: Patch) -> tuple[int, int]:
+    """The middles of the first and the last sample's time."""
+    rows, columns = np.nonzero(_known(run))
+    skew = np.array(patch.skew or (0,) * run.lo.shape[1], np.int64)
+    moments = rows * run.dt + skew[columns]
+    return run.t + int(moments.min()), run.t + int(moments.max())
+
+
+def _replace(connection: Connection, store: Store, made: CompactedFrames) -> bool:
+    """Replace frames by their rows, unless a frame changed meanwhile."""
+    f, row = frames.c, store.cache.row(connection, pages, *made.page)
+    if row is None or row["compacted"] != made.since:
+        return False
+    if made.gone:
+        where = and_(
+            f.slot == made.page[0],
+            f.node == made.page[1],
+            tuple_(f.boot, f.sequence).in_(made.gone),
+        )
+        here = select(func.count()).select_from(frames).where(where)
+        if connection.execute(here).scalar_one() != len(made.gone):
+            return False
+        connection.execute(delete(frames).where(where))
+        insert_many(connection, patch_rows, [each for each, _ in made.rows])
+        for each, dt in made.rows:
+            add_rows(connection, [each], dt)
+        _subtract(connection, row, made)
+    # A frame that came meanwhile may be earlier.
+    since = select(func.min(f.t)).where(_within(made.page), f.cursor > made.cursor)
+    late = connection.execute(since.where(f.t < made.until)).scalar_one()
+    row["compacted"] = made.until if late is None else late
+    store.cache.change(pages, *made.page)
+    return True
+
+
+def _subtract(connection: Connection, row: Row, made: CompactedFrames) -> None:
+    """Subtract frames from a page's totals."""
+    row["frames"] -= len(made.gone)
+    row["samples"] -= made.samples
+    row["bytes"] -= made.size
+    f = frames.c
+    first = select(f.t).where(_within(made.page)).order_by(f.t).limit(1)
+    row["t_first"] = connection.execute(first).scalar_one_or_none()
+    if row["t_first"] is None:
+        row["t_last"] = None

@@ -1,0 +1,284 @@
+"""Samples of one patch from many frames, as the bytes of one row.
+
+Values, not bytes, equal those of the frames: bounds bit for bit, times, ticks, epochs, coverage and
+positions. Bounds are in the codes of a frame, a column after the other, so that one column is read
+without the others (`eskin.wire.frames.column_codec`). What describes the runs is differenced from
+run to run. All of it is CBOR, compressed with zstd.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import cbor2
+import numpy as np
+import pyarrow as pa
+
+from eskin.errors import MessageError
+from eskin.wire.frames.column_codec import ColumnCodes, decode_columns, encode_columns_exactly
+from eskin.wire.frames.sample_codec import MOST_COLUMNS, MOST_STRIDE, Sampling
+from eskin.wire.messages.cbor_map import Fields, integer, items, load_any, octets, row
+from eskin_cloud.store.patch_run import PatchRun
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from eskin.interval import Floats
+
+_LEVEL: Final = 1
+_SIZE_BYTES: Final = 4
+MOST_BYTES: Final = 2**24
+"""Of a row before it is compressed."""
+MOST_CELLS: Final = 2**22
+"""Instants times columns of a row."""
+MOST_RUNS: Final = 2**16
+_HASH, _COLUMNS, _HEADS, _OPTIONS, _SEGMENTS = range(1, 6)
+
+
+class _Heads(NamedTuple):
+    """What describes the runs, an array each; ``drift`` is ``t - ticks``."""
+
+    boot: NDArray[np.int64]
+    sequence: NDArray[np.int64]
+    ticks: NDArray[np.int64]
+    drift: NDArray[np.int64]
+    error: NDArray[np.int64]
+    dt: NDArray[np.int64]
+    first_row: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    epoch: NDArray[np.int64]
+    coverage: NDArray[np.int64]
+    option: NDArray[np.int64]
+
+
+_Option = tuple[bytes, tuple[int, ...]]
+"""Strides and unshared columns."""
+
+
+def encode_runs(runs: Sequence[PatchRun]) -> bytes:
+    """Encode runs of one patch, at least one, in any order.
+
+    Args:
+        runs: All with the same description and number of columns.
+
+    Raises:
+        MessageError: They differ in their description, a sample is an empty interval, or the
+            bounds of a run are not those of any frame.
+    """
+    columns = runs[0].lo.shape[1]
+    if len(runs) > MOST_RUNS or sum(run.lo.size for run in runs) > MOST_CELLS:
+        raise MessageError(f"{len(runs)} runs are too many for one row; divide them")
+    if any(run.patch != runs[0].patch or run.lo.shape[1] != columns for run in runs):
+        raise MessageError("runs are of several descriptions; a row holds those of one")
+    options = list(dict.fromkeys((run.strides, run.unshared) for run in runs))
+    heads = np.array([_head(run, options) for run in runs], np.int64).T
+    body = cbor2.dumps({
+        _HASH: runs[0].patch,
+        _COLUMNS: columns,
+        _HEADS: _planes(np.diff(heads, axis=1, prepend=0)),
+        _OPTIONS: [[strides, list(unshared)] for strides, unshared in options],
+        _SEGMENTS: _segments(runs),
+    })  # fmt: skip
+    if len(body) > MOST_BYTES:
+        raise MessageError(f"runs take {len(body)} bytes; at most {MOST_BYTES} are allowed")
+    return compress(body)
+
+
+def decode_runs(data: bytes, columns: Sequence[int] | None = None) -> list[PatchRun]:
+    """Decode runs, as they were encoded.
+
+    Args:
+        data: What `encode_runs` gave.
+        columns: Columns to decode, in this order; bounds, strides and unshared columns are then
+            those of these columns. All by default.
+
+    Raises:
+        MessageError: The bytes are not those of any runs, or a column is not there.
+    """
+    fields = Fields(_map(load_any(decompress(data, MOST_BYTES), "row")))
+    description = fields.octets(_HASH, 1, 64)
+    width = fields.integer(_COLUMNS, 1, MOST_COLUMNS)
+    chosen = list(range(width)) if columns is None else list(columns)
+    if any(not 0 <= column < width for column in chosen):
+        raise MessageError(f"columns {chosen} are read of a row that has {width}")
+    options = [_option(each, width) for each in fields.items(_OPTIONS, MOST_RUNS)]
+    heads = _heads(fields.octets(_HEADS, 1, MOST_BYTES), len(options))
+    samplings = [
+        Sampling(rows, width, first_row, options[option][0])
+        for rows, first_row, option in zip(*(heads[k].tolist() for k in (7, 6, 10)), strict=True)
+    ]
+    bounds = _decode_segments(fields.items(_SEGMENTS, MOST_RUNS), samplings, chosen)
+    read = [_chosen(option, chosen) for option in options]
+    numbers = zip(*(column.tolist() for column in heads), strict=True)
+    coverages = heads.coverage.view(np.float64).tolist()
+    return [
+        PatchRun(
+            description, boot, sequence, ticks, ticks + drift, error, dt, first_row,
+            read[option][0], epoch, read[option][1], coverage, lo, hi,
+        )
+        for (boot, sequence, ticks, drift, error, dt, first_row, _, epoch, _, option),
+        coverage, (lo, hi) in zip(numbers, coverages, bounds, strict=True)
+    ]  # fmt: skip
+
+
+def compress(body: bytes) -> bytes:
+    """Compress with zstd; the length of the body comes first."""
+    packed: bytes = pa.Codec("zstd", compression_level=_LEVEL).compress(body, asbytes=True)
+    return len(body).to_bytes(_SIZE_BYTES, "little") + packed
+
+
+def decompress(data: bytes, most: int) -> bytes:
+    """Decompress what `compress` gave.
+
+    Raises:
+        MessageError: It is something else, or longer than ``most``.
+    """
+    size = int.from_bytes(data[:_SIZE_BYTES], "little")
+    if len(data) <= _SIZE_BYTES or size > most:
+        raise MessageError(f"row of {len(data)} bytes states {size} of content; at most {most}")
+    try:
+        body: bytes = pa.decompress(memoryview(data)[_SIZE_BYTES:], size, "zstd", asbytes=True)
+    except (pa.ArrowException, OSError) as error:
+        raise MessageError(f"row cannot be decompressed: {error}") from error
+    return body
+
+
+def _head(run: PatchRun, options: list[_Option]) -> tuple[int, ...]:
+    coverage = int(np.float64(run.coverage).view(np.int64))
+    option = options.index((run.strides, run.unshared))
+    place = run.boot, run.sequence, run.ticks, run.t - run.ticks, run.error
+    return *place, run.dt, run.first_row, run.lo.shape[0], run.epoch, coverage, option
+
+
+def _planes(numbers: NDArray[np.int64]) -> bytes:
+    """The bytes of numbers, those of one weight together: most are zero."""
+    return np.ascontiguousarray(numbers).view(np.uint8).reshape(-1, 8).T.tobytes()
+
+
+def _heads(data: bytes, options: int) -> _Heads:
+    count, rest = divmod(len(data), 8 * len(_Heads._fields))
+    if rest or not 0 < count <= MOST_RUNS:
+        raise MessageError(f"heads of runs have {len(data)} bytes")
+    numbers = np.frombuffer(data, np.uint8).reshape(8, -1).T.copy().view(np.int64)
+    heads = _Heads(*np.cumsum(numbers.reshape(-1, count), axis=1))
+    coverage = heads.coverage.view(np.float64)
+    if not (
+        np.all((heads.rows >= 1) & (heads.rows <= MOST_CELLS))
+        and np.all(heads.dt >= 1)
+        and np.all((coverage >= 0) & (coverage <= 1))
+        and np.all((heads.option >= 0) & (heads.option < options))
+    ):
+        raise MessageError("heads of runs have a value out of range")
+    return heads
+
+
+def _map(value: object) -> dict[int, Any]:
+    if not isinstance(value, dict):
+        raise MessageError("row is no CBOR map")
+    return value
+
+
+def _option(value: object, columns: int) -> _Option:
+    strides, unshared = row(value, "options of a run", 2)
+    found = octets(strides, "strides", 0, columns)
+    if found and (len(found) != columns or max(found) > MOST_STRIDE):
+        raise MessageError(f"strides are {found.hex()} for {columns} columns")
+    listed = items(unshared, "unshared columns", columns)
+    return found, tuple(integer(each, "unshared column", 0, columns - 1) for each in listed)
+
+
+def _chosen(option: _Option, chosen: list[int]) -> _Option:
+    """Strides and unshared columns as they are of the chosen columns."""
+    strides = bytes(option[0][column] for column in chosen) if option[0] else b""
+    unshared = tuple(k for k, column in enumerate(chosen) if column in option[1])
+    return strides if any(strides) else b"", unshared
+
+
+def _segments(runs: Sequence[PatchRun]) -> list[list[object]]:
+    """Encode the bounds of runs: together, or in halves where codes would be too long."""
+    rows, columns = sum(run.lo.shape[0] for run in runs), runs[0].lo.shape[1]
+    lo, hi = (
+        np.ascontiguousarray(np.concatenate([getattr(run, side) for run in runs]).T)
+        for side in ("lo", "hi")
+    )
+    mask = _mask([Sampling(run.lo.shape[0], columns, *run[7:9]) for run in runs])
+    if mask is None:
+        counts, flat = np.full(columns, rows), (lo.ravel(), hi.ravel())
+    else:
+        counts, flat = mask.sum(axis=1), (lo[mask], hi[mask])
+    encoded = encode_columns_exactly(*flat, counts)
+    if encoded is not None:
+        arrays = (each.tobytes() for each in encoded[:3])
+        return [[len(runs), *arrays, encoded.codes]]
+    if len(runs) == 1:
+        raise MessageError(
+            f"bounds of boot {runs[0].boot} sequence {runs[0].sequence} are not those of a frame"
+        )
+    half = len(runs) // 2
+    return _segments(runs[:half]) + _segments(runs[half:])
+
+
+def _decode_segments(
+    segments: list[object], samplings: list[Sampling], chosen: list[int]
+) -> list[tuple[Floats, Floats]]:
+    """The bounds of each run."""
+    found: list[tuple[Floats, Floats]] = []
+    for segment in segments:
+        runs, *arrays, codes = row(segment, "segment of a row", 5)
+        mine = samplings[len(found) :][: integer(runs, "runs of a segment", 1, MOST_RUNS)]
+        exponents, offsets, sizes = (_integers(each, "segment of a row") for each in arrays)
+        encoded = ColumnCodes(exponents, offsets, sizes, octets(codes, "codes", 0, MOST_BYTES))
+        found += _bounds(encoded, mine, chosen)
+    if len(found) != len(samplings):
+        raise MessageError(f"row has bounds of {len(found)} runs, not of {len(samplings)}")
+    return found
+
+
+def _bounds(
+    encoded: ColumnCodes, samplings: list[Sampling], chosen: list[int]
+) -> list[tuple[Floats, Floats]]:
+    if not samplings:
+        raise MessageError("row has bounds of more runs than it has heads")
+    ends = np.cumsum([each.rows for each in samplings])
+    rows = int(ends[-1])
+    if rows * samplings[0].columns > MOST_CELLS:
+        raise MessageError(f"row has {rows} instants; with its columns these are too many")
+    mask = _mask(samplings)
+    counts = np.full(samplings[0].columns, rows) if mask is None else mask.sum(axis=1)
+    flat = decode_columns(encoded, counts, chosen)
+    if mask is None:
+        lo, hi = (side.reshape(len(chosen), rows).T for side in flat)
+    else:
+        here = mask[chosen]
+        lo, hi = np.full(here.shape, -np.inf), np.full(here.shape, np.inf)
+        lo[here], hi[here] = flat
+        lo, hi = lo.T, hi.T
+    begins = (ends - [each.rows for each in samplings]).tolist()
+    return [
+        (lo[begin:end], hi[begin:end]) for begin, end in zip(begins, ends.tolist(), strict=True)
+    ]
+
+
+def _mask(samplings: list[Sampling]) -> NDArray[np.bool_] | None:
+    """Which cells hold a sample, shape ``(columns, rows)``; ``None`` for all."""
+    if not any(each.strides for each in samplings):
+        return None
+    rows = np.array([each.rows for each in samplings])
+    within = np.arange(rows.sum()) - np.repeat(np.cumsum(rows) - rows, rows)
+    first = np.array([each.first_row % 2**MOST_STRIDE for each in samplings])
+    numbers = np.repeat(first, rows) + within
+    mask = np.ones((samplings[0].columns, numbers.size), np.bool_)
+    for strides in {each.strides for each in samplings} - {b""}:
+        here = np.repeat([each.strides == strides for each in samplings], rows)
+        steps = 1 << np.frombuffer(strides, np.uint8).astype(np.int64)
+        mask[:, here] = numbers[here] % steps[:, np.newaxis] == 0
+    return mask
+
+
+def _integers(value: object, what: str) -> NDArray[np.int64]:
+    data = octets(value, what, 0, 8 * MOST_COLUMNS)
+    if len(data) % 8:
+        raise MessageError(f"{what} has {len(data)} bytes of integers")
+    return np.frombuffer(data, np.int64)

@@ -1,0 +1,200 @@
+"""Frames and statements in the store: rows, events, totals, and what is missing to read them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from eskin_cloud.store.damage import DamagedRowError, require_intact_frame
+from eskin_cloud.store.descriptions import find_layout
+from eskin_cloud.store.frame_row import patch_record, read_frame_head, read_patch_bounds
+from eskin_cloud.store.schema.frame_tables import descriptions, frames, pages
+from eskin_cloud.store.schema.tables import dead_letters, events, lost_ranges, nodes, sequences
+from eskin_cloud.store.write.ingest import DUPLICATE, REJECTED, STORED, UNKNOWN_LAYOUT
+from sqlalchemy import select, update
+
+from eskin.wire.frames import decode_samples
+from eskin.wire.timestamp import SECOND
+from tests.unit.cloud.clouds import put
+from tests.unit.cloud.messages import NODE, START
+from tests.unit.cloud.skins import HAND, PATCHES, describe, frame, layout, patch, statements
+
+if TYPE_CHECKING:
+    from eskin_cloud.store import Store
+    from eskin_cloud.store.write.ingest import IngestResult
+    from sqlalchemy import Table
+
+
+def results(outcome: IngestResult) -> list[str]:
+    return [receipt.result for receipt in outcome.results]
+
+
+def rows(store: Store, table: Table) -> list[dict[str, Any]]:
+    with store.read() as connection:
+        query = select(table).order_by(*table.primary_key.columns)
+        return [dict(row) for row in connection.execute(query).mappings()]
+
+
+def test_frame_is_kept_byte_for_byte_and_each_patch_is_read_alone(store: Store) -> None:
+    describe(store, HAND, *PATCHES)
+    said = frame(0, at=SECOND)
+    assert results(put(store, said)) == [STORED]
+    (row,) = rows(store, frames)
+    require_intact_frame(row)
+    assert row["data"] == said.encode()
+    bounds = read_patch_bounds(row["bounds"])
+    head = read_frame_head(row["data"], bounds)
+    assert (head.ticks, head.time, head.grids) == (said.ticks, said.time, said.grids)
+    assert bounds["patch"].tolist() == [0, 1]
+    for each, values, bound in zip(said.patches, said.values, bounds, strict=True):
+        record = patch_record(row["data"], bounds, each.patch)
+        assert record == each
+        decoded = decode_samples(record.samples, record.sampling(head.grids[record.grid]))
+        assert np.array_equal(decoded.inf, values.inf)
+        assert np.array_equal(decoded.sup, values.sup)
+        assert (bound["lo"], bound["hi"]) == (values.inf.min(), values.sup.max())
+    assert patch_record(row["data"], bounds, 2) is None
+
+
+def test_row_states_when_first_and_last_sample_were_taken(store: Store) -> None:
+    describe(store, HAND, *PATCHES)
+    put(store, frame(0), frame(1, page=1, at=7))
+    first, second = rows(store, frames)
+    middle = START + 2000
+    # Patch 0 begins first and ends last: five rows of 4 ms, its last column 4 us later.
+    assert (first["t"], first["t_end"]) == (middle + 1000, middle + 1000 + 16_000_000 + 4000)
+    assert (first["t_lo"], first["t_hi"], first["error"]) == (START, START + 4000, 2000)
+    assert (second["t"], second["t_end"]) == (middle + 7 + 1000, middle + 7 + 16_001_000)
+    assert [row["samples"] for row in (first, second)] == [16, 10]
+
+
+def test_node_and_page_state_totals_layout_and_lag(store: Store) -> None:
+    describe(store, HAND, *PATCHES)
+    said = [frame(0), frame(2, at=SECOND), frame(1, page=1)]
+    outcome = put(store, *said)
+    of_first, of_second = rows(store, pages)
+    assert (of_first["frames"], of_first["samples"]) == (2, 32)
+    assert of_first["bytes"] == len(said[0].encode()) + len(said[1].encode())
+    assert of_first["t_last"] - of_first["t_first"] == SECOND + 16_004_000
+    assert (of_second["page"], of_second["frames"], of_second["longest"]) == (1, 1, 16_000_000)
+    (node,) = rows(store, nodes)
+    assert node["layout"] == HAND.content_hash
+    assert (node["boot"], node["sequence"]) == (1, 2)
+    ended = START + 1000 + 16_000_000
+    assert outcome.lag == (store.clock() - ended - 4000, store.clock() - ended)
+    assert (node["lag_lo"], node["lag_hi"]) == outcome.lag
+
+
+def test_message_of_an_unknown_layout_names_what_is_missing_and_holds_up_no_other(
+    store: Store,
+) -> None:
+    (refused,) = put(store, frame(0)).results
+    assert (refused.result, refused.want[0]) == (UNKNOWN_LAYOUT, HAND.content_hash)
+    describe(store, HAND, PATCHES[0])
+    of_both = put(store, frame(0), statements(2)).results
+    missing = tuple(each.content_hash for each in PATCHES[1:])
+    assert [each.want for each in of_both] == [missing] * 2
+    assert not rows(store, frames)
+    assert not rows(store, events)
+    assert not rows(store, sequences)
+    assert not rows(store, nodes)
+    describe(store, *PATCHES)
+    unknown = layout(PATCHES[::-1], (3,))
+    outcome = put(store, frame(0, of=unknown), frame(0), statements(2, of=unknown), frame(1))
+    assert results(outcome) == [UNKNOWN_LAYOUT, STORED, UNKNOWN_LAYOUT, STORED]
+
+
+def test_layout_of_another_node_does_not_serve(store: Store) -> None:
+    describe(store, HAND, *PATCHES, node="other")
+    assert results(put(store, frame(0), node="other")) == [STORED]
+    (refused,) = put(store, frame(0)).results
+    assert set(refused.want) == {HAND.content_hash, *HAND.patches}
+
+
+def test_duplicate_and_conflicting_frames(store: Store) -> None:
+    describe(store, HAND, *PATCHES)
+    assert results(put(store, frame(0), frame(0), frame(0, seed=1))) == [
+        STORED,
+        DUPLICATE,
+        REJECTED,
+    ]
+    store.cache.clear()
+    assert results(put(store, frame(0, seed=2), frame(0), statements(0))) == [
+        REJECTED,
+        DUPLICATE,
+        REJECTED,
+    ]
+    (kept,) = rows(store, frames)
+    assert kept["data"] == frame(0).encode()
+    kept_aside = {row["data"] for row in rows(store, dead_letters)}
+    others = (frame(0, seed=1), frame(0, seed=2), statements(0))
+    assert kept_aside == {each.encode() for each in others}
+    assert [row["kind"] for row in rows(store, events)] == ["conflict"] * 3
+
+
+def test_statements_become_events_with_cursors_of_their_own(store: Store) -> None:
+    describe(store, HAND, *PATCHES)
+    outcome = put(store, frame(0), statements(1))
+    assert results(outcome) == [STORED, STORED]
+    peak, gap = rows(store, events)
+    assert (peak["kind"], peak["channel"], peak["unit"]) == ("peak", "palm-1.pressure", "Pa")
+    assert (peak["data"], gap["data"]) == (statements(1).encode(), None)
+    assert gap["detail"] == "flash full: 7 messages and 1750 samples lost; patches palm, tip"
+    assert [(row["boot"], row["first"], row["last"]) for row in rows(store, lost_ranges)] == [
+        (0, 3, 9)
+    ]
+    of_frame, *of_events = outcome.entries
+    assert (of_frame.frame, of_frame.layout) == (frame(0).encode(), HAND.content_hash)
+    assert of_frame.channel is None
+    assert of_frame.size == len(frame(0).encode())
+    assert [entry.event for entry in of_events] == [
+        {name: value for name, value in row.items() if name != "row_digest"} for row in (peak, gap)
+    ]
+    assert [entry.cursor for entry in outcome.entries] == [1, 2, 3]
+
+
+@pytest.mark.parametrize("column", ["data", "bounds", "t", "layout", "samples", "head"])
+def test_damaged_row_is_found(store: Store, column: str) -> None:
+    describe(store, HAND, *PATCHES)
+    put(store, frame(0))
+    (row,) = rows(store, frames)
+    value = row[column]
+    other = bytes([value[0] ^ 1, *value[1:]]) if isinstance(value, bytes) else value ^ 1
+    store.write_and_wait(lambda connection: connection.execute(update(frames), {column: other}))
+    (damaged,) = rows(store, frames)
+    with pytest.raises(DamagedRowError):
+        require_intact_frame(damaged)
+
+
+def test_damaged_description_is_asked_for_again_and_replaced(store: Store) -> None:
+    describe(store, HAND, *PATCHES)
+    spoiled = PATCHES[0].content_hash
+    d = descriptions.c
+    store.write_and_wait(
+        lambda connection: connection.execute(
+            update(descriptions).where(d.hash == spoiled).values(data=b"\xa0")
+        )
+    )
+    (refused,) = put(store, frame(0)).results
+    assert refused.want == (spoiled,)
+    assert describe(store, PATCHES[0], PATCHES[1]) == [("stored", None), ("duplicate", None)]
+    assert results(put(store, frame(0))) == [STORED]
+
+
+def test_layout_may_change_in_mid_boot(store: Store) -> None:
+    other = layout((*PATCHES, patch("thumb", 4)), (2, 1, 1))
+    describe(store, HAND, *PATCHES, other, patch("thumb", 4))
+    said = frame(0), frame(1, of=other), statements(2, of=other), frame(3, of=other, page=1)
+    assert results(put(store, *said)) == [STORED] * 4
+    (node,) = rows(store, nodes)
+    assert node["layout"] == other.content_hash
+    assert results(put(store, frame(0))) == [DUPLICATE]
+    (node,) = rows(store, nodes)
+    assert node["layout"] == other.content_hash, "a repeated frame is not the latest"
+    assert len(rows(store, pages)) == 3
+    with store.read() as connection:
+        assert find_layout(connection, NODE, other.content_hash).places["thumb-2.pressure"] == (
+            3,
+            2,
+        )
