@@ -7,7 +7,13 @@ from eskin.wire.frames.frame import Frame, Grid, PatchSamples, frame_limit
 from eskin.wire.frames.frame_summary import FrameSummary
 from eskin.wire.frames.layout import Controller, Layout, Seam
 from eskin.wire.frames.patch import Patch, Privacy
-from eskin.wire.frames.sample_codec import SampleCodes, Sampling, decode_samples, encode_samples
+from eskin.wire.frames.sample_codec import (
+    SampleCodes,
+    Sampling,
+    decode_samples,
+    encode_matrices,
+    encode_samples,
+)
 from eskin.wire.frames.statements import (
     Because,
     Contact,
@@ -39,6 +45,7 @@ __all__ = [
     "Statements",
     "content_hash",
     "decode_samples",
+    "encode_matrices",
     "encode_samples",
     "frame_limit",
 ]

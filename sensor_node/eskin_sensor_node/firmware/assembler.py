@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     finest exponent; gives exponent, offset, codes."""
 
 MOST_GRIDS = 16
-"""In one frame."""
+"""In one frame: a page has no more patches."""
 MOST_PEAKS = 250
 """In one message: it fits 64 KiB."""
 
@@ -222,24 +222,9 @@ class Assembler:
         self.written = []
         records = []
         for page in sorted(pages):
-            records += self._write_page(page, pages[page])
+            records.append(self._write_frame(page, pages[page]))
+            self.written.append(pages[page])
         records += self._write_peaks()
-        return records
-
-    def _write_page(self, page: int, matrices: "list[Matrix]") -> "list[Record]":
-        """Write a frame, or several where there are too many grids for one."""
-        records = []
-        while matrices:
-            taken: list[Matrix] = []
-            grids: set[tuple[int, int, int, float]] = set()
-            for matrix in matrices:
-                grids.add((matrix.start, matrix.dt, matrix.rows, matrix.coverage))
-                if len(grids) > MOST_GRIDS:
-                    break
-                taken.append(matrix)
-            matrices = matrices[len(taken) :]
-            records.append(self._write_frame(page, taken))
-            self.written.append(taken)
         return records
 
     def _write_frame(self, page: int, matrices: "list[Matrix]") -> "Record":

@@ -46,7 +46,6 @@ class Connection:
     Attributes:
         keys: As given.
         spans: What gateways acknowledged since the last turn.
-        looks: Those acknowledgements that report a viewer.
         time: Latest time of a gateway's clock in them, UTC ns.
         commands: Signed commands that came since.
         fresh: Whether it is connected and the outbox does not know it yet.
@@ -57,7 +56,7 @@ class Connection:
     """
 
     __slots__ = (
-        "_client", "_name", "attempts", "commands", "fresh", "keys", "looks", "online", "received",
+        "_client", "_name", "attempts", "commands", "fresh", "keys", "online", "received",
         "sent", "spans", "time",
     )  # fmt: skip
 
@@ -65,7 +64,6 @@ class Connection:
         self.keys = keys
         self._name = keys.own.name
         self.spans: list[tuple[int, int, int]] = []
-        self.looks: list[Acknowledgement] = []
         self.time: int | None = None
         self.commands: list[bytes] = []
         self.fresh = self.online = False
@@ -173,8 +171,6 @@ class Connection:
                 self.spans.extend(received.spans)
                 time = received.time
                 self.time = time if self.time is None else max(self.time, time)
-                if received.watched:
-                    self.looks.append(received)
         except (EnvelopeError, MessageError) as error:
             log.warning("message rejected: topic=%s reason=%s", message.topic, error)
 

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from eskin.privacy import is_biometric
-from eskin.wire.frames import Layout, Patch, Privacy, Sampling, frame_limit
+from eskin.wire.frames import Layout, Patch, Privacy, content_hash, frame_limit
 from eskin.wire.messages.cbor_map import MOST_BYTES
 from eskin_sensor_node.firmware.assembler import MOST_GRIDS
 from eskin_sensor_node.firmware.assembler import Patch as PlannedPatch
+from eskin_sensor_node.firmware.descriptions import describe_layout, describe_patch
 from eskin_sensor_node.firmware.sample_codec import finest_exponent
 from eskin_sensor_node.firmware.schedule import MOST_ROWS
 from eskin_sensor_node.kinds.skin_map import skin_map
@@ -61,6 +62,25 @@ class NodeLayout:
     patches: tuple[Patch, ...]
     columns: tuple[tuple[Column, ...], ...]
     most: tuple[int, ...]
+
+    @property
+    def described(self) -> Described:
+        """What a node says of it, as its firmware writes it."""
+        messages = [describe_layout(self.layout), *map(describe_patch, self.patches)]
+        hashes = [content_hash(each) for each in messages]
+        return Described(hashes[0], dict(zip(hashes, messages, strict=True)))
+
+
+class Described(NamedTuple):
+    """Descriptions as bytes.
+
+    Attributes:
+        layout: Hash of the layout.
+        messages: The layout and its patches, by their hashes.
+    """
+
+    layout: bytes
+    messages: dict[bytes, bytes]
 
 
 class _Kind(NamedTuple):

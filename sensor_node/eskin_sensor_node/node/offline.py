@@ -109,6 +109,6 @@ def warm_up(settings: NodeSettings) -> None:
     """
     try:
         with offline_node(settings) as offline:
-            offline.run_until(max(taxel.next.end for taxel in offline.node.taxels))
+            offline.run_until(max(taxel.next.due for taxel in offline.node.taxels))
     except (FlashError, OSError) as error:
         log.warning("warm-up skipped: error=%s", error)
