@@ -29,7 +29,14 @@ _DATA = Path("eskin-data")
 
 def demo(
     data: Data = _DATA,
-    nodes: Annotated[int, typer.Option(min=1, max=100, help="Sensor nodes to run.")] = 3,
+    nodes: Annotated[
+        int | None,
+        typer.Option(min=1, max=100, help="Sensor nodes to run; else 3, or 1 with --skin."),
+    ] = None,
+    skin: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Large skin that each node has, such as paper-hand."),
+    ] = None,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the dashboard.")] = 8080,
     speed: Annotated[
         float | None,
@@ -56,6 +63,7 @@ def demo(
         data,
         Options(
             nodes=nodes,
+            skin=skin,
             port=port,
             speed=speed,
             duration=duration,

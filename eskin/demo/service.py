@@ -18,7 +18,7 @@ from eskin.demo.access import write_access
 from eskin.demo.identities import NEEDED, prepare_identities, renew_identities
 from eskin.demo.layout import Layout
 from eskin.demo.ports import LOOPBACK, free_ports, require_free
-from eskin.demo.settings_files import Ports, node_names
+from eskin.demo.settings_files import Ports, node_profiles
 from eskin.demo.stack import Stack
 from eskin.errors import IdentityError, LockedError, SettingsError
 from eskin.mosquitto import BrokerPorts, find_mosquitto
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+_NODES: Final = 3
 _WATCH_S: Final = 0.2
 _RENEW_S: Final = 2.0
 TOKEN_LIFETIME: Final = timedelta(days=30)
@@ -44,7 +45,8 @@ class Options:
     """What the user chooses.
 
     Attributes:
-        nodes: How many sensor nodes.
+        nodes: How many sensor nodes; ``None``: three, or one of a skin.
+        skin: Profile of large skins that the nodes have; ``None``: small ones.
         port: Port of the dashboard.
         speed: Emulated seconds per second; ``None`` leaves it to each node's file.
         duration: Seconds to run once all is up; ``None`` runs until it is ended.
@@ -52,7 +54,8 @@ class Options:
         embedded_broker: Whether Mosquitto is not used where it is installed.
     """
 
-    nodes: int
+    nodes: int | None
+    skin: str | None
     port: int
     speed: float | None
     duration: float | None
@@ -93,7 +96,9 @@ def run_demo(
 def _run(layout: Layout, options: Options, *, command: str, console: Console) -> None:
     mosquitto = None if options.embedded_broker else find_mosquitto()
     ports = _ports(options.port, one_for_all_parties=mosquitto is None)
-    names = node_names(options.nodes)
+    count = options.nodes or (_NODES if options.skin is None else 1)
+    profiles = node_profiles(count, options.skin)
+    names = list(profiles)
     lifetime = options.lifetime
     stack: Stack | None = None
     try:
@@ -105,7 +110,7 @@ def _run(layout: Layout, options: Options, *, command: str, console: Console) ->
             stack = Stack(
                 layout,
                 ports,
-                names,
+                profiles,
                 speed=options.speed,
                 revoked=revoked,
                 mosquitto=mosquitto,
@@ -115,6 +120,8 @@ def _run(layout: Layout, options: Options, *, command: str, console: Console) ->
             progress.advance(task)
             for stage in stack.stages(token):
                 progress.update(task, description=stage.title)
+                if not console.is_terminal:
+                    console.print(f"starting {stage.title}", highlight=False)
                 stack.start(stage)
                 progress.advance(task)
             progress.update(task, description="all up")

@@ -23,7 +23,7 @@ from eskin.demo.settings_files import (
 from eskin.demo.supervised_process import SupervisedProcess, SupervisedProcessError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from eskin.demo.layout import Layout
@@ -48,7 +48,7 @@ class Stack:
     Args:
         layout: Its folder.
         ports: Where they listen.
-        nodes: Names of the nodes.
+        nodes: The nodes' profiles by their names.
         speed: Emulated seconds per second; ``None`` leaves it to each node's file.
         revoked: Names that are not let in.
         mosquitto: Program of the broker; ``None`` for the embedded one.
@@ -58,7 +58,7 @@ class Stack:
         self,
         layout: Layout,
         ports: Ports,
-        nodes: Sequence[str],
+        nodes: Mapping[str, str],
         *,
         speed: float | None,
         revoked: Sequence[str],
@@ -91,10 +91,10 @@ class Stack:
         self.nodes = [
             self._child(
                 name,
-                [*eskin, "node", "--config", write_node(layout, name)],
+                [*eskin, "node", "--config", write_node(layout, name, profile)],
                 node_environment(ports, speed),
             )
-            for name in nodes
+            for name, profile in nodes.items()
         ]
 
     def stages(self, token: str) -> list[Stage]:

@@ -25,6 +25,7 @@ class RejectReason(StrEnum):
     FORGED = "forged"
     MISADDRESSED = "misaddressed"
     UNREADABLE = "unreadable"
+    TOO_MANY_DESCRIPTIONS = "too_many_descriptions"
     INTERNAL_ERROR = "internal_error"
 
 
@@ -36,6 +37,9 @@ class Metrics:
         self.received = self._count("messages_received", "messages from the broker")
         self.accepted = self._count("messages_accepted", "messages committed to the spool")
         self.duplicate = self._count("messages_duplicate", "messages that were committed before")
+        self.waiting = self._count(
+            "messages_waiting", "messages not acknowledged, as their layout was missing"
+        )
         self.acknowledged = self._count("messages_acknowledged", "positions acknowledged to nodes")
         self.commands = self._count("commands_published", "commands sent to the broker")
         self.command_results = self._count("commands_answered", "results of commands committed")

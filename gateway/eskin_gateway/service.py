@@ -23,6 +23,7 @@ from eskin_gateway.forward.forwarder import Forwarder
 from eskin_gateway.forward.status_report import StatusReport
 from eskin_gateway.ingest.biometric import BiometricEncryptor
 from eskin_gateway.ingest.commit_loop import CommitLoop, PostCommit
+from eskin_gateway.ingest.missing_layouts import MissingLayouts
 from eskin_gateway.ingest.validator import Validator
 from eskin_gateway.metrics import Metrics
 from eskin_gateway.mqtt.mqtt_transport import MqttTransport
@@ -34,6 +35,7 @@ from eskin_gateway.ops.keyring import Keyring
 from eskin_gateway.ops.subject_sync import SubjectSync
 from eskin_gateway.publish.homeassistant import Discovery
 from eskin_gateway.publish.presence import Presence
+from eskin_gateway.spool.descriptions import Descriptions
 from eskin_gateway.spool.node_certificates import NodeCertificates
 from eskin_gateway.spool.node_state import NodeStates
 from eskin_gateway.spool.spool import Spool
@@ -41,6 +43,7 @@ from eskin_gateway.spool.subject_assignments import SubjectAssignments
 from eskin_gateway.upstream.certificates_client import CertificatesClient
 from eskin_gateway.upstream.cloud_client import CloudClient
 from eskin_gateway.upstream.confirmations_client import ConfirmationsClient
+from eskin_gateway.upstream.descriptions_client import DescriptionsClient
 from eskin_gateway.upstream.ingest_client import IngestClient, Viewers
 from eskin_gateway.upstream.subjects_client import SubjectsClient
 
@@ -140,6 +143,7 @@ class Gateway:
             spool=self.spool,
             ingest_client=IngestClient(self._client, self._viewers),
             certificates_client=self.certificates_client,
+            descriptions_client=DescriptionsClient(self._client, self.spool),
             backoff=self._make_cloud_backoff(),
             metrics=self.metrics,
             confirmations_client=ConfirmationsClient(self._client, self.certificates_client),
@@ -186,6 +190,7 @@ class Gateway:
             site=self.keyring.gateway.site,
         )
         sealer_cache = SealerCache(self.keyring.find_site)
+        descriptions = Descriptions(self.spool)
         return CommitLoop(
             self._settings.spool,
             receive_queue=self.receive_queue,
@@ -193,6 +198,8 @@ class Gateway:
                 opener=self.keyring.make_opener(node_certificates.find),
                 node_certificates=node_certificates,
                 node_states=NodeStates(self.spool),
+                descriptions=descriptions,
+                missing_layouts=MissingLayouts(self._settings.nodes.layout_wait_s),
                 encryptor=self.encryptor,
             ),
             spool=self.spool,
@@ -201,9 +208,10 @@ class Gateway:
                 sealer_cache=sealer_cache,
                 node_certificates=node_certificates,
                 presence=self._presence,
+                descriptions=descriptions,
                 metrics=self.metrics,
                 viewers=self._viewers,
-                discovery=self._make_discovery(node_certificates),
+                discovery=self._make_discovery(node_certificates, descriptions),
                 senml=self._settings.public.senml,
             ),
             command_publisher=CommandPublisher(
@@ -216,7 +224,9 @@ class Gateway:
             metrics=self.metrics,
         )
 
-    def _make_discovery(self, node_certificates: NodeCertificates) -> Discovery | None:
+    def _make_discovery(
+        self, node_certificates: NodeCertificates, descriptions: Descriptions
+    ) -> Discovery | None:
         public = self._settings.public
         if not public.homeassistant:
             return None
@@ -225,6 +235,7 @@ class Gateway:
             expire_ns=round(public.homeassistant_expire_days * 86_400 * SECOND),
             spool=self.spool,
             node_certificates=node_certificates,
+            descriptions=descriptions,
             now=time_ns,
         )
 

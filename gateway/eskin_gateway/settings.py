@@ -24,7 +24,7 @@ class BrokerSection(Section):
     group: str = Field(
         default="",
         pattern=r"^[A-Za-z0-9_-]{0,64}$",
-        description="shared subscription ($share) for blocks and events; empty: not shared",
+        description="shared subscription ($share) for blocks, frames and events; empty: not shared",
     )
     receive_queue_messages: int = Field(
         default=4096,
@@ -140,13 +140,19 @@ class HttpSection(Section):
 
 
 class NodesSection(Section):
-    """When nodes count as offline."""
+    """How long the gateway waits for nodes."""
 
     silence_s: float = Field(
         default=15.0,
         gt=0,
         le=86_400,
         description="seconds without a message after which a node is offline",
+    )
+    layout_wait_s: float = Field(
+        default=600.0,
+        gt=0,
+        le=86_400,
+        description="seconds for which frames wait for a layout that their node was asked for",
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import signal
 import threading
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -13,18 +13,25 @@ from eskin.identity import Identity
 from eskin.runtime.memory import freeze_gc
 from eskin_sensor_node.link.publisher import Publisher
 from eskin_sensor_node.machine.compilation import compiled_inversion
-from eskin_sensor_node.machine.compiled_writer import CompiledWriter
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.machine.radio import Radio
 from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.node.factory import build_node, build_outbox, open_flash
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.node.offline import warm_up
+from eskin_sensor_node.skin_node.controls import SkinControls
+from eskin_sensor_node.skin_node.factory import build_skin_node
+from eskin_sensor_node.skin_node.factory import warm_up as warm_up_skin
 
 if TYPE_CHECKING:
     from types import FrameType
 
     from eskin_sensor_node.firmware.outbox import Outbox
+    from eskin_sensor_node.machine.clock import Clock
+    from eskin_sensor_node.machine.flash.flash import Flash
+    from eskin_sensor_node.node.base import BaseNode
+    from eskin_sensor_node.node.commands import TypedControls
     from eskin_sensor_node.settings import NodeSettings
 
 log = logging.getLogger(__name__)
@@ -55,29 +62,47 @@ def run(settings: NodeSettings) -> None:
     truth = GroundTruth(settings.truth.path, limit=settings.truth.limit_bytes)
     flash = open_flash(settings)
     try:
-        outbox = build_outbox(
-            flash,
-            capacity=settings.flash.capacity_bytes,
-            broker=settings.broker,
-            message_writer=CompiledWriter,
-        )
-        _serve(settings, outbox, truth, stop)
+        _serve(settings, _assemble(settings, flash, truth), truth, stop)
     finally:
         flash.close()
         truth.close()
 
 
-def _serve(
-    settings: NodeSettings, outbox: Outbox, truth: GroundTruth, stop: threading.Event
-) -> None:
-    own = settings.node
+class _Parts(NamedTuple):
+    """A node without its network."""
+
+    node: BaseNode
+    clock: Clock
+    outbox: Outbox
+    controls: TypedControls
+
+
+def _assemble(settings: NodeSettings, flash: Flash, truth: GroundTruth) -> _Parts:
+    if settings.skin.present:
+        warm_up_skin(settings)
+        skin_node, clock, outbox = build_skin_node(settings, flash=flash, truth=truth)
+        return _Parts(skin_node, clock, outbox, SkinControls(skin_node))
+    outbox = build_outbox(
+        flash,
+        capacity=settings.flash.capacity_bytes,
+        broker=settings.broker,
+        described=plan_layout(settings).described,
+    )
     warm_up(settings)
     node, clock = build_node(settings, outbox=outbox, truth=truth, functions=compiled_inversion())
+    return _Parts(node, clock, outbox, NodeControls(node))
+
+
+def _serve(
+    settings: NodeSettings, parts: _Parts, truth: GroundTruth, stop: threading.Event
+) -> None:
+    own = settings.node
+    node, clock, outbox, controls = parts
     commander = CommandReceiver(
         outbox,
         own=Identity.load(settings.identity.directory),
         cloud=settings.identity.cloud,
-        controls=NodeControls(node),
+        controls=controls,
         enclosure=lambda: clock.known.enclosure(clock.ticks()),
     )
     commander.start()
@@ -100,7 +125,6 @@ def _serve(
         identity=settings.identity,
         record_status=node.record_status,
         take_command=take_command,
-        attend=node.attend,
         is_running=lambda: node.machine.running,
     )
     publisher.start()

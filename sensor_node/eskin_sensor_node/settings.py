@@ -191,13 +191,21 @@ class ClockSection(Section):
 
 
 class MachineSection(Section):
-    """The emulated microcontroller; by default as an STM32U575 (ST, DS13737)."""
+    """The emulated machine; by default a microcontroller as an STM32U575 (ST, DS13737)."""
 
+    processor: Literal["cortex-m33", "cortex-a53"] = Field(
+        default="cortex-m33",
+        description="what a skin's budget takes the cycles of each operation from; a Cortex-A53 "
+        "computes binary64 in hardware",
+    )
+    cores: int = Field(
+        default=1, ge=1, le=64, description="that share the work of a skin; other nodes use one"
+    )
     clock_hz: int = Field(
         default=160_000_000,
         ge=10**6,
         le=10**10,
-        description="cycles of its Cortex-M33 a second; a node that needs more does not start",
+        description="cycles of a core a second; a node that needs more does not start",
     )
     ram_bytes: int = Field(
         default=784 * 1024,
@@ -411,6 +419,8 @@ class NodeSettings(Settings):
     def _skin_or_taxels(self) -> Self:
         if self.skin.present == bool(self.taxel):
             raise ValueError("give either [[taxel]] tables or a [skin] with its scenario")
+        if self.skin.present and self.fleet.count:
+            raise ValueError("a fleet's nodes have [[taxel]] tables; a skin is one node's")
         names = self.skin.controllers
         if names and self.node.name not in names:
             raise ValueError(f"skin.controllers = {names} does not name '{self.node.name}'")

@@ -21,6 +21,7 @@ from eskin_gateway.spool.spool import Spool
 from eskin_gateway.upstream.certificates_client import CertificatesClient
 from eskin_gateway.upstream.cloud_client import CloudClient
 from eskin_gateway.upstream.confirmations_client import ConfirmationsClient
+from eskin_gateway.upstream.descriptions_client import DescriptionsClient
 from eskin_gateway.upstream.ingest_client import IngestClient, Viewers
 
 from eskin.cli.backup import backup, copy
@@ -168,6 +169,7 @@ def forwarding(spool: Spool, cloud: Service) -> Iterator[Forwarder]:
         spool=spool,
         ingest_client=IngestClient(client, Viewers()),
         certificates_client=certificates,
+        descriptions_client=DescriptionsClient(client, spool),
         backoff=quick(),
         metrics=Metrics(),
         confirmations_client=ConfirmationsClient(client, certificates),

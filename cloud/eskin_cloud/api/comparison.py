@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query
 from pydantic import Field
-from sqlalchemy import Connection, RowMapping
+from sqlalchemy import Connection
 from starlette.responses import Response
 
 from eskin.errors import QueryError
@@ -28,7 +28,7 @@ from eskin_cloud.schemas.comparison import (
     describe_comparison_segment,
     describe_comparison_totals,
 )
-from eskin_cloud.store.read.lookup import find_channel, parse_channel
+from eskin_cloud.store.read.lookup import Channel, find_channel, parse_channel
 from eskin_cloud.store.read.window import Window, parse_window
 
 router = APIRouter(tags=["series"])
@@ -95,12 +95,12 @@ def get_comparison_time(
 
 def _rows(
     connection: Connection, node: str, channel: str, query: ComparisonQuery
-) -> tuple[RowMapping, RowMapping]:
+) -> tuple[Channel, Channel]:
     one = find_channel(connection, node, channel)
     return one, find_channel(connection, *parse_channel(query.other, "other"))
 
 
-def _window(cloud: AppState, rows: tuple[RowMapping, RowMapping], query: WindowQuery) -> Window:
+def _window(cloud: AppState, rows: tuple[Channel, Channel], query: WindowQuery) -> Window:
     lasts = [row["t_last"] for row in rows if row["t_last"] is not None]
     return parse_window(query.start, query.end, last=min(lasts, default=cloud.clock()))
 
@@ -110,7 +110,7 @@ def _sides(
     cloud: AppState,
     access: Access,
     connection: Connection,
-    rows: tuple[RowMapping, RowMapping],
+    rows: tuple[Channel, Channel],
     window: Window,
 ) -> Iterator[tuple[ChannelSource, ChannelSource]]:
     """Where both are read; what a sealed one's row on the disk says is not what its blocks say.
@@ -127,7 +127,7 @@ def _sides(
         yield one, other
 
 
-def _require_same_unit(one: RowMapping, other: RowMapping) -> None:
+def _require_same_unit(one: Channel, other: Channel) -> None:
     if one["unit"] != other["unit"]:
         raise QueryError(
             "other",

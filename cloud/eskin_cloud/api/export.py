@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 
 from fastapi import APIRouter, Header, Query, Request
 from pydantic import BaseModel, ConfigDict, Field
-from sqlalchemy import Connection, RowMapping
+from sqlalchemy import Connection
 from starlette.responses import Response, StreamingResponse
 
 from eskin.errors import QueryError
@@ -21,7 +21,7 @@ from eskin_cloud.app_state import AppState
 from eskin_cloud.privacy.decrypted_window import decrypted_window
 from eskin_cloud.query.export import Export, ExportChannel, ExportPosition
 from eskin_cloud.schemas.base import TIME, Place, Time
-from eskin_cloud.store.read.lookup import find_channel, parse_channel
+from eskin_cloud.store.read.lookup import Channel, find_channel, parse_channel
 from eskin_cloud.store.read.window import Window, make_window, parse_time
 
 router = APIRouter(tags=["series"])
@@ -118,7 +118,7 @@ def _source(
     cloud: AppState,
     access: Access,
     connection: Connection,
-    row: RowMapping,
+    row: Channel,
     window: Window,
     stack: ExitStack,
 ) -> ExportChannel:
@@ -134,7 +134,7 @@ def _source(
     return ExportChannel(known, lambda: nullcontext(memory))
 
 
-def _whole(rows: list[RowMapping], query: ExportQuery) -> tuple[Window, None]:
+def _whole(rows: list[Channel], query: ExportQuery) -> tuple[Window, None]:
     """The window that is asked for; where it is open, it takes in all that there is."""
     start, end = parse_time("start", query.start), parse_time("end", query.end)
     first = min((row["t_first"] for row in rows if row["t_first"] is not None), default=0)

@@ -11,7 +11,7 @@ import pyarrow.compute
 import pyarrow.csv
 import pyarrow.parquet
 
-from eskin_cloud.store.read.block_index import clip
+from eskin_cloud.store.read.window import clip
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping

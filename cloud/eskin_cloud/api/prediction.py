@@ -6,7 +6,6 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
-from sqlalchemy import RowMapping
 from starlette.responses import Response
 
 from eskin.errors import IntervalError, QueryError
@@ -33,7 +32,7 @@ from eskin_cloud.schemas.series import (
     describe_segment,
 )
 from eskin_cloud.store.read.block_index import find_next
-from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.lookup import Channel, find_channel
 from eskin_cloud.store.read.window import make_window, parse_time
 from eskin_cloud.store.write.channels import UNKNOWN
 
@@ -178,7 +177,7 @@ def _not_impossible(runs: Iterator[Segment]) -> Iterator[Segment]:
     return (run for run in runs if run.answer is not Verdict.IMPOSSIBLE)
 
 
-def _prediction(query: PredictionQuery, row: RowMapping, start: int) -> Prediction:
+def _prediction(query: PredictionQuery, row: Channel, start: int) -> Prediction:
     """What is asked for; of a sealed channel the row is that of its opened blocks."""
     model = MODELS[query.model]
     if row["unit"] == UNKNOWN:

@@ -17,11 +17,12 @@ from eskin_cloud.store.read.window import Window, make_window, parse_window
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sqlalchemy import Connection, RowMapping
+    from sqlalchemy import Connection
 
     from eskin_cloud.api.dependencies import Access
     from eskin_cloud.app_state import AppState
     from eskin_cloud.query.segments import Segment
+    from eskin_cloud.store.read.lookup import Channel
 
 
 class WindowQuery(BaseModel):
@@ -35,8 +36,8 @@ class WindowQuery(BaseModel):
 
 @contextmanager
 def opened(
-    cloud: AppState, access: Access, connection: Connection, row: RowMapping, window: Window
-) -> Iterator[tuple[Connection, RowMapping]]:
+    cloud: AppState, access: Access, connection: Connection, row: Channel, window: Window
+) -> Iterator[tuple[Connection, Channel]]:
     """Where a channel is read, and its row there: a biometric one is decrypted in memory."""
     if not is_biometric(row["channel"]):
         yield connection, row
@@ -46,7 +47,7 @@ def opened(
         yield source
 
 
-def window_of(cloud: AppState, row: RowMapping, query: WindowQuery) -> Window:
+def window_of(cloud: AppState, row: Channel, query: WindowQuery) -> Window:
     """The window of a question about a channel."""
     last = row["t_last"]
     return parse_window(query.start, query.end, last=cloud.clock() if last is None else last)

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, Engine, RowMapping
 
     from eskin_cloud.privacy.sealed_rows import Reader
+    from eskin_cloud.store.read.lookup import Channel
     from eskin_cloud.store.read.window import Window
 
 MOST: Final = 20_000
@@ -50,8 +51,8 @@ _TABLES: Final = [nodes, channels, blocks, events, sequences, digests, feed, til
 
 @contextmanager
 def decrypted_window(
-    connection: Connection, reader: Reader, channel: RowMapping, window: Window
-) -> Iterator[tuple[Connection, RowMapping]]:
+    connection: Connection, reader: Reader, channel: Channel, window: Window
+) -> Iterator[tuple[Connection, Channel]]:
     """A store in memory with a channel's blocks around a window, and the channel's row there.
 
     Args:
@@ -75,7 +76,7 @@ def decrypted_window(
         engine.dispose()
 
 
-def _sealed(connection: Connection, channel: RowMapping, window: Window) -> Sequence[RowMapping]:
+def _sealed(connection: Connection, channel: Channel, window: Window) -> Sequence[RowMapping]:
     v = sealed_messages.c
     query = select(v.node, v.boot, v.sequence, v.data).where(
         v.node == channel["node"],
@@ -116,7 +117,7 @@ def _engine() -> Engine:
     )
 
 
-def _fill(memory: Connection, channel: RowMapping, items: Sequence[ParsedMessage]) -> None:
+def _fill(memory: Connection, channel: Channel, items: Sequence[ParsedMessage]) -> None:
     memory.exec_driver_sql("PRAGMA temp_store=MEMORY")  # a large sort must not go to the disk
     driver = memory.connection.driver_connection
     assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - as `_engine` makes it

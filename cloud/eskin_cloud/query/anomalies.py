@@ -13,9 +13,10 @@ from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.sample_validity import after, before
 from eskin_cloud.query.segments import find_segments_of, parted
 from eskin_cloud.rollup.aggregates import concatenated
-from eskin_cloud.rollup.blocks import DECODED, decode, of_headers
+from eskin_cloud.rollup.blocks import DECODED, decode, of_headers, read_samples
 from eskin_cloud.store.damage import intact_headers
 from eskin_cloud.store.read.block_index import HEADER_COLUMNS, overlaps
+from eskin_cloud.store.read.patch_columns import is_column, split_column
 from eskin_cloud.store.schema.tables import blocks
 
 if TYPE_CHECKING:
@@ -26,15 +27,18 @@ if TYPE_CHECKING:
     from eskin_cloud.query.prediction import Prediction
     from eskin_cloud.query.segments import Segment
     from eskin_cloud.rollup.aggregates import Aggregates
+    from eskin_cloud.store.read.lookup import Channel
     from eskin_cloud.store.read.window import Window
 
 MOST: Final = 100_000
 """Most blocks that a query compares with a changing prediction."""
+_MOST_SAMPLES: Final = 10_000_000
+"""Most samples of a channel of frames that a query compares with a changing prediction."""
 _AT_ONCE: Final = 256
 
 
 def find_anomalies(
-    connection: Connection, channel: RowMapping, window: Window, prediction: Prediction
+    connection: Connection, channel: Channel, window: Window, prediction: Prediction
 ) -> Iterator[Segment]:
     """All segments of a window, in order of time.
 
@@ -48,14 +52,31 @@ def find_anomalies(
         band = prediction.parameters["value"]
         question = Predicate(float(band.inf), float(band.sup), outside=True)
         return find_segments_of(connection, channel, window, question)
+    if is_column(channel):
+        return _of_column(connection, channel, window, prediction)
     here = overlaps(channel, window)
     if connection.execute(select(func.count()).where(here)).scalar_one() > MOST:
         raise QueryError("start", f"to end are over {MOST} blocks; choose a shorter window")
     return _find(connection, channel, window, prediction)
 
 
+def _of_column(
+    connection: Connection, channel: Channel, window: Window, prediction: Prediction
+) -> Iterator[Segment]:
+    left = _MOST_SAMPLES
+    for part in split_column(connection, channel, window):
+        samples = read_samples(connection, channel, part)
+        left -= len(samples)
+        if left < 0:
+            raise QueryError(
+                "start", f"to end are over {_MOST_SAMPLES} samples; choose a shorter window"
+            )
+        if len(samples):
+            yield from parted(samples, _answers(prediction, samples))
+
+
 def _find(
-    connection: Connection, channel: RowMapping, window: Window, prediction: Prediction
+    connection: Connection, channel: Channel, window: Window, prediction: Prediction
 ) -> Iterator[Segment]:
     for rows in _batches(connection, channel, window):
         pieces = of_headers(rows)
@@ -78,7 +99,7 @@ def _answers(prediction: Prediction, pieces: Aggregates) -> Any:
 
 
 def _batches(
-    connection: Connection, channel: RowMapping, window: Window
+    connection: Connection, channel: Channel, window: Window
 ) -> Iterator[Sequence[RowMapping]]:
     """Batches of blocks in order of time; overlapping blocks are in one batch."""
     b = blocks.c
@@ -98,7 +119,7 @@ def _batches(
 
 
 def _decoded(
-    connection: Connection, channel: RowMapping, window: Window, rows: Sequence[RowMapping]
+    connection: Connection, channel: Channel, window: Window, rows: Sequence[RowMapping]
 ) -> Aggregates:
     b = blocks.c
     keys = [(channel["node"], row["boot"], row["sequence"]) for row in rows]

@@ -9,8 +9,9 @@ from sqlalchemy import select
 
 from eskin.interval import Verdict
 from eskin_cloud.query.comparison_segments import ComparisonSegment, compare, merge
-from eskin_cloud.query.neighbourhood import Neighbourhood
+from eskin_cloud.query.neighbourhood import look_around
 from eskin_cloud.query.tile_comparison import TileVerdict, classify, read_grid
+from eskin_cloud.store.read.patch_columns import has_rows, is_column, split_column
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import STEP, TOP
 from eskin_cloud.store.schema.tables import blocks
@@ -92,14 +93,29 @@ def _of_gap(
 
 def _known(sides: tuple[ChannelSource, ChannelSource], window: Window) -> Iterator[tuple[int, int]]:
     """The ranges in which the channel with fewer samples is known."""
-    some = [side for side in sides if not _next_blocks(side, window, 1)]
+    some = [side for side in sides if not _has_blocks(side, window)]
     if not some:
         yield window.start, window.end
         return
-    known = Neighbourhood(some[0], window).holding.known
+    known = look_around(some[0], window).holding.known
     for start, end in zip(*(each.tolist() for each in known), strict=True):
         if max(start, window.start) < min(end, window.end):
             yield max(start, window.start), min(end, window.end)
+
+
+def _has_blocks(side: ChannelSource, window: Window) -> bool:
+    """Whether a block or a frame may begin in a window, after its start."""
+    if is_column(side.channel):
+        return has_rows(side.connection, side.channel, window)
+    return bool(_next_blocks(side, window, 1))
+
+
+def _next_end(side: ChannelSource, window: Window) -> int:
+    """Up to where a channel is read at once."""
+    if is_column(side.channel):
+        return next(split_column(side.connection, side.channel, window)).end
+    starts = _next_blocks(side, window, _AT_ONCE)
+    return starts[-1] if len(starts) == _AT_ONCE else window.end
 
 
 def _next_blocks(side: ChannelSource, window: Window, count: int) -> list[int]:
@@ -116,8 +132,7 @@ def _of_blocks(
     at = window.start
     while at < window.end:
         rest = Window(at, window.end)
-        nearest = [_next_blocks(side, rest, _AT_ONCE) for side in sides]
-        at = min([each[-1] for each in nearest if len(each) == _AT_ONCE], default=window.end)
+        at = min(_next_end(side, rest) for side in sides)
         yield from _of_few(sides, Window(rest.start, at))
 
 
@@ -125,7 +140,7 @@ def _of_few(
     sides: tuple[ChannelSource, ChannelSource], window: Window
 ) -> Iterator[ComparisonSegment]:
     """Compare blocks' bounds; undecided blocks are decoded."""
-    around = [Neighbourhood(side, window) for side in sides]
+    around = [look_around(side, window) for side in sides]
     while True:
         found = compare(around[0].holding, around[1].holding, window)
         if not np.any(found.open):

@@ -19,16 +19,19 @@ from eskin.wire.messages import Block, Position
 from eskin.wire.messages.compacted_block import Pack
 from eskin.wire.messages.compression import decompress
 from eskin_cloud.store.damage import DamagedRowError, RowHeader, is_intact_block, is_intact_header
-from eskin_cloud.store.read.block_index import before, clip, count_samples, overlaps
+from eskin_cloud.store.read.block_index import count_samples, overlaps
+from eskin_cloud.store.read.patch_columns import is_column, read_column, split_column
+from eskin_cloud.store.read.window import Window, before, clip
 from eskin_cloud.store.schema.tables import blocks, channels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from contextlib import AbstractContextManager
 
-    from sqlalchemy import ColumnElement, Connection, RowMapping, Select
+    from sqlalchemy import ColumnElement, Connection, Select
 
-    from eskin_cloud.store.read.window import Window
+    from eskin_cloud.store.read.lookup import Channel
+    from eskin_cloud.store.read.patch_columns import ColumnRun
 
 _AT_ONCE: Final = 128
 """Blocks of a part: at most 128,000 samples."""
@@ -67,7 +70,7 @@ class ExportChannel:
         number: Returns the exported sequence number of a block.
     """
 
-    channel: RowMapping
+    channel: Channel
     open: Callable[[], AbstractContextManager[Connection]]
     number: Callable[[Position], int] = sequence_of
 
@@ -79,11 +82,18 @@ class DamagedBlock(NamedTuple):
     tube: Tube
 
 
-class ExportPart(NamedTuple):
-    """Consecutive blocks of one channel."""
+class FrameRun(NamedTuple):
+    """Samples of one channel from one frame."""
 
-    channel: RowMapping
-    blocks: Sequence[Block | DamagedBlock]
+    position: Position
+    tube: Tube
+
+
+class ExportPart(NamedTuple):
+    """Consecutive blocks of one channel, or what frames hold of it."""
+
+    channel: Channel
+    blocks: Sequence[Block | DamagedBlock | FrameRun]
     number: Callable[[Position], int]
 
 
@@ -148,11 +158,14 @@ class Export:
 
     def _pages(
         self, index: int, after: ExportPosition | None, until: ExportPosition | None, *, whole: bool
-    ) -> Iterator[Sequence[_StoredBlock]]:
+    ) -> Iterator[Sequence[_StoredBlock | _StoredRun]]:
         """A channel's blocks in order, in pages; ``whole`` with their bytes.
 
         Each page starts after the last block of the one before, whatever was compacted meanwhile.
         """
+        if is_column(self.sources[index].channel):
+            yield from self._runs(index, after, _later(until, index))
+            return
         most = _AT_ONCE if whole else _ROWS
         while True:
             with self.sources[index].open() as connection:
@@ -169,6 +182,33 @@ class Export:
                 most *= 2
             if not full:
                 return
+
+    def _runs(
+        self, index: int, after: ExportPosition | None, last: ExportPosition
+    ) -> Iterator[Sequence[_StoredRun]]:
+        """As `_pages`, of a channel of frames."""
+        source = self.sources[index]
+        begin = self.window.start if after is None else max(after.t, self.window.start)
+        at = begin
+        while at < self.window.end and (at == begin or at <= last.t):
+            with source.open() as connection:
+                rest = Window(at, self.window.end)
+                part = next(split_column(connection, source.channel, rest))
+                runs = read_column(connection, source.channel, part)
+            page = [
+                _StoredRun((run.t, run.boot, run.sequence), run.lo.size, run.dt, run)
+                for run in runs
+                # One that began before was in the part before.
+                if at == begin or run.t >= at
+            ]
+            page = [
+                run
+                for run in page
+                if (after is None or run.place > after[1:]) and run.place <= last[1:]
+            ]
+            if page:
+                yield page
+            at = part.end
 
     def _between(
         self,
@@ -230,6 +270,15 @@ class _StoredBlock(NamedTuple):
     damaged: RowHeader | None = None
 
 
+class _StoredRun(NamedTuple):
+    """What a frame holds of a channel: its key (time, boot, sequence), and samples."""
+
+    place: tuple[int, int, int]
+    n: int
+    dt: int
+    run: ColumnRun
+
+
 def _blocks(row: Sequence[Any], *, whole: bool) -> Iterable[_StoredBlock]:
     """The blocks of a row of `Export._ordered`; a damaged pack is one block.
 
@@ -252,7 +301,12 @@ def _blocks(row: Sequence[Any], *, whole: bool) -> Iterable[_StoredBlock]:
     return map(_StoredBlock, places, counts, repeat(dt), each)
 
 
-def _decoded(found: _StoredBlock, unit: str) -> Block | DamagedBlock:
+def _decoded(found: _StoredBlock | _StoredRun, unit: str) -> Block | DamagedBlock | FrameRun:
+    if isinstance(found, _StoredRun):
+        run = found.run
+        time = run.t - run.error, run.t + run.error
+        tube = Tube(time, run.dt, Interval(run.lo, run.hi), unit, run.coverage)
+        return FrameRun(Position(run.boot, run.sequence), tube)
     if found.damaged is None:
         return Block.decode(decompress(found.data))
     head = found.damaged
@@ -269,7 +323,9 @@ def _later(until: ExportPosition | None, index: int) -> ExportPosition:
     return ExportPosition(index, 2**63, 0, 0)
 
 
-def _as_it_is(connection: Connection, channel: RowMapping) -> RowMapping:
+def _as_it_is(connection: Connection, channel: Channel) -> Channel:
     """The channel's current row: blocks may have become longer meanwhile."""
+    if is_column(channel):
+        return channel
     here = (channels.c.node == channel["node"]) & (channels.c.channel == channel["channel"])
     return connection.execute(select(channels).where(here)).mappings().one()

@@ -10,10 +10,11 @@ from sqlalchemy import select, tuple_
 
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.query.sample_validity import SampleValidity
-from eskin_cloud.rollup.aggregates import Aggregates, concatenated
-from eskin_cloud.rollup.blocks import DECODED, decode, of_headers
+from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
+from eskin_cloud.rollup.blocks import DECODED, decode, of_headers, read_samples
 from eskin_cloud.store.damage import intact_headers
 from eskin_cloud.store.read.block_index import HEADER_COLUMNS, overlaps
+from eskin_cloud.store.read.patch_columns import is_column
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.tables import blocks
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
 
     from eskin_cloud.rollup.aggregates import Integers
+    from eskin_cloud.store.read.lookup import Channel
 
 _ALWAYS: Final = Window(-MOST_MOMENT, MOST_MOMENT)
 
@@ -33,7 +35,7 @@ class ChannelSource:
     """A channel's row, and the read transaction that holds it."""
 
     connection: Connection
-    channel: RowMapping
+    channel: Channel
 
 
 class Neighbourhood:
@@ -92,6 +94,56 @@ class Neighbourhood:
             self._looked[number] = decode([found[row["boot"], row["sequence"]]], _ALWAYS)
 
 
+class SampledNeighbourhood:
+    """As `Neighbourhood`, of a channel of frames: its samples.
+
+    Args:
+        source: The channel.
+        window: The window.
+    """
+
+    def __init__(self, source: ChannelSource, window: Window) -> None:
+        self._samples = _read_samples_around(source, window)
+
+    @property
+    def holding(self) -> SampleValidity:
+        """The validity of each sample."""
+        return SampleValidity.of(self._samples)
+
+    def look(self, chosen: NDArray[np.bool_]) -> None:
+        """Nothing is left to decode."""
+
+
+def look_around(source: ChannelSource, window: Window) -> Neighbourhood | SampledNeighbourhood:
+    """What may be valid of a channel in a window."""
+    made = SampledNeighbourhood if is_column(source.channel) else Neighbourhood
+    return made(source, window)
+
+
+def _read_samples_around(source: ChannelSource, window: Window) -> Aggregates:
+    """The samples in and around a window, so far that no other may be valid in it."""
+    channel = source.channel
+    if channel["t_first"] is None:
+        return EMPTY
+    margin = 2 * max(channel["longest"], channel["dt"])
+    while True:
+        wide = _widened(window, margin)
+        samples = read_samples(source.connection, channel, wide)
+        earliest = samples.first - samples.error
+        sure = earliest[samples.first + samples.error <= window.start]
+        after = wide.end > channel["t_last"] or bool(np.any(earliest >= window.end))
+        before = wide.start <= channel["t_first"] or bool(
+            sure.size and samples.first[0] <= sure.max()
+        )
+        if after and before:
+            return samples
+        margin *= 4
+
+
+def _widened(window: Window, margin: int) -> Window:
+    return Window(max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT))
+
+
 def _read_around(source: ChannelSource, window: Window) -> Sequence[RowMapping]:
     """The blocks in and around a window, so far that no other may be valid in it."""
     channel = source.channel
@@ -100,9 +152,7 @@ def _read_around(source: ChannelSource, window: Window) -> Sequence[RowMapping]:
     margin = 2 * max(channel["longest"], channel["dt"])
     b = blocks.c
     while True:
-        wide = Window(
-            max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT)
-        )
+        wide = _widened(window, margin)
         query = (
             select(*HEADER_COLUMNS).where(overlaps(channel, wide)).order_by(b.t, b.boot, b.sequence)
         )
@@ -112,9 +162,7 @@ def _read_around(source: ChannelSource, window: Window) -> Sequence[RowMapping]:
         margin *= 4
 
 
-def _is_enough(
-    rows: Sequence[RowMapping], window: Window, wide: Window, channel: RowMapping
-) -> bool:
+def _is_enough(rows: Sequence[RowMapping], window: Window, wide: Window, channel: Channel) -> bool:
     after = wide.end > channel["t_last"] or any(r["t"] - r["error"] >= window.end for r in rows)
     sure = [r["t"] - r["error"] for r in rows if r["t"] + r["error"] <= window.start]
     before = wide.start <= channel["t_first"] or (bool(sure) and rows[0]["t"] <= max(sure))

@@ -13,10 +13,11 @@ from eskin_cloud.store.read.block_index import find_next
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from sqlalchemy import Connection, RowMapping
+    from sqlalchemy import Connection
 
     from eskin_cloud.query.predicate import Predicate
     from eskin_cloud.query.segments import Segment
+    from eskin_cloud.store.read.lookup import Channel
     from eskin_cloud.store.read.window import Window
 
 _NEVER: Final = 2**62
@@ -52,7 +53,7 @@ class Occupancy:
 
 
 def measure_occupancy(
-    connection: Connection, channel: RowMapping, window: Window, question: Predicate
+    connection: Connection, channel: Channel, window: Window, question: Predicate
 ) -> Occupancy:
     """Total a window; only undecided tiles and blocks are decoded."""
     runs = find_segments_of(connection, channel, window, question)

@@ -10,9 +10,11 @@ from sqlalchemy import case, select, tuple_
 
 from eskin.interval import Verdict
 from eskin_cloud.query.tile_drilldown import TileDrilldown
-from eskin_cloud.rollup.blocks import DECODED, decode
+from eskin_cloud.rollup.blocks import DECODED, decode, read_samples
 from eskin_cloud.store.damage import intact_headers
-from eskin_cloud.store.read.block_index import HEADER_COLUMNS, clip, longest_step, overlaps
+from eskin_cloud.store.read.block_index import HEADER_COLUMNS, longest_step, overlaps
+from eskin_cloud.store.read.patch_columns import is_column, split_column
+from eskin_cloud.store.read.window import clip
 from eskin_cloud.store.schema.tables import blocks
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
     from eskin_cloud.query.predicate import Predicate
     from eskin_cloud.rollup.aggregates import Aggregates
+    from eskin_cloud.store.read.lookup import Channel
     from eskin_cloud.store.read.window import Window
 
 _AT_ONCE: Final = 1000
@@ -64,7 +67,7 @@ class Segment:
 
 def find_segments_of(
     connection: Connection,
-    channel: RowMapping,
+    channel: Channel,
     window: Window,
     question: Predicate,
 ) -> Iterator[Segment]:
@@ -76,13 +79,14 @@ def find_segments_of(
         window: The window.
         question: The predicate.
     """
+    rest = _of_column if is_column(channel) else _of_blocks
     drilldown = TileDrilldown(connection, channel, window, question)
     for part in drilldown.parts():
         if isinstance(part, tuple):
             pieces, answer = part
             yield from as_runs(pieces, [answer])
         else:
-            yield from _of_blocks(connection, channel, part, question)
+            yield from rest(connection, channel, part, question)
 
 
 def merge(runs: Iterable[Segment]) -> Iterator[Segment]:
@@ -100,8 +104,15 @@ def merge(runs: Iterable[Segment]) -> Iterator[Segment]:
         yield current
 
 
+def _of_column(
+    connection: Connection, channel: Channel, window: Window, question: Predicate
+) -> Iterator[Segment]:
+    for part in split_column(connection, channel, window):
+        yield from _of_samples(read_samples(connection, channel, part), question)
+
+
 def _of_blocks(
-    connection: Connection, channel: RowMapping, window: Window, question: Predicate
+    connection: Connection, channel: Channel, window: Window, question: Predicate
 ) -> Iterator[Segment]:
     for cluster in _clusters(connection, channel, window, question):
         row = cluster[0]
@@ -118,7 +129,7 @@ def _of_blocks(
 
 
 def _clusters(
-    connection: Connection, channel: RowMapping, window: Window, question: Predicate
+    connection: Connection, channel: Channel, window: Window, question: Predicate
 ) -> Iterator[list[RowMapping]]:
     """Groups of blocks in order of time; overlapping blocks are in one group.
 
@@ -175,7 +186,7 @@ def as_runs(pieces: Aggregates, answers: Iterable[int]) -> Iterator[Segment]:
 
 
 def find_segments(
-    connection: Connection, channel: RowMapping, window: Window, question: Predicate
+    connection: Connection, channel: Channel, window: Window, question: Predicate
 ) -> Iterator[Segment]:
     """Segments with a certain or possible verdict, in order of time, none across a gap."""
     runs = merge(find_segments_of(connection, channel, window, question))

@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from eskin.union_bound import union_coverage
-from eskin_cloud.rollup.blocks import read_samples
+from eskin_cloud.rollup.blocks import read_few
 from eskin_cloud.rollup.hulls import EXACT, read_hulls
-from eskin_cloud.store.read.block_index import Samples, exceeds, longest_step
+from eskin_cloud.store.read.block_index import Samples, longest_step
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from sqlalchemy import Connection, RowMapping
+    from sqlalchemy import Connection
 
     from eskin.interval import Floats
     from eskin_cloud.rollup.aggregates import Aggregates
+    from eskin_cloud.store.read.lookup import Channel
     from eskin_cloud.store.read.window import Window
 
 
@@ -55,9 +56,7 @@ class Series:
     mean: tuple[Floats, Floats] | None = None
 
 
-def read_series(
-    connection: Connection, channel: RowMapping, window: Window, *, points: int
-) -> Series:
+def read_series(connection: Connection, channel: Channel, window: Window, *, points: int) -> Series:
     """Read a series.
 
     Args:
@@ -66,10 +65,9 @@ def read_series(
         window: The window.
         points: Most samples; beyond, most buckets.
     """
-    if not exceeds(connection, channel, window, points):
-        samples = read_samples(connection, channel, window)
-        if len(samples) <= points and _is_exact(samples.first):
-            return _as_samples(channel, window, samples)
+    samples = read_few(connection, channel, window, points)
+    if samples is not None and len(samples) <= points and _is_exact(samples.first):
+        return _as_samples(channel, window, samples)
     return _as_hull(connection, channel, window, points)
 
 
@@ -77,7 +75,7 @@ def _is_exact(t: NDArray[np.int64]) -> bool:
     return t.size == 0 or int(t[-1]) - int(t[0]) < EXACT // 2
 
 
-def _as_samples(channel: RowMapping, window: Window, samples: Aggregates) -> Series:
+def _as_samples(channel: Channel, window: Window, samples: Aggregates) -> Series:
     t = samples.first
     t0 = int(t[0]) if t.size else window.start
     at = np.flatnonzero(np.diff(t) > longest_step(samples.dt[:-1]))
@@ -96,7 +94,7 @@ def _as_samples(channel: RowMapping, window: Window, samples: Aggregates) -> Ser
     )
 
 
-def _as_hull(connection: Connection, channel: RowMapping, window: Window, points: int) -> Series:
+def _as_hull(connection: Connection, channel: Channel, window: Window, points: int) -> Series:
     pieces, buckets = read_hulls(connection, channel, window, points)
     t = buckets.width * np.arange(buckets.count, dtype=np.int64)
     lo, hi, mean = np.full(t.size, -np.inf), np.full(t.size, np.inf), np.full((2, t.size), np.inf)

@@ -15,10 +15,11 @@ from eskin_cloud.store.sample_grid import CHUNK, STEP, TOP
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sqlalchemy import Connection, RowMapping
+    from sqlalchemy import Connection
 
     from eskin_cloud.query.predicate import Predicate
     from eskin_cloud.rollup.aggregates import Aggregates
+    from eskin_cloud.store.read.lookup import Channel
 
 TileAnswer: TypeAlias = "tuple[Aggregates, Verdict] | Window"
 _TILES: Final = 64
@@ -38,7 +39,7 @@ class TileDrilldown:
     def __init__(
         self,
         connection: Connection,
-        channel: RowMapping,
+        channel: Channel,
         window: Window,
         question: Predicate,
     ) -> None:

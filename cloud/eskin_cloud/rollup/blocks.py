@@ -18,11 +18,12 @@ from eskin_cloud.store.damage import RowHeader, intact_headers, is_intact_block
 from eskin_cloud.store.read.block_index import (
     HEADER_COLUMNS,
     OVERLAPS,
-    clip,
+    exceeds,
     overlaps,
     window_parameters,
 )
-from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.read.patch_columns import is_column, read_column, split_column
+from eskin_cloud.store.read.window import Window, clip
 from eskin_cloud.store.schema.tables import blocks
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin_cloud.rollup.aggregates import Integers
+    from eskin_cloud.store.read.lookup import Channel
 
 DECODED: Final = tuple(
     blocks.c[name]
@@ -94,9 +96,14 @@ def fold(rows: Sequence[Any], window: Window, buckets: Buckets) -> Aggregates:
         buckets: The buckets.
     """
     rows = _holding(rows, window)
-    if not rows:
+    return _folded(*_opened(rows), window, buckets) if rows else EMPTY
+
+
+def _folded(
+    heads: Sequence[_Head], bounds: tuple[Floats, Floats], window: Window, buckets: Buckets
+) -> Aggregates:
+    if not heads:
         return EMPTY
-    heads, bounds = _opened(rows)
     if any(after.t < head.t + head.dt * (head.n - 1) for head, after in pairwise(heads)):
         samples = _apart(heads, bounds, window)  # blocks overlap
         return samples.grouped(buckets.of(samples.first))
@@ -149,7 +156,23 @@ def _opened(rows: Sequence[Any]) -> tuple[list[_Head], tuple[Floats, Floats]]:
     return heads, (lo, hi)
 
 
+def _opened_column(
+    connection: Connection, channel: Channel, window: Window
+) -> tuple[list[_Head], tuple[Floats, Floats]]:
+    """As `_opened`, of a channel of frames."""
+    runs = read_column(connection, channel, window)
+    heads = [_Head(run.t, run.dt, run.lo.size, run.error, run.coverage) for run in runs]
+    if not runs:
+        return heads, (np.empty(0), np.empty(0))
+    return heads, (
+        np.concatenate([run.lo for run in runs]),
+        np.concatenate([run.hi for run in runs]),
+    )
+
+
 def _apart(heads: Sequence[_Head], bounds: tuple[Floats, Floats], window: Window) -> Aggregates:
+    if not heads:
+        return EMPTY
     first, period, n, errors, coverages = zip(*heads, strict=True)
     begun, dt, error = (np.repeat(np.array(e, np.int64), n) for e in (first, period, errors))
     number = np.concatenate([np.arange(each, dtype=np.int64) for each in n])
@@ -163,26 +186,52 @@ def _apart(heads: Sequence[_Head], bounds: tuple[Floats, Floats], window: Window
     return pieces[order]
 
 
-def read_samples(connection: Connection, channel: RowMapping, window: Window) -> Aggregates:
+def read_samples(connection: Connection, channel: Channel, window: Window) -> Aggregates:
     """One entry for each sample in a window."""
+    if is_column(channel):
+        return _apart(*_opened_column(connection, channel, window), window)
     return decode(_touching(connection, channel, window), window)
 
 
+def read_few(
+    connection: Connection, channel: Channel, window: Window, most: int
+) -> Aggregates | None:
+    """One entry for each sample in a window; ``None`` if there are more than ``most``."""
+    if not is_column(channel):
+        if exceeds(connection, channel, window, most):
+            return None
+        return read_samples(connection, channel, window)
+    found, count = [], 0
+    for part in split_column(connection, channel, window):
+        found.append(read_samples(connection, channel, part))
+        count += len(found[-1])
+        if count > most:
+            return None
+    return concatenated(found)
+
+
 def read_folded(
-    connection: Connection, channel: RowMapping, window: Window, buckets: Buckets
+    connection: Connection, channel: Channel, window: Window, buckets: Buckets
 ) -> Aggregates:
     """One entry for each bucket with samples in a window."""
+    if is_column(channel):
+        heads, bounds = _opened_column(connection, channel, window)
+        return _folded(heads, bounds, window, buckets)
     return fold(_touching(connection, channel, window), window, buckets)
 
 
 def read_buckets(
-    connection: Connection, channel: RowMapping, window: Window, buckets: Buckets
+    connection: Connection, channel: Channel, window: Window, buckets: Buckets
 ) -> Aggregates:
     """Aggregates of a window's samples, none across a bucket's end.
 
     If there are many blocks, those within one bucket are aggregated by their bounds, which then
     enclose their sums, too.
     """
+    if is_column(channel):
+        parts = split_column(connection, channel, window)
+        folded = concatenated([read_folded(connection, channel, p, buckets) for p in parts])
+        return folded.grouped(buckets.of(folded.first))
     if _are_few(connection, channel, window):
         return read_folded(connection, channel, window, buckets)
     b, here = blocks.c, overlaps(channel, window)
@@ -216,7 +265,7 @@ def of_headers(rows: Sequence[RowMapping]) -> Aggregates:
     return Aggregates(t, t_end, n, none, dt, t_end - t, error, lo, hi, sum_lo, sum_hi, coverage)
 
 
-def _are_few(connection: Connection, channel: RowMapping, window: Window) -> bool:
+def _are_few(connection: Connection, channel: Channel, window: Window) -> bool:
     n = (
         connection.execute(_COUNTS, window_parameters(channel, window) | {"most": _FEW + 1})
         .scalars()
@@ -225,5 +274,5 @@ def _are_few(connection: Connection, channel: RowMapping, window: Window) -> boo
     return len(n) <= _FEW and sum(n) <= _FEW_SAMPLES
 
 
-def _touching(connection: Connection, channel: RowMapping, window: Window) -> Sequence[Any]:
+def _touching(connection: Connection, channel: Channel, window: Window) -> Sequence[Any]:
     return connection.execute(_TOUCHING, window_parameters(channel, window)).all()

@@ -11,9 +11,10 @@ from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import STEP, TOP
 
 if TYPE_CHECKING:
-    from sqlalchemy import Connection, RowMapping
+    from sqlalchemy import Connection
 
     from eskin_cloud.rollup.aggregates import Aggregates
+    from eskin_cloud.store.read.lookup import Channel
 
 EXACT: Final = 2**53
 """JavaScript keeps integers up to here."""
@@ -22,7 +23,7 @@ _TILES: Final = 1024
 
 
 def read_hulls(
-    connection: Connection, channel: RowMapping, window: Window, points: int
+    connection: Connection, channel: Channel, window: Window, points: int
 ) -> tuple[Aggregates, Buckets]:
     """Aggregates of a window's samples, in at most ``points`` buckets.
 

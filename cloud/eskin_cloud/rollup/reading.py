@@ -19,9 +19,10 @@ from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from sqlalchemy import Connection, RowMapping
+    from sqlalchemy import Connection
 
     from eskin_cloud.rollup.aggregates import Integers
+    from eskin_cloud.store.read.lookup import Channel
 
 _STALE: Final = select(stale_chunks.c.chunk).where(
     stale_chunks.c.node == bindparam("node"),
@@ -54,7 +55,7 @@ class TileRange:
         return self.first << self.level, min(self.end << self.level, MOST_MOMENT)
 
 
-def read_range(connection: Connection, channel: RowMapping, stretch: TileRange) -> Aggregates:
+def read_range(connection: Connection, channel: Channel, stretch: TileRange) -> Aggregates:
     """Exact aggregates of all samples in a range of tiles, none across a tile's end.
 
     Tiles above stale chunks are replaced by those of lower levels, and stale chunks by blocks.
@@ -78,7 +79,7 @@ def read_range(connection: Connection, channel: RowMapping, stretch: TileRange) 
     return concatenated(found)
 
 
-def find_unbuilt(connection: Connection, channel: RowMapping, within: Range) -> list[Range]:
+def find_unbuilt(connection: Connection, channel: Channel, within: Range) -> list[Range]:
     """The ranges in which blocks must be read instead of tiles, UTC ns."""
     built, bits = channel["built"], channel["grain"] + CHUNK
     if built is None:
@@ -91,7 +92,7 @@ def find_unbuilt(connection: Connection, channel: RowMapping, within: Range) -> 
 
 
 def read_tiles(
-    connection: Connection, channel: RowMapping, level: int, ranges: list[Range]
+    connection: Connection, channel: Channel, level: int, ranges: list[Range]
 ) -> Aggregates:
     """The tiles of a level in some ranges of numbers; stale ones included.
 
@@ -119,7 +120,7 @@ def read_tiles(
     return concatenated([read, *lost])
 
 
-def _folded(connection: Connection, channel: RowMapping, level: int, within: Range) -> Aggregates:
+def _folded(connection: Connection, channel: Channel, level: int, within: Range) -> Aggregates:
     """Compute tiles from blocks."""
     start, end = within[0] << level, min(within[1] << level, MOST_MOMENT)
     buckets = Buckets(start, 1 << level, within[1] - within[0])
@@ -132,7 +133,7 @@ def _common(ranges: list[Range], others: list[Range]) -> list[Range]:
     return [(first, end) for first, end in found if first < end]
 
 
-def _parameters(channel: RowMapping, first: int, last: int) -> dict[str, str | int]:
+def _parameters(channel: Channel, first: int, last: int) -> dict[str, str | int]:
     return {"node": channel["node"], "channel": channel["channel"], "first": first, "last": last}
 
 

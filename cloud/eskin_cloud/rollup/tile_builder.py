@@ -24,9 +24,8 @@ from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.rollup.aggregates import Aggregates, concatenated
 from eskin_cloud.rollup.blocks import Buckets, read_folded
 from eskin_cloud.store.damage import is_intact_tile
-from eskin_cloud.store.read.block_index import before
 from eskin_cloud.store.read.lookup import find_channel
-from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.read.window import Window, before
 from eskin_cloud.store.sample_grid import CHUNK, MOST_CHUNKS, STEP, TOP, SampleGrid
 from eskin_cloud.store.schema.tables import blocks, channels
 from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles

@@ -7,21 +7,22 @@ of all frames stay, so a copy of a compacted frame is still a duplicate.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from sqlalchemy import and_, delete, func, select, tuple_
 
 from eskin.errors import MessageError
 from eskin.runtime.digest import digest
-from eskin.wire.frames import Frame
+from eskin.wire.frames import Sampling
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_frame
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
 from eskin_cloud.store.patch_rows import MOST_CELLS, encode_runs
-from eskin_cloud.store.patch_run import PatchRun
 from eskin_cloud.store.patch_totals import add_rows
+from eskin_cloud.store.read.patch_runs import runs_of_frames
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
 from eskin_cloud.store.schema.tables import feed
 from eskin_cloud.store.write.bulk_insert import insert_many
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, Connection, RowMapping
 
     from eskin.wire.frames import Patch
-    from eskin_cloud.store.descriptions import DescribedLayout
+    from eskin_cloud.store.patch_run import PatchRun
     from eskin_cloud.store.store import Store
     from eskin_cloud.store.write.write_cache import Row
 
@@ -165,10 +166,14 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
     if since is not None:
         query = query.where(f.t >= since)
     query = query.order_by(f.t, f.boot, f.sequence).limit(count)
-    rows = [row for row in connection.execute(query).mappings().all() if _is_intact(row)]
-    runs, gone = _runs(rows, described)
+    gone = [row for row in connection.execute(query).mappings().all() if _is_intact(row)]
     if until == since and not gone:
         return None
+    runs: dict[int, list[PatchRun]] = defaultdict(list)
+    first = described.ends[page[3]] - many
+    if gone:
+        for number, run in runs_of_frames(gone, described, range(first, first + many)):
+            runs[number].append(run)
     return CompactedFrames(
         page=page,
         gone=[(row["boot"], row["sequence"]) for row in gone],
@@ -208,53 +213,25 @@ def _is_intact(row: RowMapping) -> bool:
     return is_intact_frame(row["data"], FrameHeader.of(row), row["head"])
 
 
-def _runs(
-    rows: Sequence[RowMapping], described: DescribedLayout
-) -> tuple[dict[int, list[PatchRun]], list[RowMapping]]:
-    """The runs of each patch in frames, and the frames that could be read."""
-    runs: dict[int, list[PatchRun]] = {}
-    read = []
-    for row in rows:
-        try:
-            frame = Frame.decode(row["data"])
-        except MessageError:
-            continue  # of an earlier version of the format
-        read.append(row)
-        middle = (frame.time[0] + frame.time[1]) // 2
-        error = (frame.time[1] - frame.time[0] + 1) // 2
-        for each, values in zip(frame.patches, frame.values, strict=True):
-            grid = frame.grids[each.grid]
-            place = frame.position.boot, frame.position.sequence, frame.ticks + grid.delay
-            run = PatchRun(
-                described.layout.patches[each.patch], *place, middle + grid.delay, error,
-                grid.period, grid.first_row, each.strides, each.epoch, each.unshared,
-                grid.coverage, values.inf, values.sup,
-            )  # fmt: skip
-            runs.setdefault(each.patch, []).append(run)
-    for each_patch in runs.values():
-        each_patch.sort(key=lambda run: (run.t, run.boot, run.sequence))
-    return runs, read
-
-
-def _row(page: PageKey, patch: Patch, name: bytes, runs: Sequence[PatchRun]) -> Row:
+def _row(page: PageKey, patch: Patch, name: bytes, runs: list[PatchRun]) -> Row:
     """The row of some runs of a patch."""
+    runs.sort(key=lambda run: (run.t, run.boot, run.sequence))
     data = encode_runs(runs)
-    spans = [_span(run, patch) for run in runs]
-    known = [_known(run) for run in runs]
+    found = [_measure(run, patch) for run in runs]
     row: Row = {
         "slot": page[0],
         "node": page[1],
         "patch": patch.patch_id,
-        "t": min(first for first, _ in spans),
+        "t": min(each.first for each in found),
         "boot": runs[0].boot,
         "sequence": runs[0].sequence,
         "hash": name,
-        "t_end": max(last for _, last in spans),
+        "t_end": max(each.last for each in found),
         "error": max(run.error for run in runs),
         "frames": len(runs),
-        "samples": sum(int(mask.sum()) for mask in known),
-        "lo": min(float(run.lo[mask].min()) for run, mask in zip(runs, known, strict=True)),
-        "hi": max(float(run.hi[mask].max()) for run, mask in zip(runs, known, strict=True)),
+        "samples": sum(each.samples for each in found),
+        "lo": min(each.lo for each in found),
+        "hi": max(each.hi for each in found),
         "coverage": min(run.coverage for run in runs),
         "data": data,
         "digest": digest(data),
@@ -262,19 +239,29 @@ def _row(page: PageKey, patch: Patch, name: bytes, runs: Sequence[PatchRun]) -> 
     return row | {"head": PatchRowHeader.of(row).checksum()}
 
 
-def _known(run: PatchRun) -> Any:
-    """Which cells hold a sample."""
-    rows = run.first_row + np.arange(run.lo.shape[0])[:, np.newaxis]
-    strides = np.frombuffer(run.strides or bytes(run.lo.shape[1]), np.uint8).astype(np.int64)
-    return rows % (1 << strides) == 0
+class _Measures(NamedTuple):
+    """Of a run: the middles of its first and last time, its samples, and their hull."""
+
+    first: int
+    last: int
+    samples: int
+    lo: float
+    hi: float
 
 
-def _span(run: PatchRun, patch: Patch) -> tuple[int, int]:
-    """The middles of the first and the last sample's time."""
-    rows, columns = np.nonzero(_known(run))
-    skew = np.array(patch.skew or (0,) * run.lo.shape[1], np.int64)
-    moments = rows * run.dt + skew[columns]
-    return run.t + int(moments.min()), run.t + int(moments.max())
+def _measure(run: PatchRun, patch: Patch) -> _Measures:
+    rows, columns = run.lo.shape
+    lo, hi = run.lo, run.hi
+    if run.strides:
+        mask = Sampling(rows, columns, run.first_row, run.strides).mask
+        lo, hi = lo[mask], hi[mask]
+        row, column = np.nonzero(mask)
+        moments = row * run.dt + np.array(patch.skew or (0,) * columns, np.int64)[column]
+        first, last = int(moments.min()), int(moments.max())
+    else:
+        first, last = min(patch.skew, default=0), max(patch.skew, default=0)
+        last += (rows - 1) * run.dt
+    return _Measures(run.t + first, run.t + last, lo.size, float(lo.min()), float(hi.max()))
 
 
 def _replace(connection: Connection, store: Store, made: CompactedFrames) -> bool:

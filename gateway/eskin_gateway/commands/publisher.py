@@ -13,7 +13,7 @@ from eskin.wire.topics import Stream, node_topic
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from eskin.wire.messages import Summary
+    from eskin_gateway.ingest.node_messages import Numbered
     from eskin_gateway.metrics import Metrics
     from eskin_gateway.mqtt.sealer_cache import SealerCache
     from eskin_gateway.mqtt.transport import Transport
@@ -132,7 +132,7 @@ class CommandPublisher:
         self._metrics = metrics
         self._clock = clock
 
-    def note_results(self, messages: Iterable[tuple[str, Summary, bool]]) -> None:
+    def note_results(self, messages: Iterable[tuple[str, Numbered, bool]]) -> None:
         """Note the results among messages that are durable."""
         for node, message, _ in messages:
             if isinstance(message, Result):

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from eskin_gateway.spool.spool import Spool
     from eskin_gateway.upstream.certificates_client import CertificatesClient
     from eskin_gateway.upstream.confirmations_client import ConfirmationsClient
+    from eskin_gateway.upstream.descriptions_client import DescriptionsClient, Posted
     from eskin_gateway.upstream.ingest_client import IngestClient, ItemResult
 
 
@@ -204,6 +205,60 @@ class UnknownNodes:
         )
 
 
+class UnknownLayouts:
+    """Posts descriptions that the cloud lacks, and leaves out nodes for which that is in vain.
+
+    Their messages stay in the spool and are retried each minute.
+
+    Args:
+        descriptions_client: Posts descriptions.
+        clock: Monotonic seconds.
+    """
+
+    def __init__(
+        self, descriptions_client: DescriptionsClient, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._descriptions_client = descriptions_client
+        self._clock = clock
+        self._posted: dict[tuple[str, bytes], float] = {}
+        self._left_out: dict[str, float] = {}
+
+    def left_out(self) -> list[str]:
+        """Nodes whose messages are left out now."""
+        now = self._clock()
+        self._left_out = {node: due for node, due in self._left_out.items() if due > now}
+        return list(self._left_out)
+
+    def post(self, wanted: Collection[tuple[str, bytes]]) -> dict[tuple[str, bytes], Posted]:
+        """Post descriptions that the cloud lacks, and return what became of each.
+
+        Raises:
+            CloudError: The request failed.
+            SpoolError: The spool cannot be read.
+        """
+        now = self._clock()
+        self._posted = {key: at for key, at in self._posted.items() if now < at + _NODE_DELAY_S}
+        for node, name in self._posted.keys() & set(wanted):
+            if node not in self._left_out:
+                log.warning("cloud lacks what it took: node=%s description=%s", node, name.hex())
+            self._left_out[node] = now + _NODE_DELAY_S
+        due = [key for key in wanted if key[0] not in self._left_out]
+        posted = self._descriptions_client.post(due)
+        taken = {key for key, each in posted.items() if each.result in {"stored", "duplicate"}}
+        self._posted |= dict.fromkeys(taken, now)
+        return posted
+
+    @property
+    def fault(self) -> str | None:
+        """What is in vain, or ``None``."""
+        if not self._left_out:
+            return None
+        return (
+            f"the cloud lacks layouts that it took, of {len(self._left_out)} node(s), one of them "
+            f"{next(iter(self._left_out))}: their messages stay in the spool; see the cloud's log"
+        )
+
+
 class Forwarder:
     """Sends the spool's messages until it is stopped, and what is left for a short time.
 
@@ -212,6 +267,7 @@ class Forwarder:
         spool: Holds the messages.
         ingest_client: Sends them to the cloud.
         certificates_client: Registers nodes at the cloud.
+        descriptions_client: Posts the layouts that the cloud lacks.
         backoff: Delays after failures.
         metrics: Counts messages.
         confirmations_client: Finds lost messages, if given.
@@ -221,13 +277,14 @@ class Forwarder:
         reachable: Whether the cloud answered; ``None`` before the first request.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all of the cloud that it posts to
         self,
         settings: CloudSection,
         *,
         spool: Spool,
         ingest_client: IngestClient,
         certificates_client: CertificatesClient,
+        descriptions_client: DescriptionsClient,
         backoff: Backoff,
         metrics: Metrics,
         confirmations_client: ConfirmationsClient | None = None,
@@ -244,6 +301,7 @@ class Forwarder:
         self._batch_messages = settings.batch_messages
         self._retry_queue = RetryQueue()
         self._unknown_nodes = UnknownNodes(certificates_client)
+        self._unknown_layouts = UnknownLayouts(descriptions_client)
         self._retried = False
         self._heap_trimmer = HeapTrimmer()
         self.reachable: bool | None = None
@@ -268,7 +326,12 @@ class Forwarder:
     @property
     def fault(self) -> str | None:
         """Why messages wait in the spool."""
-        return self._thread.fault or self._retry_queue.fault or self._unknown_nodes.fault
+        return (
+            self._thread.fault
+            or self._retry_queue.fault
+            or self._unknown_nodes.fault
+            or self._unknown_layouts.fault
+        )
 
     def start(self) -> None:
         """Start the thread."""
@@ -348,7 +411,7 @@ class Forwarder:
             self._batch_messages,
             self._settings.batch_bytes,
             without_ids=self._retry_queue.ids,
-            without_nodes=self._unknown_nodes.rejected(),
+            without_nodes={*self._unknown_nodes.rejected(), *self._unknown_layouts.left_out()},
         )
         if not messages and self._retry_queue.release_unconfirmed():
             raise CloudError("the cloud fails at each message that waits")
@@ -382,6 +445,8 @@ class Forwarder:
         pairs = list(zip(messages, results, strict=True))
         unknown = {m.node for m, r in pairs if r.result == "unknown_node"}
         pairs = [(m, r) for m, r in pairs if m.node not in unknown]
+        undescribed = [(m, r) for m, r in pairs if r.result == "unknown_layout"]
+        pairs = [(m, r) for m, r in pairs if r.result != "unknown_layout"]
         settled = [message for message, _ in pairs]
         self._unknown_nodes.known({message.node for message in settled})
         rejected = [(m, r.reason or "no reason given") for m, r in pairs if r.result == "rejected"]
@@ -398,8 +463,33 @@ class Forwarder:
         self._metrics.cloud_rejected.inc(len(rejected))
         if settled:
             self._metrics.latency.observe(max(0.0, (self._now() - settled[0].received) / 1e9))
+        if undescribed:
+            unknown |= self._describe(undescribed)
         if unknown:
             self._unknown_nodes.register(unknown)
+
+    def _describe(self, undescribed: list[tuple[SpoolMessage, ItemResult]]) -> set[str]:
+        """Post the descriptions that messages need; return nodes that the cloud does not know.
+
+        A message that needs a description that the cloud rejects becomes a dead letter.
+        """
+        wanted = dict.fromkeys((m.node, name) for m, r in undescribed for name in r.want)
+        posted = self._unknown_layouts.post(list(wanted))
+        dead: dict[SpoolMessage, DeadLetter] = {}
+        for message, result in undescribed:
+            for name in result.want:
+                each = posted.get((message.node, name))
+                if each is not None and each.result == "rejected":
+                    reason = f"description {name.hex()}: {each.reason or 'no reason given'}"
+                    dead[message] = self._dead_letter(message, reason)
+        if dead:
+            self._spool.settle(list(dead), list(dead.values()))
+            self._metrics.cloud_rejected.inc(len(dead))
+            letter = next(iter(dead.values()))
+            log.warning(
+                "cloud rejected a description: node=%s reason=%r", letter.node, letter.reason[:200]
+            )
+        return {node for (node, _), each in posted.items() if each.result == "unknown_node"}
 
     def _dead_letter(self, message: SpoolMessage, reason: str) -> DeadLetter:
         return DeadLetter(self._now(), message.node, f"cloud: {reason[:500]}", message.body)

@@ -10,7 +10,8 @@ from eskin.privacy.cipher import span
 from eskin.wire.messages import Block, BlockSummary, Peak, decode_message
 
 if TYPE_CHECKING:
-    from eskin.wire.messages import Position, Summary
+    from eskin.wire.messages import Position
+    from eskin_gateway.ingest.node_messages import Numbered
     from eskin_gateway.spool.batch import DeadLetter
     from eskin_gateway.spool.subject_assignments import SubjectAssignments
 
@@ -32,7 +33,7 @@ class BiometricEncryptor:
         """Drop keys derived from an erased subject's key. Thread-safe."""
         self._encryptor.forget(pseudonym)
 
-    def read(self, summary: Summary, plaintext: bytes) -> Block | Peak | None:
+    def read(self, summary: Numbered, plaintext: bytes) -> Block | Peak | None:
         """Decode a biometric message completely: behind the gateway it cannot be checked.
 
         Returns:

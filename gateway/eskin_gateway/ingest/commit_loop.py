@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SpoolError, UntrustedCertificateError
 from eskin.runtime.supervised import Backoff, Supervised
+from eskin.wire.frames import Frame, Statements
 from eskin.wire.messages import Acknowledgement, BlockSummary, Gap, Peak, Status
+from eskin.wire.messages.acknowledgement import MOST_WANTED
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.topics import Stream, node_topic
 from eskin_gateway.metrics import RejectReason
 from eskin_gateway.publish import public_payloads
+from eskin_gateway.publish.frame_hulls import FrameHulls
+from eskin_gateway.spool.descriptions import Skin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -29,6 +33,7 @@ if TYPE_CHECKING:
     from eskin_gateway.publish.presence import Presence
     from eskin_gateway.settings import SpoolSection
     from eskin_gateway.spool.batch import Batch
+    from eskin_gateway.spool.descriptions import Descriptions
     from eskin_gateway.spool.node_certificates import NodeCertificates
     from eskin_gateway.spool.spool import Spool
     from eskin_gateway.upstream.ingest_client import Viewers
@@ -54,7 +59,8 @@ class PostCommit:
         metrics: Counts messages.
         viewers: Says how long nodes are viewed.
         discovery: Announces channels to Home Assistant, if enabled.
-        senml: Whether blocks are published as SenML, too.
+        descriptions: Finds the layouts of frames and statements.
+        senml: Whether blocks and frames are published as SenML, too.
         clock: Monotonic seconds.
         now: UTC ns.
     """
@@ -66,6 +72,7 @@ class PostCommit:
         sealer_cache: SealerCache,
         node_certificates: NodeCertificates,
         presence: Presence,
+        descriptions: Descriptions,
         metrics: Metrics,
         viewers: Viewers,
         discovery: Discovery | None = None,
@@ -80,6 +87,8 @@ class PostCommit:
         self._metrics = metrics
         self._viewers = viewers
         self._discovery = discovery
+        self._descriptions = descriptions
+        self._frame_hulls = FrameHulls(senml=senml)
         self._senml = senml
         self._clock = clock
         self._now = now
@@ -105,6 +114,7 @@ class PostCommit:
                 self._discovery.announce_all()
         self._was_connected = connected
         if connected:
+            self._publish(self._frame_hulls.run_periodic(now))
             self._publish(self._presence.expire(now))
             if self._discovery is not None:
                 self._publish(self._discovery.run_periodic())
@@ -116,7 +126,8 @@ class PostCommit:
         self._broker.publish(public)
 
     def _acknowledgements(self, result: IngestResult) -> Iterator[Publication]:
-        for node, positions in result.positions.items():
+        for node in result.positions.keys() | result.want.keys():
+            positions = result.positions.get(node, [])
             thumbprint = result.batch.nodes[node].thumbprint
             try:
                 to = None if thumbprint is None else self._node_certificates.find(thumbprint)
@@ -126,7 +137,10 @@ class PostCommit:
                 continue
             topic = node_topic(node, Stream.ACKS)
             plaintext = Acknowledgement(
-                self._now(), _spans(positions), self._viewers.remaining(node)
+                self._now(),
+                _spans(positions),
+                self._viewers.remaining(node),
+                tuple(result.want.get(node, ()))[:MOST_WANTED],
             ).encode()
             self._metrics.acknowledged.inc(len(positions))
             sealed = self._sealer_cache.seal(plaintext, topic=topic, to=to, thumbprint=thumbprint)
@@ -145,10 +159,27 @@ class PostCommit:
                         yield topic, pack, False
             elif public and isinstance(message, Peak | Gap):
                 yield *public_payloads.event(node, message), False
+            elif isinstance(message, Frame | Statements):
+                yield from self._described(node, message, now)
             status = message if isinstance(message, Status) else None
             yield from self._presence.update(node, status, live=live, now=now)
             if status is not None and self._discovery is not None:
                 yield from self._discovery.update(node, status)
+        yield from self._frame_hulls.run_periodic(now)
+
+    def _described(
+        self, node: str, message: Frame | Statements, now: float
+    ) -> Iterator[Publication]:
+        skin = self._descriptions.find(node, message.layout)
+        if not isinstance(skin, Skin):  # damaged since it was validated
+            return
+        if isinstance(message, Statements):
+            for topic, body in public_payloads.statements(node, message, skin):
+                yield topic, body, False
+        else:
+            yield from self._frame_hulls.add(node, message, skin, now=now)
+        if self._discovery is not None:
+            yield from self._discovery.describe(node, skin)
 
 
 def _spans(positions: Iterable[Position]) -> tuple[tuple[int, int, int], ...]:
@@ -256,7 +287,7 @@ class CommitLoop:
         """Validate a batch, commit it, and acknowledge."""
         result = self._validator.validate(received_messages)
         batch = result.batch
-        if (batch.nodes or batch.certificates) and not self._commit(batch):
+        if (batch.nodes or batch.certificates or batch.descriptions) and not self._commit(batch):
             # Positions that are not durable must not count as duplicates.
             self._validator.reset()
             return
@@ -287,5 +318,6 @@ class CommitLoop:
     def _count(self, result: IngestResult) -> None:
         self._metrics.accepted.inc(len(result.batch.messages))
         self._metrics.duplicate.inc(result.duplicates)
+        self._metrics.waiting.inc(result.waiting)
         for reason, count in result.rejected.items():
             self._metrics.rejected(reason, count)

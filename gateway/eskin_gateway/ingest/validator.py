@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import time
 from collections import Counter
@@ -20,6 +21,7 @@ from eskin.errors import (
     UntrustedCertificateError,
 )
 from eskin.wire.envelope import MOST_ENVELOPE, Opened, introduction
+from eskin.wire.frames import Frame, Layout, Patch, Statements
 from eskin.wire.messages import (
     BlockSummary,
     Gap,
@@ -27,20 +29,22 @@ from eskin.wire.messages import (
     Position,
     Result,
     Status,
-    Summary,
-    decode_summary,
 )
 from eskin.wire.messages.cbor_map import MOST_COUNT, integer, load_any
 from eskin.wire.topics import FROM_NODE, Stream, parse_node_topic
+from eskin_gateway.ingest.node_messages import Described, Numbered, decode
 from eskin_gateway.metrics import RejectReason
 from eskin_gateway.spool.batch import Batch, DeadLetter, SpoolMessage
+from eskin_gateway.spool.descriptions import Skin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from eskin.wire.envelope import Opener
     from eskin_gateway.ingest.biometric import BiometricEncryptor
+    from eskin_gateway.ingest.missing_layouts import MissingLayouts
     from eskin_gateway.mqtt.transport import ReceivedMessage
+    from eskin_gateway.spool.descriptions import Descriptions
     from eskin_gateway.spool.node_certificates import NodeCertificates
     from eskin_gateway.spool.node_state import NodeStates
 
@@ -49,9 +53,9 @@ log = logging.getLogger(__name__)
 _MAX_LOGGED_TOPIC: Final = 200
 _MESSAGE_TYPES: Final = {
     Stream.BLOCKS: (BlockSummary,),
-    Stream.FRAMES: (),
-    Stream.LAYOUTS: (),
-    Stream.EVENTS: (Peak, Gap, Result),
+    Stream.FRAMES: (Frame,),
+    Stream.LAYOUTS: (Patch, Layout),
+    Stream.EVENTS: (Peak, Gap, Result, Statements),
     Stream.STATUS: (Status,),
 }
 _REASONS: Final = (
@@ -72,15 +76,19 @@ class IngestResult:
     Attributes:
         batch: What must be committed.
         positions: What to acknowledge to each node after the commit.
+        want: Hashes of the descriptions to ask each node for.
         messages: What to publish after the commit: node, message, whether it was not retained.
         duplicates: Messages that were accepted before.
+        waiting: Messages that are not acknowledged, because their layout is missing.
         rejected: Rejected messages by reason.
     """
 
     batch: Batch = field(default_factory=Batch)
     positions: dict[str, list[Position]] = field(default_factory=dict)
-    messages: list[tuple[str, Summary, bool]] = field(default_factory=list)
+    want: dict[str, dict[bytes, None]] = field(default_factory=dict)
+    messages: list[tuple[str, Numbered, bool]] = field(default_factory=list)
     duplicates: int = 0
+    waiting: int = 0
     rejected: Counter[RejectReason] = field(default_factory=Counter)
 
 
@@ -91,6 +99,8 @@ class Validator:
         opener: Opens envelopes.
         node_certificates: Finds the nodes' certificates.
         node_states: Knows which messages were accepted before.
+        descriptions: Finds the layouts of frames and statements.
+        missing_layouts: Asks for those that are missing.
         encryptor: Encrypts biometric messages.
         now: UTC ns.
     """
@@ -101,12 +111,16 @@ class Validator:
         opener: Opener,
         node_certificates: NodeCertificates,
         node_states: NodeStates,
+        descriptions: Descriptions,
+        missing_layouts: MissingLayouts,
         encryptor: BiometricEncryptor,
         now: Callable[[], int] = time.time_ns,
     ) -> None:
         self._opener = opener
         self._node_certificates = node_certificates
         self._node_states = node_states
+        self._descriptions = descriptions
+        self._missing_layouts = missing_layouts
         self._encryptor = encryptor
         self._now = now
 
@@ -134,16 +148,19 @@ class Validator:
             except (PrivacyError, SpoolError) as error:
                 self._reject(result, message, RejectReason.INTERNAL_ERROR, error)
         result.batch.certificates = self._node_certificates.uncommitted()
+        self._descriptions.fill(result.batch)
         return result
 
     def committed(self, batch: Batch) -> None:
         """Keep what was learned from a batch that is durable now."""
         self._node_certificates.committed()
         self._node_states.committed(batch.nodes)
+        self._descriptions.committed()
 
     def reset(self) -> None:
-        """Drop the cached node states after a failed batch."""
+        """Drop what is cached of nodes after a failed batch."""
         self._node_states.reset()
+        self._descriptions.reset()
 
     def _open(self, message: ReceivedMessage, node: str, stream: Stream) -> Opened:
         if stream is Stream.STATUS:
@@ -165,9 +182,12 @@ class Validator:
         result.batch.nodes[node] = state
         state.thumbprint = opened.thumbprint
         try:
-            message = decode_summary(opened.plaintext)
+            message = decode(opened.plaintext)
             if not isinstance(message, _MESSAGE_TYPES[stream]):
                 raise MessageError(f"{type(message).__name__} is no message for {stream}")
+            if isinstance(message, Patch | Layout):
+                self._add_description(result, received_message, node, opened.plaintext)
+                return
             biometric = self._encryptor.read(message, opened.plaintext)
         except EskinError as error:
             self._add_dead_letter(result, received_message, node, opened.plaintext, str(error))
@@ -175,6 +195,10 @@ class Validator:
         position = message.position
         if state.is_duplicate(position):
             result.duplicates += 1
+        elif isinstance(message, Frame | Statements) and not self._is_readable(
+            result, received_message, node, message, opened.plaintext
+        ):
+            return
         else:
             body = self._encryptor.encrypt(node, biometric, opened.plaintext)
             state.add(position)
@@ -186,6 +210,55 @@ class Validator:
                     state.status = opened.plaintext
         result.positions.setdefault(node, []).append(position)
         state.release(opened.held)
+
+    def _add_description(
+        self,
+        result: IngestResult,
+        received_message: ReceivedMessage,
+        node: str,
+        plaintext: bytes,
+    ) -> None:
+        """Keep a patch or a layout, which has no position to acknowledge."""
+        try:
+            self._descriptions.add(node, plaintext)
+        except MessageError as error:
+            self._reject(result, received_message, RejectReason.TOO_MANY_DESCRIPTIONS, error)
+
+    def _is_readable(
+        self,
+        result: IngestResult,
+        received_message: ReceivedMessage,
+        node: str,
+        message: Described,
+        plaintext: bytes,
+    ) -> bool:
+        """Whether the layout of a message is there and fits; else the message waits, or is dead."""
+        skin = None
+        try:
+            found = self._descriptions.find(node, message.layout)
+            if isinstance(found, Skin):
+                skin = found
+                self._missing_layouts.found(node, message.layout)
+                skin.require(message)
+                self._descriptions.use(node, message.layout)
+                return True
+            request = self._missing_layouts.wait(node, message.layout, found)
+            if request.hashes:
+                result.want.setdefault(node, {}).update(dict.fromkeys(request.hashes))
+            fault = request.fault
+        except MessageError as error:
+            fault = str(error)
+        if fault is None:
+            result.waiting += 1
+            return False
+        # Where no layout says that the samples are not biometric, they are not kept.
+        body = plaintext if skin is not None and not skin.biometric else b""
+        position = message.position
+        reason = f"boot {position.boot} sequence {position.sequence}: {fault}"
+        fingerprint = hashlib.sha256(f"{node} {position}".encode() + body).digest()
+        letter = DeadLetter(self._now(), node, reason, body, fingerprint)
+        self._store_dead_letter(result, received_message, letter, position)
+        return False
 
     def _add_dead_letter(
         self,
@@ -204,9 +277,18 @@ class Validator:
             return
         letter = DeadLetter(self._now(), node, reason, plaintext)
         letter = self._encryptor.encrypt_dead_letter(letter, position)
+        self._store_dead_letter(result, message, letter, position)
+
+    def _store_dead_letter(
+        self,
+        result: IngestResult,
+        message: ReceivedMessage,
+        letter: DeadLetter,
+        position: Position | None,
+    ) -> None:
         if position is not None:
-            result.positions.setdefault(node, []).append(position)
-            state.add(position)
+            result.positions.setdefault(letter.node, []).append(position)
+            self._node_states[letter.node].add(position)
         result.batch.dead_letters.append(letter)
         self._reject(result, message, RejectReason.UNREADABLE, MessageError(letter.reason))
 

@@ -354,11 +354,13 @@ class MqttTransport:
             return
         self.connection += 1
         shared = f"$share/{self._settings.group}/" if self._settings.group else ""
-        # Every gateway needs every status: it carries the certificate. It is retained, and a
-        # shared subscription gets no retained messages.
+        # Every gateway needs every layout, and every status: it carries the certificate. It is
+        # retained, and a shared subscription gets no retained messages.
         wanted = [
             shared + node_topic("+", Stream.BLOCKS),
+            shared + node_topic("+", Stream.FRAMES),
             shared + node_topic("+", Stream.EVENTS),
+            node_topic("+", Stream.LAYOUTS),
             node_topic("+", Stream.STATUS),
         ]
         if self._v5:

@@ -11,16 +11,20 @@ from typing import TYPE_CHECKING, Any, Final
 import orjson
 
 from eskin.privacy import is_biometric
+from eskin.wire.messages import ChannelInfo
 from eskin.wire.messages.block_header import MOST_SAMPLES
 from eskin.wire.timestamp import SECOND
 from eskin.wire.topics import live_topic
+from eskin_gateway.publish.frame_hulls import LARGE
 from eskin_gateway.publish.presence import latest_statuses
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
-    from eskin.wire.messages import ChannelInfo, Status
+    from eskin.wire.frames import Patch
+    from eskin.wire.messages import Status
     from eskin_gateway.mqtt.transport import Publication
+    from eskin_gateway.spool.descriptions import Descriptions, Skin
     from eskin_gateway.spool.node_certificates import NodeCertificates
     from eskin_gateway.spool.spool import Spool
 
@@ -46,11 +50,25 @@ _STATE: Final = (
 )
 """The midpoint, which Home Assistant draws. The attributes ``lo`` and ``hi`` are the interval."""
 _ATTRIBUTES: Final = _LATE + "{{ ({} if late else value_json) | tojson }}"
+_PATCH_STATE: Final = (
+    _LATE + "{% set lo, hi = value_json.hull.lo, value_json.hull.hi %}"
+    "{{ none if late or lo is none or hi is none else lo + (hi - lo) / 2 }}"
+)
+_PATCH_ATTRIBUTES: Final = (
+    _LATE + "{% set shown = {'lo': value_json.hull.lo, 'hi': value_json.hull.hi, "
+    "'coverage': value_json.hull.coverage, 't0': value_json.t0, 't1': value_json.t1, "
+    "'unit': value_json.unit} %}{{ ({} if late else shown) | tojson }}"
+)
+_CONTACT: Final = _LATE + "{{ none if late else value_json.contact }}"
+_ASSUMED_PERIOD: Final = SECOND
+"""Sampling period of frames, which no layout states, for the time until a state expires."""
 _ONLINE: Final = "{{ 'online' if value_json.online else 'offline' }}"
 
 
 class Discovery:
     """Announces the public channels of each node until the node expires. Not thread-safe.
+
+    Of a large skin, patches are announced, and whether something touches them.
 
     A node expires when its certificate is revoked or expired, or after ``expire_ns`` without a
     status. Its next status announces it again.
@@ -60,6 +78,7 @@ class Discovery:
         expire_ns: Age in ns of a node's latest status at which it expires.
         spool: Stores nodes over restarts.
         node_certificates: Checks certificates.
+        descriptions: Finds the skins of nodes.
         now: UTC ns.
     """
 
@@ -70,6 +89,7 @@ class Discovery:
         expire_ns: int,
         spool: Spool,
         node_certificates: NodeCertificates,
+        descriptions: Descriptions,
         now: Callable[[], int],
     ) -> None:
         self._prefix = prefix
@@ -77,6 +97,8 @@ class Discovery:
         self._node_certificates = node_certificates
         self._now = now
         self._announced = latest_statuses(spool)
+        skins = {node: descriptions.latest(node) for node in self._announced}
+        self._skins = {node: skin for node, skin in skins.items() if skin is not None}
         self._due: list[str] = []
         self._again: set[str] = set()
 
@@ -84,15 +106,30 @@ class Discovery:
         """Announce a node whose status is new or changed."""
         if self._is_expired(status):
             return
-        before = self._announced.get(node)
+        before, skin = self._announced.get(node), self._skins.get(node)
         self._announced[node] = status
         if before is not None and _identity(before) == _identity(status):
             return
-        present = {channel.channel for channel in status.channels}
-        for channel in () if before is None else before.channels:
-            if channel.channel not in present:
-                yield self._removal(node, channel.channel)
-        yield from self._announce(node, status)
+        earlier = {} if before is None else configs(self._prefix, node, before, skin)
+        yield from self._replace(node, earlier)
+
+    def describe(self, node: str, skin: Skin) -> Iterator[Publication]:
+        """Announce a node whose skin is new or changed, if it has sent a status."""
+        before = self._skins.get(node)
+        if before is skin:
+            return
+        self._skins[node] = skin
+        status = self._announced.get(node)
+        if status is not None and (before is None or before.layout != skin.layout):
+            yield from self._replace(node, configs(self._prefix, node, status, before))
+
+    def _replace(self, node: str, earlier: Mapping[str, bytes]) -> Iterator[Publication]:
+        """Announce a node, and remove what it does not have any more."""
+        present = configs(self._prefix, node, self._announced[node], self._skins.get(node))
+        for topic in earlier.keys() - present.keys():
+            yield topic, b"", True
+        for topic, body in present.items():
+            yield topic, body, True
 
     def announce_all(self) -> None:
         """Announce all nodes again: the broker may have lost retained messages."""
@@ -107,23 +144,38 @@ class Discovery:
             status = self._announced[node]
             if self._is_expired(status) or self._node_certificates.find_latest(node) is None:
                 del self._announced[node]
-                for channel in status.channels:
-                    yield self._removal(node, channel.channel)
+                for topic in configs(self._prefix, node, status, self._skins.pop(node, None)):
+                    yield topic, b"", True
             elif node in self._again:
-                yield from self._announce(node, status)
+                yield from self._replace(node, {})
             self._again.discard(node)
-
-    def _announce(self, node: str, status: Status) -> Iterator[Publication]:
-        for channel in status.channels:
-            if not is_biometric(channel.channel):
-                topic = config_topic(self._prefix, node, channel.channel)
-                yield topic, config(node, status, channel), True
-
-    def _removal(self, node: str, channel: str) -> Publication:
-        return config_topic(self._prefix, node, channel), b"", True
 
     def _is_expired(self, status: Status) -> bool:
         return status.time[1] < self._now() - self._expire_ns
+
+
+def configs(prefix: str, node: str, status: Status, skin: Skin | None) -> dict[str, bytes]:
+    """Topics and JSON configurations of all that is announced of a node."""
+    channels = [each for each in status.channels if not is_biometric(each.channel)]
+    patches = [] if skin is None else skin.public_patches(node)
+    if skin is not None and skin.channels < LARGE:
+        channels += [
+            ChannelInfo(channel, patch.unit, _ASSUMED_PERIOD, 1.0)
+            for patch in patches
+            for channel in patch.channels
+        ]
+        patches = []
+    found = {
+        config_topic(prefix, node, each.channel): config(node, status, each) for each in channels
+    }
+    for patch in patches:
+        # No taxel begins with "_", so these are no topics of channels.
+        leaf = f"{prefix}/sensor/{node}/_{patch.patch_id}/config"
+        found[leaf] = patch_config(node, status, patch)
+        if patch.threshold is not None:
+            leaf = f"{prefix}/sensor/{node}/__{patch.patch_id}/config"
+            found[leaf] = contact_config(node, status, patch)
+    return found
 
 
 def config_topic(prefix: str, node: str, channel: str) -> str:
@@ -139,21 +191,57 @@ def config(node: str, status: Status, channel: ChannelInfo) -> bytes:
 
     Texts that the node sent are values, never templates.
     """
-    topic = live_topic(node, channel.channel)
     taxel, _, quantity = channel.channel.partition(".")
-    device_class, unit = _DEVICE_CLASSES.get(
-        channel.unit, (None, _UNITS.get(channel.unit, channel.unit))
-    )
-    item: dict[str, Any] = {
+    item = {
         "name": f"{taxel} {quantity.replace('_', ' ')}",
         "unique_id": f"eskin_{node}_{channel.channel}",
         "object_id": f"{node}_{taxel}_{quantity}",
-        "state_topic": topic,
         "value_template": _STATE,
-        "json_attributes_topic": topic,
         "json_attributes_template": _ATTRIBUTES,
-        "state_class": "measurement",
-        "expire_after": _expiry(channel),
+        "expire_after": _expiry(channel.dt),
+    }
+    return _sensor(node, status, channel.channel, item | _measurement(channel.unit))
+
+
+def patch_config(node: str, status: Status, patch: Patch) -> bytes:
+    """JSON configuration of a patch: its state is the middle of the hull of all its columns."""
+    item = {
+        "name": f"{patch.patch_id} {patch.quantity.replace('_', ' ')}",
+        "unique_id": f"eskin_{node}_patch_{patch.patch_id}",
+        "object_id": f"{node}_{patch.patch_id}_{patch.quantity}",
+        "value_template": _PATCH_STATE,
+        "json_attributes_template": _PATCH_ATTRIBUTES,
+        "expire_after": _expiry(_ASSUMED_PERIOD),
+    }
+    leaf = f"patches/{patch.patch_id}"
+    return _sensor(node, status, leaf, item | _measurement(patch.unit))
+
+
+def contact_config(node: str, status: Status, patch: Patch) -> bytes:
+    """JSON configuration of whether something touches a patch: one of three verdicts."""
+    item = {
+        "name": f"{patch.patch_id} contact",
+        "unique_id": f"eskin_{node}_contact_{patch.patch_id}",
+        "object_id": f"{node}_{patch.patch_id}_contact",
+        "value_template": _CONTACT,
+        "json_attributes_template": _PATCH_ATTRIBUTES,
+        "expire_after": _expiry(_ASSUMED_PERIOD),
+    }
+    return _sensor(node, status, f"patches/{patch.patch_id}", item)
+
+
+def _measurement(unit: str) -> dict[str, str]:
+    device_class, shown = _DEVICE_CLASSES.get(unit, (None, _UNITS.get(unit, unit)))
+    item = {"state_class": "measurement"}
+    item |= {} if device_class is None else {"device_class": device_class}
+    return item | ({} if shown is None else {"unit_of_measurement": shown})
+
+
+def _sensor(node: str, status: Status, leaf: str, item: dict[str, Any]) -> bytes:
+    topic = live_topic(node, leaf)
+    item |= {
+        "state_topic": topic,
+        "json_attributes_topic": topic,
         "availability_topic": live_topic(node, "status"),
         "availability_template": _ONLINE,
         "device": {
@@ -164,14 +252,12 @@ def config(node: str, status: Status, channel: ChannelInfo) -> bytes:
         },
         "origin": {"name": "eskin"},
     }
-    item |= {} if device_class is None else {"device_class": device_class}
-    item |= {} if unit is None else {"unit_of_measurement": unit}
     return orjson.dumps(item)
 
 
-def _expiry(channel: ChannelInfo) -> int:
-    """Seconds after which the state is unknown: the longest block, and some slack."""
-    return _SLACK_S + math.ceil(MOST_SAMPLES * channel.dt / SECOND)
+def _expiry(dt: int) -> int:
+    """Seconds after which the state is unknown: the longest block or frame, and some slack."""
+    return _SLACK_S + math.ceil(MOST_SAMPLES * dt / SECOND)
 
 
 def _identity(status: Status) -> tuple[object, ...]:

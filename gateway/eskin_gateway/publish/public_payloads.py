@@ -16,6 +16,11 @@ from eskin.wire.topics import live_topic, senml_topic
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from eskin.wire import frames
+    from eskin.wire.frames import Statements
+    from eskin.wire.messages import Position
+    from eskin_gateway.spool.descriptions import Skin
+
 
 def is_public(message: BlockSummary | Peak) -> bool:
     """Whether a channel is not biometric."""
@@ -65,25 +70,23 @@ def live_senml(node: str, block: BlockSummary) -> Iterator[tuple[str, bytes]]:
 
 def event(node: str, message: Peak | Gap) -> tuple[str, bytes]:
     """Topic and JSON of a peak or gap, with the fields of REST's ``/events``."""
-    position = message.position
-    item: dict[str, Any] = {
-        "id": f"{node}/{position.boot}/{position.sequence}",
-        "node": node,
-        "channel": None,
-        "kind": "gap",
-        "verdict": None,
-        "time": {"lo": format_timestamp(message.time[0]), "hi": format_timestamp(message.time[1])},
-        "height": None,
-        "prominence": None,
-        "count": None,
-        "unit": None,
-        "coverage": None,
-        "boot": position.boot,
-        "sequence": position.sequence,
-        "detail": None,
-    }
+    item = _event(node, message.position, message.time)
     item |= _peak(message) if isinstance(message, Peak) else {"detail": message.detail}
     return live_topic(node, "events"), orjson.dumps(item)
+
+
+def statements(node: str, message: Statements, skin: Skin) -> Iterator[tuple[str, bytes]]:
+    """Topic and JSON of each statement, with the fields of an event. Their ``id``s are numbered."""
+    stated = [
+        *((peak.time, _stated_peak(peak, skin.patches[peak.patch])) for peak in message.peaks),
+        *((contact.time, _contact(contact)) for contact in message.contacts),
+        *((verdict.time, _monitor_verdict(verdict)) for verdict in message.verdicts),
+        *((gap.time, _stated_gap(gap, skin)) for gap in message.gaps),
+    ]
+    for number, (time, fields) in enumerate(stated):
+        item = _event(node, message.position, time)
+        item |= {"id": f"{item['id']}/{number}"} | fields
+        yield live_topic(node, "events"), orjson.dumps(item)
 
 
 def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
@@ -126,6 +129,81 @@ def _energy(energy: Energy) -> dict[str, Any]:
         "charge": {"lo": energy.charge[0], "hi": energy.charge[1]},
         "self_sustaining": energy.verdict.name.lower(),
         "shedding": energy.shedding.name.lower(),
+    }
+
+
+def _event(node: str, position: Position, time: tuple[int, int]) -> dict[str, Any]:
+    return {
+        "id": f"{node}/{position.boot}/{position.sequence}",
+        "node": node,
+        "channel": None,
+        "kind": "gap",
+        "verdict": None,
+        "time": {"lo": format_timestamp(time[0]), "hi": format_timestamp(time[1])},
+        "height": None,
+        "prominence": None,
+        "count": None,
+        "unit": None,
+        "coverage": None,
+        "boot": position.boot,
+        "sequence": position.sequence,
+        "detail": None,
+    }
+
+
+def _stated_peak(peak: frames.Peak, patch: frames.Patch) -> dict[str, Any]:
+    return {
+        "channel": patch.channels[peak.column],
+        "kind": "peak",
+        "verdict": peak.verdict.name.lower(),
+        "height": _interval(peak.height),
+        "prominence": _interval(peak.prominence),
+        "count": _interval(peak.counts),
+        "unit": patch.unit,
+        "coverage": peak.coverage,
+    }
+
+
+def _contact(contact: frames.Contact) -> dict[str, Any]:
+    return {
+        "kind": "contact",
+        "verdict": contact.verdict.name.lower(),
+        "count": _interval(contact.counts),
+        "coverage": contact.coverage,
+        "detail": {
+            "label": contact.label,
+            "cells": _interval(contact.cells),
+            "force": _interval(contact.force),
+            "centroid": [_interval(axis) for axis in contact.centroid],
+            "links": [
+                {"contact": link.contact, "verdict": link.verdict.name.lower()}
+                for link in contact.links
+            ],
+        },
+    }
+
+
+def _monitor_verdict(verdict: frames.MonitorVerdict) -> dict[str, Any]:
+    return {
+        "kind": "verdict",
+        "verdict": verdict.verdict.name.lower(),
+        "coverage": verdict.coverage,
+        "detail": {
+            "monitor": verdict.monitor,
+            "final": verdict.final,
+            "because": [each.name.lower() for each in verdict.because if each.name],
+        },
+    }
+
+
+def _stated_gap(gap: frames.Gap, skin: Skin) -> dict[str, Any]:
+    return {
+        "detail": {
+            "reason": gap.reason,
+            "messages": gap.messages,
+            "samples": gap.samples,
+            "patches": [skin.patches[number].patch_id for number in gap.patches],
+        }
     }
 
 

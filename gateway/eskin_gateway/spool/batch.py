@@ -63,6 +63,20 @@ class NodeCertificate(NamedTuple):
     issuer: bytes
 
 
+class Description(NamedTuple):
+    """A patch or a layout of a node.
+
+    Attributes:
+        node: The node's name.
+        hash: SHA-256 of ``body``.
+        body: The message.
+    """
+
+    node: str
+    hash: bytes
+    body: bytes
+
+
 @dataclass(slots=True)
 class Batch:
     """What becomes durable in one transaction.
@@ -72,12 +86,18 @@ class Batch:
         dead_letters: Authentic messages that cannot be decoded.
         nodes: State of each node of the batch.
         certificates: Certificates that the spool does not have yet.
+        descriptions: Descriptions that the spool does not have yet.
+        evicted: Node and hash of descriptions to delete; those above are written afterwards.
+        layouts: Node and hash of the layouts that ``messages`` name.
     """
 
     messages: list[SpoolMessage] = field(default_factory=list)
     dead_letters: list[DeadLetter] = field(default_factory=list)
     nodes: dict[str, NodeState] = field(default_factory=dict)
     certificates: list[NodeCertificate] = field(default_factory=list)
+    descriptions: list[Description] = field(default_factory=list)
+    evicted: list[tuple[str, bytes]] = field(default_factory=list)
+    layouts: set[tuple[str, bytes]] = field(default_factory=set)
 
     @property
     def size(self) -> int:

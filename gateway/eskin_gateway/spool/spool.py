@@ -22,6 +22,7 @@ from eskin.errors import LockedError, SpoolError
 from eskin.runtime.digest import row_checksum
 from eskin.runtime.files.lock import LockFile
 from eskin.runtime.sqlite_integrity import UNREADABLE, require_whole, why
+from eskin.wire.frames import content_hash
 from eskin.wire.messages import Position
 from eskin.wire.sequence_set import SequenceRanges
 from eskin_gateway.spool.batch import DeadLetter, NodeCertificate, SpoolMessage
@@ -59,7 +60,13 @@ _INSERT_DEAD_LETTER: Final = """INSERT OR IGNORE INTO dead_letters
 _DELETE_DEAD_LETTERS: Final = """DELETE FROM dead_letters WHERE id IN
     (SELECT id FROM dead_letters ORDER BY id LIMIT ?)"""
 _CHECKPOINT_PAGES: Final = 1000
-VERSION: Final = 1
+_REPLACE_DESCRIPTION: Final = "INSERT OR REPLACE INTO descriptions VALUES (?, ?, ?)"
+_DELETE_DESCRIPTION: Final = "DELETE FROM descriptions WHERE node = ? AND hash = ?"
+_REPLACE_LAYOUT: Final = "INSERT OR REPLACE INTO layouts VALUES (?, ?, ?)"
+_DELETE_LAYOUT: Final = "DELETE FROM layouts WHERE node = ? AND hash = ?"
+_SELECT_IN_USE: Final = """SELECT hash FROM layouts WHERE node = ?
+    AND last_message >= (SELECT min(id) FROM messages)"""
+VERSION: Final = 2
 _TABLES: Final = (
     # digest: of all columns but the id; no signature covers a decrypted message.
     # AUTOINCREMENT: ids are never reused, so their order is the order of acceptance.
@@ -102,6 +109,23 @@ _TABLES: Final = (
         body BLOB NOT NULL,
         fingerprint BLOB NOT NULL UNIQUE
     ) STRICT""",
+)
+_TABLES_OF_FRAMES: Final = (
+    # Patches and layouts. The hash is that of the body.
+    """CREATE TABLE descriptions (
+        node TEXT NOT NULL,
+        hash BLOB NOT NULL,
+        body BLOB NOT NULL,
+        PRIMARY KEY (node, hash)
+    ) STRICT""",
+    # The last message that named a layout: as long as there is an older one in the spool, the
+    # spool may have messages that need the layout.
+    """CREATE TABLE layouts (
+        node TEXT NOT NULL,
+        hash BLOB NOT NULL,
+        last_message INTEGER NOT NULL,
+        PRIMARY KEY (node, hash)
+    ) STRICT, WITHOUT ROWID""",
 )
 
 
@@ -152,20 +176,20 @@ class DiskReserve:
 
 
 def create_tables(connection: sqlite3.Connection) -> None:
-    """Create the tables of a new file, in one transaction.
+    """Create the tables of a new file, or those that an older one lacks, in one transaction.
 
     Raises:
         SpoolError: The file has another version.
     """
     version: int = connection.execute("PRAGMA user_version").fetchone()[0]
-    if version not in {0, VERSION}:
+    if not 0 <= version <= VERSION:
         raise SpoolError(
             f"spool has version {version}, this gateway knows {VERSION}; "
             "run the gateway that made it, or choose another spool.path"
         )
-    if version == 0:
+    if version < VERSION:
         connection.execute("BEGIN IMMEDIATE")
-        for statement in _TABLES:
+        for statement in (*(_TABLES if version == 0 else ()), *_TABLES_OF_FRAMES):
             connection.execute(statement)
         connection.execute(f"PRAGMA user_version = {VERSION}")
         connection.execute("COMMIT")
@@ -281,6 +305,7 @@ class Spool:
                 )
                 connection.executemany(_REPLACE_NODE, [_row(*item) for item in batch.nodes.items()])
                 connection.executemany(_REPLACE_CERTIFICATE, batch.certificates)
+                _write_descriptions(connection, batch)
                 counts = self._insert_dead_letters(connection, batch.dead_letters)
             self._messages += len(batch.messages)
             self._used += size
@@ -426,6 +451,48 @@ class Spool:
         rows = self._rows("SELECT * FROM certificates WHERE thumbprint = ?", thumbprint)
         return NodeCertificate(*rows[0]) if rows else None
 
+    def description(self, node: str, name: bytes) -> bytes | None:
+        """Read a description of a node by its hash; ``None`` if it is unknown or damaged.
+
+        Raises:
+            SpoolError: The file cannot be read.
+        """
+        rows = self._rows("SELECT body FROM descriptions WHERE node = ? AND hash = ?", node, name)
+        if not rows:
+            return None
+        body: bytes = rows[0][0]
+        if content_hash(body) != name:
+            log.error("description damaged: path=%s node=%s", self._path, node)
+            return None
+        return body
+
+    def description_sizes(self, node: str) -> dict[bytes, int]:
+        """Hashes of all descriptions of a node with their sizes in bytes, oldest first.
+
+        Raises:
+            SpoolError: The file cannot be read.
+        """
+        query = "SELECT hash, length(body) FROM descriptions WHERE node = ? ORDER BY rowid"
+        return dict(self._rows(query, node))
+
+    def layouts_in_use(self, node: str) -> list[bytes]:
+        """Hashes of the layouts that messages in the spool may name.
+
+        Raises:
+            SpoolError: The file cannot be read.
+        """
+        return [row[0] for row in self._rows(_SELECT_IN_USE, node)]
+
+    def latest_layout(self, node: str) -> bytes | None:
+        """Hash of the layout that a message of the node named last.
+
+        Raises:
+            SpoolError: The file cannot be read.
+        """
+        query = "SELECT hash FROM layouts WHERE node = ? ORDER BY last_message DESC LIMIT 1"
+        rows = self._rows(query, node)
+        return rows[0][0] if rows else None
+
     def dead_letters(self) -> list[DeadLetter]:
         """All dead letters, oldest first.
 
@@ -520,6 +587,15 @@ class Spool:
     def _count_dead_letters(self, inserted: int, dropped: int) -> None:
         self._dead_letters += inserted - dropped
         self._dead_letters_dropped += dropped
+
+
+def _write_descriptions(connection: sqlite3.Connection, batch: Batch) -> None:
+    connection.executemany(_DELETE_DESCRIPTION, batch.evicted)
+    connection.executemany(_DELETE_LAYOUT, batch.evicted)
+    connection.executemany(_REPLACE_DESCRIPTION, batch.descriptions)
+    if batch.layouts:
+        (last,) = connection.execute("SELECT max(id) FROM messages").fetchone()
+        connection.executemany(_REPLACE_LAYOUT, [(*used, last) for used in batch.layouts])
 
 
 def _row(name: str, state: NodeState) -> tuple[object, ...]:

@@ -28,15 +28,18 @@ class ItemResult(NamedTuple):
 
     Attributes:
         result: ``stored`` and ``duplicate`` mean that the message is durable in the cloud.
-            ``unknown_node`` means that the node's certificate must be registered first.
+            ``unknown_node`` means that the node's certificate must be registered first,
+            ``unknown_layout`` that descriptions must be posted first.
         reason: Why the message was rejected.
+        want: Hashes of those descriptions.
     """
 
-    result: Literal["stored", "duplicate", "rejected", "unknown_node"]
+    result: Literal["stored", "duplicate", "rejected", "unknown_node", "unknown_layout"]
     reason: str | None
+    want: tuple[bytes, ...] = ()
 
 
-_RESULTS: Final = {"stored", "duplicate", "rejected", "unknown_node"}
+_RESULTS: Final = {"stored", "duplicate", "rejected", "unknown_node", "unknown_layout"}
 _STORED_ITEM: Final = {"result": "stored", "reason": None}
 _STORED: Final = ItemResult("stored", None)
 
@@ -124,6 +127,11 @@ def _item_result(item: dict[str, Any]) -> ItemResult:
     if item == _STORED_ITEM:
         return _STORED
     result, reason = item["result"], item.get("reason")
-    if result not in _RESULTS or not isinstance(reason, str | None):
+    want = tuple(bytes.fromhex(name) for name in item.get("want") or ())
+    if (
+        result not in _RESULTS
+        or not isinstance(reason, str | None)
+        or (result == "unknown_layout") is not bool(want)
+    ):
         raise TypeError(f"no result: {item!r}")
-    return ItemResult(result, reason)
+    return ItemResult(result, reason, want)

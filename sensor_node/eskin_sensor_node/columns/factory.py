@@ -23,9 +23,7 @@ def plan(settings: NodeSettings) -> SkinPlan:
     """
     section = settings.skin
     taxel = section.taxel
-    quantity = Quantity(
-        _PRESSURE, taxel.units[_PRESSURE], least_width(taxel), section.threshold_pa
-    )
+    quantity = Quantity(_PRESSURE, taxel.units[_PRESSURE], least_width(taxel), section.threshold_pa)
     return plan_skin(
         section.skin,
         quantity,

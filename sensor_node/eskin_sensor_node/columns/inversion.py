@@ -74,8 +74,9 @@ class PadColumnsInversion:
     def __init__(self, taxel: PadSection, companions: Mapping[str, Companion]) -> None:
         self._calibrated = taxel.firmware(data_sheet(taxel, companions), compiled_inversion())
         names = [quantity for quantity, _ in self._calibrated.quantities]
-        self._capacitance, self._pressure = 2 * names.index("capacitance"), 2 * names.index(
-            "pressure"
+        self._capacitance, self._pressure = (
+            2 * names.index("capacitance"),
+            2 * names.index("pressure"),
         )
         self._bounds: list[Any] = []
 

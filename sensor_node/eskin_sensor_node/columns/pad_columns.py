@@ -117,6 +117,11 @@ class PadColumns:
         self.sample_every(section.period)
 
     @property
+    def next_start(self) -> int:
+        """See `SkinColumns`."""
+        return self._begin
+
+    @property
     def next_due(self) -> int:
         """See `SkinColumns`."""
         return self._begin + self._rows * self.period

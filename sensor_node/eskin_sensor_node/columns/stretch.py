@@ -48,17 +48,47 @@ class Stretch(NamedTuple):
 
 
 class SkinColumns(Protocol):
-    """The taxels of a skin, sampled together.
+    """The taxels of a skin, sampled together."""
 
-    Attributes:
-        layout: By which its frames are read.
-        patches: The descriptions that the layout names, in its order.
-        next_due: The node's clock when the next stretch is complete, ns.
-    """
+    @property
+    def layout(self) -> Layout:
+        """By which its frames are read."""
+        ...
 
-    layout: Layout
-    patches: Sequence[Patch]
-    next_due: int
+    @property
+    def patches(self) -> Sequence[Patch]:
+        """The descriptions that the layout names, in its order."""
+        ...
+
+    @property
+    def period(self) -> int:
+        """From row to row, ns."""
+        ...
+
+    @property
+    def next_start(self) -> int:
+        """The node's clock when the next stretch begins, ns."""
+        ...
+
+    @property
+    def next_due(self) -> int:
+        """The node's clock when the next stretch is complete, ns."""
+        ...
+
+    def sample_every(self, period: int) -> None:
+        """Sample with another period, ns, from the next stretch on; no stretch becomes longer."""
+        ...
+
+    def examine(self) -> Sequence[tuple[str, int, int]]:
+        """End a window of the self-test.
+
+        A taxel that is certainly broken is reported as unknown until a window refutes it.
+
+        Returns:
+            Taxels that may be broken: name, whether it is dead, whether it is stuck, each as a
+            number of `eskin.interval.Verdict`.
+        """
+        ...
 
     def advance(self, ticks: int) -> Iterator[Stretch]:
         """Take all stretches that are complete by a moment."""

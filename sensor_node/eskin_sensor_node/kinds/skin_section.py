@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 MOST_TAXELS: Final = 20_000
 """Of a skin; as many fit into one layout message of 64 KiB, with their patches and seams."""
 MOST_ROWS: Final = 1000
+_PATCH: Final = 64
+"""Taxels of a patch, which no cut goes through."""
 _THERMOMETER: Final = "thermometer"
 _HYGROMETER: Final = "hygrometer"
 _AIR: Final[Mapping[str, type[TaxelSection]]] = {
@@ -60,7 +62,8 @@ class SkinSection(Section):
         default={}, description="data sheet of each taxel: keys of a `[[taxel]]` of kind pad"
     )
     thermometer: Table = Field(
-        default={}, description="data sheet of a thermometer that all taxels read along; empty: none"
+        default={},
+        description="data sheet of a thermometer that all taxels read along; empty: none",
     )
     hygrometer: Table = Field(
         default={}, description="data sheet of a hygrometer that all taxels read along; empty: none"
@@ -122,6 +125,11 @@ class SkinSection(Section):
     def skin(self) -> Skin:
         """Where its taxels sit."""
         return read_scenario(self.scenario).skin.build()
+
+    @property
+    def taxels(self) -> int:
+        """How many this node samples, at most: its share, where several nodes share the skin."""
+        return -(-len(self.skin) // max(len(self.controllers), 1)) + bool(self.controllers) * _PATCH
 
     @property
     def period(self) -> int:

@@ -83,6 +83,7 @@ class Uplink:
         # In the order in which they are sent.
         self._descriptions: dict[bytes, None] = {}
         self._described: dict[bytes, int] = {}
+        self._introduced = True
         self._aired: deque[_Transmission] = deque()
         # What paho still has: its window, and what waits behind.
         self._deliveries: dict[chip.Position, mqtt.MQTTMessageInfo] = {}
@@ -92,6 +93,7 @@ class Uplink:
         self._aired.clear()
         self._deliveries.clear()
         self._described.clear()
+        self._introduced = False
         self._descriptions = dict.fromkeys(self._outbox.descriptions())
 
     def describe(self, wanted: Iterable[bytes], now: int) -> None:
@@ -110,8 +112,11 @@ class Uplink:
         """Send what is due, as far as the air has room until the next turn; now: monotonic ns."""
         # Once a turn is enough: a lower position than the true one is safe.
         held = Position(*self._outbox.held())
+        # With a status a gateway knows the node, with the descriptions it can read frames.
+        if not self._introduced:
+            self._send(deque(self._outbox.due(now, 1)), held, now)
+            self._introduced = True
         self._send_descriptions(held, now)
-        # A gateway cannot read a frame before its description.
         while not self._descriptions and self._radio.is_free(self._ahead_s):
             due = self._outbox.due(now, _AT_ONCE)
             if not due:
@@ -142,9 +147,7 @@ class Uplink:
             if body is None:
                 log.warning("description not sent, unknown: hash=%s", name.hex())
             else:
-                # The first may come before a status, and a gateway needs the certificate.
-                first = not self._described
-                envelope = self._keys.sealer.seal(body, topic=topic, held=held, introduce=first)
+                envelope = self._keys.sealer.seal(body, topic=topic, held=held)
                 end, arrives = self._radio.send(publish_size(topic, envelope))
                 self._aired.append(
                     _Transmission(name, topic, envelope, retained=False, end=end, arrives=arrives)

@@ -13,8 +13,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
+from eskin.wire.frames import frame_limit
+from eskin.wire.messages.cbor_map import MOST_BYTES
 from eskin_sensor_node.firmware.autoranging import MOST
 from eskin_sensor_node.firmware.taxel.pad import SLOTS
+from eskin_sensor_node.machine.processor import greatest_frames
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.machine.schedule import build_schedule
 
 if TYPE_CHECKING:
@@ -37,8 +41,12 @@ _CHANNEL: Final = 768
 """Bytes of a channel's unit, rest and filter."""
 _DETECTOR: Final = 10 * 160
 """Bytes of a detector's stretches: two that grow and eight that wait."""
-_RECORD: Final = 384
-"""Bytes of a message besides a block's bounds: its head, and the object that holds it."""
+_PART: Final = 192
+"""Bytes of what a channel has of a stretch, besides its bounds."""
+_CELL: Final = 48
+"""Bytes of a sample while its matrix is encoded: its bounds, its place, its codes."""
+_PEAK: Final = 384
+"""Bytes of a peak until it is written."""
 _PEAKS: Final = 16
 """Peaks of one frame that wait to be stored, of each channel."""
 _FLIGHT: Final = 32
@@ -48,7 +56,10 @@ _CODE: Final = 2
 _RANGE: Final = 1
 _MEMORY: Final = SLOTS * (4 + 2 * _BOUND) + 3 * 16
 """Bytes in which a pad remembers what a sensor's codes mean: code, bounds, three arrays' heads."""
-_WIDTHS: Final = {"f64": 8, "f32": 4, "q16": 2}
+_COLUMN: Final = 4 * 2 + 7 * _BOUND + 2 * 2
+"""Bytes of a skin's taxel: its neighbours, its window of the self-test, its place and verdict."""
+_DESCRIBED: Final = 24
+"""Bytes of a taxel in the description of its patch, at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +72,9 @@ class Budget:
         codes: Two buffers of codes for each input: one fills while the other is worked off; and of
             the ranges that an amplified input's samples were converted with.
         bounds: A lower and an upper bound of each sample of a frame, for each channel.
+        waiting: Bounds that wait until the stretch is complete.
         objects: Calibrations, schedules, rests, filters, detectors.
-        messages: A frame's messages while they are written, and the one that is being sealed.
+        messages: A stretch's messages while they are written, and the one that is being sealed.
         window: The index of messages under way.
     """
 
@@ -70,6 +82,7 @@ class Budget:
     connection: int
     codes: int
     bounds: int
+    waiting: int
     objects: int
     messages: int
     window: int
@@ -86,20 +99,55 @@ class Budget:
 
 def ram_budget(settings: NodeSettings) -> Budget:
     """What a node needs."""
-    sampling = settings.sampling
-    blocks = [build_schedule(taxel, sampling.block_samples).block for taxel in settings.taxel]
-    width = _WIDTHS[sampling.encoding]
-    shapes = [
-        (n, _CODE * _inputs(taxel) + _RANGE * taxel.firmware.amplified, len(taxel.units))
-        for n, taxel in zip(blocks, settings.taxel, strict=True)
+    if settings.skin.present:
+        return _skin_budget(settings)
+    layout = plan_layout(settings)
+    schedules = [
+        build_schedule(taxel, settings.sampling, most)
+        for taxel, most in zip(settings.taxel, layout.most, strict=True)
     ]
+    each = list(zip(schedules, settings.taxel, strict=True))
+    codes = [
+        2 * schedule.capacity * (_CODE * _inputs(taxel) + _RANGE * taxel.firmware.amplified)
+        for schedule, taxel in each
+    ]
+    bounds = [2 * _BOUND * schedule.capacity * len(taxel.units) for schedule, taxel in each]
+    rows: dict[int, list[int]] = {}
+    for schedule, columns in zip(schedules, layout.columns, strict=True):
+        for patch, _ in columns:
+            rows.setdefault(patch.number, []).append(schedule.capacity)
+    cells = [max(found) * len(found) for found in rows.values()]
+    frames = [frame_limit([len(found)], max(found)) for found in rows.values()]
+    peaks = sum(len(taxel.prominences) for taxel in settings.taxel)
     return Budget(
         program=PROGRAM,
         connection=CONNECTION,
-        codes=sum(2 * n * size for n, size, _ in shapes),
-        bounds=sum(2 * _BOUND * n * channels for n, _, channels in shapes),
+        codes=sum(codes),
+        bounds=sum(bounds),
+        waiting=sum(bounds) + _PART * sum(len(taxel.units) for taxel in settings.taxel),
         objects=sum(map(taxel_objects, settings.taxel)),
-        messages=max(_messages(n, channels, width) for n, _, channels in shapes),
+        # All frames of a stretch, one more while it is sealed, a matrix while it is encoded.
+        messages=sum(frames) + 2 * min(sum(frames), MOST_BYTES) + max(cells) * _CELL
+        + peaks * _PEAKS * _PEAK,
+        window=_FLIGHT * settings.broker.window,
+    )
+
+
+def _skin_budget(settings: NodeSettings) -> Budget:
+    """Of a skin: all samples of a stretch are measured at once, and its frames are written."""
+    skin = settings.skin
+    taxels, samples = skin.taxels, skin.taxels * skin.rows
+    inputs, quantities = 1 + len(skin.air), len(skin.taxel.units)
+    frames = sum(greatest_frames(taxels, skin.rows))
+    return Budget(
+        program=PROGRAM,
+        connection=CONNECTION,
+        codes=2 * samples * _CODE * inputs,
+        bounds=2 * _BOUND * samples * quantities,
+        waiting=0,
+        objects=_TAXEL + _MEMORY * len(skin.air) + taxels * _COLUMN,
+        # One frame more while it is sealed, and the layout, which waits for who asks for it.
+        messages=frames + 2 * MOST_BYTES + taxels * _DESCRIBED,
         window=_FLIGHT * settings.broker.window,
     )
 
@@ -117,13 +165,6 @@ def _inputs(taxel: TaxelSection) -> int:
     return max(1, len(taxel.firmware.inputs)) + len(taxel.companions)
 
 
-def _messages(n: int, channels: int, width: int) -> int:
-    """All of a frame; of one, its bounds as written and its growing buffer; one in an envelope."""
-    bounds = 2 * n * width
-    block = bounds + _RECORD
-    return channels * (block + _PEAKS * _RECORD) + bounds + 2 * block + 2 * block
-
-
 def require_ram(settings: NodeSettings) -> None:
     """Check that the machine's RAM holds the node.
 
@@ -134,10 +175,17 @@ def require_ram(settings: NodeSettings) -> None:
     if budget.total <= limit:
         return
     parts = ", ".join(f"{name} {size}" for name, size in budget.parts().items())
+    if settings.skin.present:
+        raise SettingsError(
+            "machine.ram_bytes",
+            f"{limit} bytes do not hold this skin, which needs {budget.total} ({parts}); share its "
+            f"{settings.skin.taxels} taxels among skin.controllers, use a shorter skin.stretch_ms "
+            f"than {settings.skin.stretch_ms:g}, or a machine with more RAM",
+        )
     raise SettingsError(
         "machine.ram_bytes",
-        f"{limit} bytes do not hold this node, which needs {budget.total} ({parts}); use fewer "
-        f"sampling.block_samples than {settings.sampling.block_samples}, fewer of its "
+        f"{limit} bytes do not hold this node, which needs {budget.total} ({parts}); use a shorter "
+        f"sampling.stretch_ms than {settings.sampling.stretch_ms:g}, fewer of its "
         f"{len(settings.taxel)} taxels, or a machine with more RAM",
     )
 

@@ -66,9 +66,7 @@ class NodeLayout:
     @property
     def described(self) -> Described:
         """What a node says of it, as its firmware writes it."""
-        messages = [describe_layout(self.layout), *map(describe_patch, self.patches)]
-        hashes = [content_hash(each) for each in messages]
-        return Described(hashes[0], dict(zip(hashes, messages, strict=True)))
+        return describe(self.layout, self.patches)
 
 
 class Described(NamedTuple):
@@ -81,6 +79,13 @@ class Described(NamedTuple):
 
     layout: bytes
     messages: dict[bytes, bytes]
+
+
+def describe(layout: Layout, patches: Sequence[Patch]) -> Described:
+    """What a node says of its frames, as its firmware writes it."""
+    messages = [describe_layout(layout), *map(describe_patch, patches)]
+    hashes = [content_hash(each) for each in messages]
+    return Described(hashes[0], dict(zip(hashes, messages, strict=True)))
 
 
 class _Kind(NamedTuple):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from eskin_sensor_node.kinds.registry import KINDS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
 BILLION: Final = 1_000_000_000
 
@@ -64,10 +64,31 @@ PRICES: Final[Mapping[str, Cycles]] = _counted() | {
     "interrupt": Cycles(100, 200),
     "frame": Cycles(2_000, 10_000),
     "message": Cycles(20_000, 60_000),
+    "self_test": Cycles(150, 900),
+    "encode_frame": Cycles(450, 1_000),
     **{kind.chain: Cycles(*kind.cycles) for kind in KINDS.values() if kind.cycles is not None},
 }
 """Of each operation; assumed are an interrupt (entry, taking codes out of a buffer, exit), a frame
-(schedule, states), a message (flash driver, MQTT, TLS records, IP), and kinds without a count."""
+(schedule, states), a message (flash driver, MQTT, TLS records, IP), a sample of a skin in its
+self-test and in a frame (as one of a q16 block), and kinds without a count."""
+CORTEX_A53: Final[Mapping[str, Cycles]] = {
+    "pad": Cycles(300, 1_500),
+    "neighbour": Cycles(15, 130),
+    "remembered": Cycles(12, 120),
+    "self_test": Cycles(15, 150),
+    "encode_frame": Cycles(30, 200),
+    "seal_byte": Cycles(2, 40),
+}
+"""Of a processor that computes binary64 in hardware. Operations are those of the firmware, counted
+in a test. At most: one after the other, each with its latency as LLVM's model of the Cortex-A53 has
+it (6 cycles an addition or a product, 33 a division, 4 an access) and 2 a branch. At least: two
+instructions a cycle, and 29 cycles a division. Encoding and sealing are assumed, as AES is in
+instructions or in tables; what is not here takes as many cycles as on a Cortex-M33, at most."""
+PROCESSORS: Final[Mapping[str, Mapping[str, Cycles]]] = {
+    "cortex-m33": PRICES,
+    "cortex-a53": {**PRICES, **CORTEX_A53},
+}
+"""Prices of each processor that a machine may have."""
 ENVELOPE: Final = 160
 """Bytes of COSE_Encrypt0 around a message: headers, salt, key names, tag."""
 _SEALED: Final = 2
@@ -110,4 +131,67 @@ def message(size: int, samples: int = 0) -> Cycles:
     total = PRICES["message"].plus(sealed)
     if not samples:
         return total.plus(PRICES["peak"])
-    return total.plus(PRICES["encode_q16"].times(samples)).plus(PRICES["block_q16"])
+    return total.plus(PRICES["encode_frame"].times(samples))
+
+
+class StretchCycles(NamedTuple):
+    """Of a stretch of a skin, by purpose.
+
+    Attributes:
+        inversion: From codes to pressures, with neighbours and the air.
+        channels: The self-test.
+        messages: Frames: encoded, enciphered, kept and sent.
+        frames: Interrupts, schedules, states.
+    """
+
+    inversion: Cycles
+    channels: Cycles
+    messages: Cycles
+    frames: Cycles
+
+    @property
+    def total(self) -> Cycles:
+        """All of it."""
+        found = NONE
+        for each in self:
+            found = found.plus(each)
+        return found
+
+
+def stretch(
+    processor: str,
+    chain: str,
+    *,
+    taxels: int,
+    rows: int,
+    neighbours: int,
+    along: Sequence[str],
+    sizes: Sequence[int],
+) -> StretchCycles:
+    """Of a stretch of a skin.
+
+    Args:
+        processor: A key of `PROCESSORS`.
+        chain: Of each taxel.
+        taxels: How many.
+        rows: Samples of each.
+        neighbours: Of a taxel, at most.
+        along: Chains of the sensors that are read along.
+        sizes: Bytes of each frame, without its envelope.
+    """
+    prices = PROCESSORS[processor]
+    sample = prices[chain].plus(prices["neighbour"].times(neighbours))
+    sample = sample.plus(prices["remembered"].times(len(along)))
+    inverted = sample.times(taxels * rows)
+    for sensor in along:
+        inverted = inverted.plus(prices[f"new_{sensor}"].times(rows))
+    written = prices["encode_frame"].times(taxels * rows)
+    for size in sizes:
+        sealed = prices["seal_byte"].times(size + ENVELOPE).plus(prices["seal_message"])
+        written = written.plus(prices["message"]).plus(sealed.times(_SEALED))
+    return StretchCycles(
+        inverted,
+        prices["self_test"].times(taxels * rows),
+        written,
+        prices["frame"].plus(prices["interrupt"].times(rows)),
+    )

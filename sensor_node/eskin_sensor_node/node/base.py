@@ -174,6 +174,9 @@ class BaseNode(ABC):
                 batch.take(records)
             self._arm()
 
+    def attend(self, seconds: float) -> None:  # noqa: B027 - nothing is what most nodes do
+        """Take note that a viewer watches for so many real seconds; here it changes nothing."""
+
     def record_status(self) -> Position:
         """Put a status into flash.
 

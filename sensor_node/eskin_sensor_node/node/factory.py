@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from eskin_sensor_node.machine.flash.flash import Partition
+    from eskin_sensor_node.machine.node_layout import Described
     from eskin_sensor_node.node.ground_truth import GroundTruth
     from eskin_sensor_node.settings import BrokerSection, NodeSettings
 
@@ -57,22 +59,30 @@ def chip_key(settings: NodeSettings) -> bytes:
 
 
 def build_outbox(
-    flash: Partition,
-    *,
-    capacity: int,
-    broker: BrokerSection,
-    message_writer: type[MessageWriter] = MessageWriter,
+    flash: Partition, *, capacity: int, broker: BrokerSection, described: Described
 ) -> Outbox:
-    """Put an outbox on a flash, for several threads; its moments are ns."""
-    return Outbox(
+    """Put an outbox on a flash, for several threads; its moments are ns.
+
+    Args:
+        flash: Keeps messages, and what they are read by.
+        capacity: Bytes of messages.
+        broker: Where they are sent.
+        described: What the node says of its frames.
+
+    Raises:
+        FlashError: The flash cannot be written.
+    """
+    outbox = Outbox(
         flash,
         capacity=capacity,
         window=broker.window,
         resend_after=round(broker.resend_s * BILLION),
         status_every=round(broker.status_s * BILLION),
-        message_writer=message_writer,
+        message_writer=partial(MessageWriter, layout=described.layout),
         lock=threading.RLock(),
     )
+    outbox.describe(*described)
+    return outbox
 
 
 def build_node(
@@ -102,7 +112,7 @@ def build_node(
     require_speed(settings, measured_around(settings.taxel))
     require_depth(settings)
     seed = truth.seed(settings.node.seed)
-    begin = _begin(truth, time.time_ns() if start is None else start)
+    begin = first_moment(truth, time.time_ns() if start is None else start)
     clock = build_clock(settings, seed=seed, boot=outbox.boot, start=begin)
     node = Node(settings, clock=clock, outbox=outbox, truth=truth, seed=seed, functions=functions)
     return node, clock
@@ -141,7 +151,8 @@ def build_clock(
     )
 
 
-def _begin(truth: GroundTruth, start: int) -> int:
+def first_moment(truth: GroundTruth, start: int) -> int:
+    """True UTC in ns at which emulated time begins: the wanted one, or after the latest sample."""
     end = truth.end()
     if end is None or end + REBOOT <= start:
         return start

@@ -16,8 +16,6 @@ from eskin.privacy.subject import KEY_BYTES
 from eskin_sensor_node.machine.clock import Clock, Crystal
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.node_layout import plan_layout
-from eskin_sensor_node.firmware.message_writer import MessageWriter
-from functools import partial
 from eskin_sensor_node.machine.flash.flash import Flash
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
@@ -53,7 +51,7 @@ class OfflineNode:
             flash,
             capacity=2**30,
             broker=settings.broker,
-            message_writer=partial(MessageWriter, layout=self.layout.layout.content_hash),
+            described=self.layout.described,
         )
         seed = truth.seed(settings.node.seed)
         random = np.random.default_rng(seed)

@@ -13,6 +13,7 @@ from eskin_gateway.upstream.ingest_client import IngestClient, ItemResult
 
 from eskin.errors import CloudError
 from tests.unit.gateway.certificates import KnownNodes
+from tests.unit.gateway.descriptions import KnownDescriptions
 from tests.unit.gateway.in_memory import quick
 
 if TYPE_CHECKING:
@@ -70,11 +71,13 @@ class Setup:
         self.spool.commit(Batch([SpoolMessage(node, 1, body) for node, body in MESSAGES]))
         self.metrics = Metrics()
         self.certificates = KnownNodes()
+        self.descriptions = KnownDescriptions()
         self.forwarder = Forwarder(
             CloudSection(batch_messages=most),
             spool=self.spool,
             ingest_client=cloud,
             certificates_client=self.certificates,
+            descriptions_client=self.descriptions,
             backoff=quick(),
             metrics=self.metrics,
         )

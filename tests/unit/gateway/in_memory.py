@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from eskin_gateway.commands.publisher import CommandPublisher, PendingCommands
 from eskin_gateway.ingest.biometric import BiometricEncryptor
 from eskin_gateway.ingest.commit_loop import CommitLoop, PostCommit
+from eskin_gateway.ingest.missing_layouts import MissingLayouts
 from eskin_gateway.ingest.validator import Validator
 from eskin_gateway.metrics import Metrics
 from eskin_gateway.mqtt.receive_queue import ReceiveQueue
@@ -17,6 +18,7 @@ from eskin_gateway.mqtt.transport import ReceivedMessage
 from eskin_gateway.publish.homeassistant import Discovery
 from eskin_gateway.publish.presence import Presence
 from eskin_gateway.settings import SpoolSection
+from eskin_gateway.spool.descriptions import Descriptions
 from eskin_gateway.spool.node_certificates import NodeCertificates
 from eskin_gateway.spool.node_state import NodeStates
 from eskin_gateway.spool.spool import Spool
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
 
     from tests.support.identities import Identities
 
+LAYOUT_WAIT_S = 600.0
 DAY_NS = 86_400 * 10**9
 """Age of a status at which a node expires, in tests."""
 
@@ -115,12 +118,15 @@ class Inside:
             clock=self.clock,
         )
         self.node_states = NodeStates(self.spool)
+        self.descriptions = Descriptions(self.spool)
         self.presence = Presence(15.0)
         self.receive_queue = ReceiveQueue(1000, most_bytes=10_000_000)
         self.validator = Validator(
             opener=Opener([identities.site], sender=self.node_certificates.find),
             node_certificates=self.node_certificates,
             node_states=self.node_states,
+            descriptions=self.descriptions,
+            missing_layouts=MissingLayouts(LAYOUT_WAIT_S, self.clock),
             encryptor=self.encryptor,
         )
         sealer_cache = SealerCache(lambda _: identities.site)
@@ -151,6 +157,7 @@ class Inside:
             sealer_cache=sealer_cache,
             node_certificates=self.node_certificates,
             presence=self.presence,
+            descriptions=self.descriptions,
             metrics=self.metrics,
             viewers=self.viewers,
             discovery=self._make_discovery() if homeassistant else None,
@@ -163,6 +170,7 @@ class Inside:
             expire_ns=DAY_NS,
             spool=self.spool,
             node_certificates=self.node_certificates,
+            descriptions=self.descriptions,
             now=lambda: EPOCH + int((self.clock() - 1000) * 1e9),
         )
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 import cbor2
 import orjson
 
+from eskin.wire.frames import Layout, content_hash
 from tests.support.processes import free_port
 from tests.unit.gateway.https_server import HttpsServer
 
@@ -25,7 +26,8 @@ class StubCloud:
     ``mode``: ok, error, busy, flooded, nonsense, short, slow, reject, large. ``commands`` are given
     to the gateway, a node's id and bytes; ``held`` is what it said last that it has. ``watched`` is
     what it says of onlookers, ``failing`` are bodies that break it, ``hanging`` bodies to
-    which it gives no answer until it is released.
+    which it gives no answer until it is released. ``descriptions`` are what it has of
+    nodes; it stores no frame or statements without them.
     """
 
     def __init__(self, identity: Identity) -> None:
@@ -39,6 +41,7 @@ class StubCloud:
         self.duplicates = 0
         self.requests = 0
         self.watched: object = {}
+        self.descriptions: dict[tuple[str, bytes], bytes] = {}
         self.failing: set[bytes] = set()
         self.hanging: set[bytes] = set()
         self.faults: list[str] = []
@@ -76,6 +79,8 @@ class StubCloud:
         self._check(headers)
         if path.endswith("/deliveries"):
             status, answer = self._deliver(body)
+        elif path.endswith("/descriptions"):
+            status, answer = 200, self._describe(body)
         else:
             self.requests += 1
             status, answer = self._answer(body)
@@ -123,9 +128,28 @@ class StubCloud:
                 return 200, cbor2.dumps({"give": give, "drop": drop})
             time.sleep(0.02)
 
-    def _store(self, node: str, data: bytes) -> dict[str, str | None]:
+    def _describe(self, body: bytes) -> bytes:
+        items = cbor2.loads(body)
+        self.descriptions |= {(node, content_hash(data)): data for node, data in items}
+        return orjson.dumps({"items": [{"result": "stored", "reason": None}] * len(items)})
+
+    def _lacking(self, node: str, data: bytes) -> list[bytes]:
+        """Hashes of descriptions by which a message is read, and which were not posted."""
+        fields = cbor2.loads(data) if data[1:3] in {b"\x01\x07", b"\x01\x08"} else {}
+        if 4 not in fields:
+            return []
+        layout = self.descriptions.get((node, fields[4]))
+        if layout is None:
+            return [fields[4]]
+        patches = Layout.decode(layout).patches
+        return [patch for patch in patches if (node, patch) not in self.descriptions]
+
+    def _store(self, node: str, data: bytes) -> dict[str, object]:
         if self.mode == "reject":
             return {"result": "rejected", "reason": "not wanted"}
+        if lacking := self._lacking(node, data):
+            want = [each.hex() for each in lacking]
+            return {"result": "unknown_layout", "reason": "post it", "want": want}
         with self._storing:
             if (node, data) in self.stored:
                 self.duplicates += 1

@@ -14,6 +14,7 @@ from eskin_gateway.upstream.confirmations_client import ConfirmationsClient
 from eskin.errors import CloudError
 from tests.support.processes import wait_until
 from tests.unit.gateway.certificates import KnownNodes
+from tests.unit.gateway.descriptions import KnownDescriptions
 from tests.unit.gateway.forwarding import MemoryCloud
 from tests.unit.gateway.in_memory import quick
 
@@ -49,6 +50,7 @@ def test_lost_messages_are_logged_once_and_counted(
         CloudSection(),
         spool=spool,
         certificates_client=KnownNodes(),
+        descriptions_client=KnownDescriptions(),
         ingest_client=cloud,
         backoff=quick(),
         metrics=Metrics(),
@@ -84,6 +86,7 @@ def test_failed_comparison_blocks_nothing(tmp_path: Path) -> None:
         CloudSection(),
         spool=spool,
         certificates_client=KnownNodes(),
+        descriptions_client=KnownDescriptions(),
         ingest_client=cloud,
         backoff=quick(),
         metrics=Metrics(),

@@ -19,20 +19,24 @@ if TYPE_CHECKING:
     from typing import Any
 
     from eskin.identity import Identity
+    from eskin.wire.frames import Frame, Layout, Patch, Statements
     from eskin.wire.messages import Message
+
+    Sendable = Message | Frame | Statements | Patch | Layout
 
 
 class WireNode:
     """Over the real broker.
 
-    ``acknowledged`` holds all acknowledged positions, ``commands`` the decrypted commands and
-    whether they were retained.
+    ``acknowledged`` holds all acknowledged positions, ``wanted`` the hashes that were asked for,
+    ``commands`` the decrypted commands and whether they were retained.
     """
 
     def __init__(self, identity: Identity, site: Identity, port: int) -> None:
         self.name = identity.name
         self.acknowledged: set[tuple[int, int]] = set()
         self.times: list[int] = []
+        self.wanted: list[bytes] = []
         self.commands: list[tuple[bytes, bool]] = []
         self.seal = Seal(identity, site)
         self._opener = Opener(
@@ -63,7 +67,7 @@ class WireNode:
         self._client.disconnect()
         self._client.loop_stop()
 
-    def say(self, stream: Stream, message: Message, *, held: Position | None = None) -> bytes:
+    def say(self, stream: Stream, message: Sendable, *, held: Position | None = None) -> bytes:
         """Seal and publish; gives the envelope."""
         introduce = stream is Stream.STATUS
         envelope = self.seal(self.name, stream, message.encode(), held=held, introduce=introduce)
@@ -104,6 +108,7 @@ class WireNode:
             return
         answer = Acknowledgement.decode(opened.plaintext)
         self.times.append(answer.time)
+        self.wanted += answer.want
         for boot, first, last in answer.spans:
             self.acknowledged.update((boot, number) for number in range(first, last + 1))
 

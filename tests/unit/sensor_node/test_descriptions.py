@@ -10,7 +10,7 @@ from eskin_sensor_node.firmware.message_writer import STATEMENTS, MessageWriter
 from eskin_sensor_node.machine.flash.sealing import UNREADABLE
 
 from eskin.wire.frames import Statements, content_hash
-from eskin.wire.messages import Position
+from eskin.wire.messages import Position, Status
 from tests.support.processes import wait_until
 from tests.unit.eskin.wire.frames import examples
 from tests.unit.sensor_node.designs import waiting
@@ -75,14 +75,17 @@ def test_lost_record_of_a_node_with_a_layout_is_a_statement(store: Store, path: 
     assert gap.lost == ((store.outbox.boot, 0, 0),)
 
 
-def test_descriptions_come_before_all_messages_at_each_connection(
+def test_descriptions_come_behind_the_first_status_at_each_connection(
     bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
 ) -> None:
     bench.outbox.describe(LAYOUT, OWN)
     bench.run_to(1.0)
     with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing():
         wait_until(lambda: len(peer.order) > 3, "messages came")
-        assert peer.timeline[: len(OWN)] == list(OWN)
+        status, *described = peer.timeline[: len(OWN) + 1]
+        assert isinstance(status, Position)
+        assert isinstance(peer.messages[status], Status)
+        assert described == list(OWN)
         assert peer.strangers == 0
         # Nothing asks for them, and no time brings them again.
         wait_until(lambda: max(peer.copies.values()) > 1, "messages came twice")

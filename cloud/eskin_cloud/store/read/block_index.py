@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 from sqlalchemy import and_, bindparam, func, not_, select
 
 from eskin_cloud.store.damage import RowHeader, intact_headers
+from eskin_cloud.store.read.patch_columns import count_column, find_next_sample, is_column
+from eskin_cloud.store.read.window import before, clip
 from eskin_cloud.store.schema.tables import blocks
 
 if TYPE_CHECKING:
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, Connection, RowMapping, Select
 
     from eskin.interval import Floats
+    from eskin_cloud.store.read.lookup import Channel
     from eskin_cloud.store.read.window import Window
 
 _FOLLOWING: Final = 8
@@ -46,11 +49,6 @@ def longest_step(dt: NDArray[np.int64]) -> NDArray[np.int64]:
     return dt + dt // 2
 
 
-def before(moment: int, span: int) -> int:
-    """A time minus a span, UTC ns, limited to 64 bits."""
-    return max(moment - span, -(2**63))
-
-
 HEADER_COLUMNS: Final = tuple(blocks.c[name] for name in (*RowHeader._fields, "head"))
 """What `intact_headers` reads of a block.
 
@@ -73,7 +71,7 @@ _FIRST: Final = (
 )
 
 
-def window_parameters(channel: RowMapping, window: Window) -> dict[str, str | int]:
+def window_parameters(channel: Channel, window: Window) -> dict[str, str | int]:
     """Parameters of `OVERLAPS`."""
     return {
         "node": channel["node"],
@@ -84,7 +82,7 @@ def window_parameters(channel: RowMapping, window: Window) -> dict[str, str | in
     }
 
 
-def overlaps(channel: RowMapping, window: Window) -> ColumnElement[bool]:
+def overlaps(channel: Channel, window: Window) -> ColumnElement[bool]:
     """Whether a block overlaps a window, for a statement of one query."""
     parameters = window_parameters(channel, window)
     return and_(
@@ -96,12 +94,14 @@ def overlaps(channel: RowMapping, window: Window) -> ColumnElement[bool]:
     )
 
 
-def find_next(connection: Connection, channel: RowMapping, window: Window) -> int | None:
+def find_next(connection: Connection, channel: Channel, window: Window) -> int | None:
     """A lower bound of the true time of the first sample after a window.
 
     A sample is after the window by its stated time; its true time may lie inside. ``None`` if there
     is no such sample.
     """
+    if is_column(channel):
+        return find_next_sample(connection, channel, window.end)
     b, end = blocks.c, window.end
     here = select(*HEADER_COLUMNS).where(b.node == channel["node"], b.channel == channel["channel"])
     earliest = before(end, channel["longest"])
@@ -117,13 +117,10 @@ def _intact(connection: Connection, query: Select[Any]) -> Iterator[RowMapping]:
     return intact_headers(connection.execute(query).mappings())
 
 
-def clip(t: int, dt: int, n: int, window: Window) -> tuple[int, int]:
-    """The first and the last index of a block's samples in a window; last < first if none."""
-    return max(0, -((t - window.start) // dt)), min(n - 1, (window.end - 1 - t) // dt)
-
-
-def count_samples(connection: Connection, channel: RowMapping, window: Window) -> int:
+def count_samples(connection: Connection, channel: Channel, window: Window) -> int:
     """The number of samples in a window; only blocks at its edges are read one by one."""
+    if is_column(channel):
+        return count_column(connection, channel, window)
     b = blocks.c
     inside = and_(b.t >= window.start, b.t_end < window.end)
     here = overlaps(channel, window)
@@ -135,7 +132,7 @@ def count_samples(connection: Connection, channel: RowMapping, window: Window) -
     return int(whole) + sum(max(0, last - first + 1) for first, last in clipped)
 
 
-def exceeds(connection: Connection, channel: RowMapping, window: Window, most: int) -> bool:
+def exceeds(connection: Connection, channel: Channel, window: Window, most: int) -> bool:
     """Whether a window holds more than ``most`` samples; reads at most ``most + 1`` blocks."""
     parameters = window_parameters(channel, window) | {"most": most + 1}
     samples = 0

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 from sqlalchemy import RowMapping, bindparam, select
 
 from eskin.errors import QueryError
+from eskin_cloud.store.read.patch_columns import find_column
 from eskin_cloud.store.row_digests import require_intact_row
 from eskin_cloud.store.schema.tables import channels, nodes
 
@@ -15,12 +16,14 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-_CHANNEL: Final = select(channels).where(
-    channels.c.node == bindparam("node"), channels.c.channel == bindparam("channel")
-)
 T = TypeVar("T")
 KEYS_PER_STATEMENT: Final = 4000
 """Some builds of SQLite accept 32,766 parameters, PostgreSQL 65,535."""
+Channel: TypeAlias = RowMapping | dict[str, Any]
+"""A channel's row."""
+_CHANNEL: Final = select(channels).where(
+    channels.c.node == bindparam("node"), channels.c.channel == bindparam("channel")
+)
 
 
 class UnknownChannelError(QueryError):
@@ -46,8 +49,8 @@ def find_node(connection: Connection, node: str) -> RowMapping:
     return row
 
 
-def find_channel(connection: Connection, node: str, channel: str) -> RowMapping:
-    """A channel's row.
+def find_channel(connection: Connection, node: str, channel: str) -> Channel:
+    """A channel's row; that of a channel of frames is made of its patch (`find_column`).
 
     Raises:
         UnknownChannelError: The node or the channel is unknown.
@@ -56,13 +59,16 @@ def find_channel(connection: Connection, node: str, channel: str) -> RowMapping:
     key = {"node": node, "channel": channel}
     row = connection.execute(_CHANNEL, key).mappings().one_or_none()
     row = require_intact_row(connection, channels, row)
-    if row is None:
+    if row is not None:
+        return row
+    column = find_column(connection, node, channel)
+    if column is None:
         find_node(connection, node)
         raise UnknownChannelError(
             "channel",
             f"{channel!r} of {node} is not known; GET /api/v1/nodes/{node}/channels lists all",
         )
-    return row
+    return column
 
 
 def parse_channel(text: str, parameter: str = "channel") -> tuple[str, str]:

@@ -88,3 +88,13 @@ def require_ordered(start: int | None, end: int | None) -> None:
     """
     if start is not None and end is not None and start > end:
         raise QueryError("start", "is after end; swap them")
+
+
+def before(moment: int, span: int) -> int:
+    """A time minus a span, UTC ns, limited to 64 bits."""
+    return max(moment - span, -(2**63))
+
+
+def clip(t: int, dt: int, n: int, window: Window) -> tuple[int, int]:
+    """The first and the last index of a block's samples in a window; last < first if none."""
+    return max(0, -((t - window.start) // dt)), min(n - 1, (window.end - 1 - t) // dt)

@@ -43,25 +43,25 @@ class Stage:
         self.seed = script.seed if seed is None else seed
         names = self.skin.names if taxels is None else taxels
         self.places: Indices = np.array([self.skin.numbers[name] for name in names], np.int64)
-        self._crosstalk = Crosstalk.draw(self.skin, script.skin.crosstalk, self.seed)
+        crosstalk = Crosstalk.draw(self.skin, script.skin.crosstalk, self.seed)
         # Neighbours count, too, for what they hand on.
-        self._rows = self._crosstalk.reach(self.places)
-        self._own = np.searchsorted(self._rows, self.places)
+        self._crosstalk = crosstalk.among(self.places)
+        self._positions = self.skin.positions[self._crosstalk.rows]
         self._casts: dict[int, Cast] = {}
 
     def stimulus(self, seconds: Floats) -> Stimulus:
         """True causes at times since the start; what comes before is as the start."""
         script = self._script
         loops, local = script.local(seconds)
-        shape = len(self._rows), len(seconds)
+        shape = len(self._positions), len(seconds)
         play = _Play(self, shape)
         for loop in np.unique(loops).tolist():
             play.perform(self._cast(loop), local, loops == loop)
-        own = self._own
+        own = self._crosstalk.places
         return Stimulus(
             covered=np.minimum(play.covered[own], 1.0),
             pressure=play.pressure[own],
-            felt=self._crosstalk.felt(play.pressure, self._rows, self.places),
+            felt=self._crosstalk.felt(play.pressure),
             metal_distance=play.distance[own],
             metal_quality=play.quality[own],
             labels=play.labels[own],
@@ -73,7 +73,7 @@ class Stage:
     @property
     def positions(self) -> Floats:
         """Where the taxels and their neighbours sit."""
-        return self.skin.positions[self._rows]
+        return self._positions
 
     def _cast(self, loop: int) -> Cast:
         if loop not in self._casts:

@@ -43,27 +43,42 @@ class Crosstalk:
         random = np.random.default_rng((seed, _STREAM))
         return cls(skin.neighbours, random.uniform(0.0, bound, len(skin)))
 
-    def reach(self, places: Indices) -> Indices:
-        """The taxels themselves and all from whom they feel something, ascending."""
-        around = self.neighbours[places].ravel()
-        return np.union1d(places, around[around != NO_NEIGHBOUR])
-
-    def felt(self, pressure: Floats, rows: Indices, places: Indices) -> Floats:
-        """What some taxels feel.
-
-        Args:
-            pressure: Of the taxels ``rows``, (rows, times).
-            rows: Ascending numbers that hold the places and their neighbours.
-            places: The taxels that feel.
-        """
+    def among(self, places: Indices) -> LocalCrosstalk:
+        """What some taxels feel of each other and of their neighbours."""
         around = self.neighbours[places]
         there = around != NO_NEIGHBOUR
-        found = np.searchsorted(rows, np.where(there, around, rows[0]))
-        total = np.zeros((len(places), pressure.shape[1]))
-        for column in range(around.shape[1]):
-            total += np.where(there[:, column, None], pressure[found[:, column]], 0.0)
-        share = self.coefficients[places] / np.maximum(there.sum(axis=1), 1)
-        return np.asarray(pressure[np.searchsorted(rows, places)] + share[:, None] * total)
+        rows = np.union1d(places, around[there])
+        return LocalCrosstalk(
+            rows,
+            np.searchsorted(rows, places),
+            np.where(there, np.searchsorted(rows, around), len(rows)),
+            self.coefficients[places] / np.maximum(there.sum(axis=1), 1),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LocalCrosstalk:
+    """Crosstalk of some taxels.
+
+    Attributes:
+        rows: The taxels themselves and all from whom they feel something, ascending.
+        places: Where the taxels are among these.
+        around: Where their neighbours are; ``len(rows)`` where there is none.
+        share: What each neighbour hands on to each taxel.
+    """
+
+    rows: Indices
+    places: Indices
+    around: Indices
+    share: Floats
+
+    def felt(self, pressure: Floats) -> Floats:
+        """What the taxels feel, of the pressure on all rows, (rows, times)."""
+        padded = np.concatenate([pressure, np.zeros((1, pressure.shape[1]))])
+        total = np.zeros((len(self.places), pressure.shape[1]))
+        for column in range(self.around.shape[1]):
+            total += padded[self.around[:, column]]
+        return np.asarray(pressure[self.places] + self.share[:, None] * total)
 
 
 def unmix(

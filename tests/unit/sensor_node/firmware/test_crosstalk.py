@@ -38,7 +38,7 @@ def felt(seed: int, bound: float) -> tuple[Floats, Interval]:
     pressure = random.choice([0.0, 100.0, MOST], (len(GRID), TIMES)) * random.uniform(
         size=(len(GRID), TIMES)
     )
-    total = Crosstalk.draw(GRID, bound, seed).felt(pressure, PLACES, PLACES)
+    total = Crosstalk.draw(GRID, bound, seed).among(PLACES).felt(pressure)
     wide = random.uniform(1.0, 500.0, (2, *total.shape))
     return pressure, Interval(total - wide[0], total + wide[1])
 

@@ -32,7 +32,7 @@ def felt_by_hand(crosstalk: Crosstalk, pressure: Floats) -> list[float]:
 def test_felt_is_the_own_pressure_and_a_share_of_the_neighbours_mean() -> None:
     crosstalk = Crosstalk.draw(GRID, 0.3, 5)
     pressure = np.random.default_rng(1).uniform(0.0, 1e4, len(GRID))
-    felt = crosstalk.felt(pressure[:, None], ALL, ALL)
+    felt = crosstalk.among(ALL).felt(pressure[:, None])
     assert felt[:, 0].tolist() == pytest.approx(felt_by_hand(crosstalk, pressure))
 
 
@@ -46,7 +46,7 @@ def test_coefficients_stay_within_their_bound_and_differ() -> None:
 def test_taxel_without_neighbours_feels_itself_alone() -> None:
     lonely = FlatShape(shape="flat", rows=1, columns=1, pitch_m=1e-2).build()
     crosstalk = Crosstalk.draw(lonely, 0.5, 1)
-    assert crosstalk.felt(np.array([[7.0]]), np.array([0]), np.array([0])).tolist() == [[7.0]]
+    assert crosstalk.among(np.array([0])).felt(np.array([[7.0]])).tolist() == [[7.0]]
 
 
 @settings(max_examples=80, deadline=None, database=None)
@@ -54,7 +54,7 @@ def test_taxel_without_neighbours_feels_itself_alone() -> None:
 def test_unmixing_never_loses_the_true_pressures(seed: int, bound: float, error: float) -> None:
     random = np.random.default_rng(seed)
     pressure = random.uniform(0.0, 1e3, (len(GRID), 3)) * (random.random((len(GRID), 3)) < 0.4)
-    felt = Crosstalk.draw(GRID, bound, seed).felt(pressure, ALL, ALL)
+    felt = Crosstalk.draw(GRID, bound, seed).among(ALL).felt(pressure)
     measured = Interval.around(felt + random.uniform(-error, error, felt.shape), error + 1e-9)
     own = unmix(measured, GRID.neighbours, bound=bound, most=1e3)
     assert np.all(own.contains(pressure))
@@ -63,7 +63,7 @@ def test_unmixing_never_loses_the_true_pressures(seed: int, bound: float, error:
 def test_unmixing_separates_a_touch_from_crosstalk() -> None:
     pressure = np.zeros((len(GRID), 1))
     pressure[7] = 1e3
-    felt = Crosstalk.draw(GRID, 0.2, 3).felt(pressure, ALL, ALL)
+    felt = Crosstalk.draw(GRID, 0.2, 3).among(ALL).felt(pressure)
     own = unmix(Interval.around(felt, 1.0), GRID.neighbours, bound=0.2, most=1e3)
     assert np.flatnonzero(own.inf[:, 0] > 0.0).tolist() == [7]
     # Without the neighbours' tubes a fifth of 1 kPa would stay in doubt.
@@ -72,7 +72,7 @@ def test_unmixing_separates_a_touch_from_crosstalk() -> None:
 
 def test_broken_taxels_are_not_believed() -> None:
     pressure = np.full((len(GRID), 1), 100.0)
-    felt = Crosstalk.draw(GRID, 0.2, 3).felt(pressure, ALL, ALL)
+    felt = Crosstalk.draw(GRID, 0.2, 3).among(ALL).felt(pressure)
     felt[7] = 0.0  # stuck at rest
     own = unmix(Interval.around(felt, 1.0), GRID.neighbours, bound=0.2, most=1e3, broken=[7])
     assert np.all(own.contains(pressure))

@@ -1,0 +1,220 @@
+"""Channels of frames: find a column of a patch, and read its samples."""
+
+from __future__ import annotations
+
+from itertools import chain
+from operator import le
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from eskin_cloud.store.descriptions import find_layout, find_patch
+from eskin_cloud.store.read.patch_runs import (
+    find_patch_pages,
+    has_starts,
+    read_pages,
+    read_patch,
+    read_runs,
+    split_by_rows,
+)
+from eskin_cloud.store.read.window import Window, before, clip
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sqlalchemy import Connection, RowMapping
+
+    from eskin.interval import Floats
+    from eskin.wire.frames import Patch
+    from eskin_cloud.store.patch_run import PatchRun
+    from eskin_cloud.store.read.lookup import Channel
+
+_WIDER: Final = 64
+
+
+class ColumnRun(NamedTuple):
+    """Samples of a channel that were taken one after the other, from one frame.
+
+    Attributes:
+        t: Middle of the first sample's time, UTC ns.
+        boot: The node's start.
+        sequence: The frame's number.
+        dt: Sampling period, ns.
+        error: Greatest distance of a sample's time from its middle, ns.
+        coverage: Probability that a sample's interval encloses the truth.
+        lo: Lower bounds.
+        hi: Upper bounds.
+    """
+
+    t: int
+    boot: int
+    sequence: int
+    dt: int
+    error: int
+    coverage: float
+    lo: Floats
+    hi: Floats
+
+
+def is_column(channel: Channel) -> bool:
+    """Whether a channel is one of frames."""
+    return "patch" in channel
+
+
+def find_column(connection: Connection, node: str, channel: str) -> dict[str, Any] | None:
+    """A channel of frames, with the keys of a row of `schema.tables.channels`.
+
+    ``patch`` and ``column`` say where it stands. Totals count all channels that are stored together
+    with it: those of its page, and of its patch once its frames are compacted. ``lo`` and ``hi``
+    are ``None``.
+
+    Args:
+        connection: In a read transaction.
+        node: The node.
+        channel: The channel.
+
+    Returns:
+        The channel; ``None`` if no layout of the node has it.
+
+    Raises:
+        UnknownDescriptionError: A layout is damaged in the store.
+    """
+    for row in read_pages(connection, node):
+        described = find_layout(connection, node, bytes(row["layout"]))
+        place = described.places.get(channel)
+        if place is not None:
+            patch = described.patches[place[0]]
+            return describe_columns(connection, node, patch)[place[1]]
+    return None
+
+
+def describe_columns(connection: Connection, node: str, patch: Patch) -> list[dict[str, Any]]:
+    """All channels of a patch, as `find_column` gives them."""
+    places = find_patch_pages(connection, node, patch.patch_id)
+    compacted = read_patch(connection, node, patch.patch_id)
+    rows: list[RowMapping] = [place.totals for place in places]
+    rows += [] if compacted is None else [compacted]
+    found: dict[str, Any] = {
+        "node": node,
+        "unit": patch.unit,
+        "patch": patch.patch_id,
+        "lo": None,
+        "hi": None,
+        "packed": None,
+        "grain": None if compacted is None else compacted["grain"],
+        "built": None if compacted is None else compacted["built"],
+        "blocks": sum(place.totals["frames"] for place in places)
+        + (0 if compacted is None else compacted["rows"]),
+        "samples": sum(row["samples"] for row in rows),
+        "bytes": sum(row["bytes"] for row in rows),
+        "longest": max((row["longest"] for row in rows), default=0),
+        "t_first": min((r["t_first"] for r in rows if r["t_first"] is not None), default=None),
+        "t_last": max((r["t_last"] for r in rows if r["t_last"] is not None), default=None),
+    }
+    last = _last_run(connection, found)
+    found["coverage"] = 1.0 if last is None else last.coverage
+    strides = (last.strides if last is not None else b"") or bytes(len(patch.taxels))
+    dt = 1 if last is None else last.dt
+    return [
+        found | {"channel": channel, "column": column, "dt": dt << strides[column]}
+        for column, channel in enumerate(patch.channels)
+    ]
+
+
+def _last_run(connection: Connection, totals: Channel) -> PatchRun | None:
+    """The latest run of a patch, which need not be in each frame of its page."""
+    last, first = totals["t_last"], totals["t_first"]
+    if last is None:
+        return None
+    span = max(totals["longest"], 1)
+    while True:
+        window = Window(before(last, span), last + 1)
+        runs = read_runs(connection, totals["node"], totals["patch"], window)
+        if runs or window.start <= first:
+            return runs[-1] if runs else None
+        span *= _WIDER
+
+
+def read_column(connection: Connection, channel: Channel, window: Window) -> list[ColumnRun]:
+    """The runs of a channel with samples in a window, in order of time, boot and sequence.
+
+    Args:
+        connection: In a read transaction.
+        channel: As `find_column` gives it.
+        window: The window.
+    """
+    node, taxel = channel["node"], channel["channel"].partition(".")[0]
+    columns: dict[bytes, tuple[int, int] | None] = {}
+    found = []
+    for run in read_runs(connection, node, channel["patch"], window):
+        if run.patch not in columns:
+            columns[run.patch] = _place(find_patch(connection, node, run.patch), taxel)
+        place = columns[run.patch]
+        column = None if place is None else _column(run, *place)
+        if column is not None and le(*clip(column.t, column.dt, column.lo.size, window)):
+            found.append(column)
+    return sorted(found, key=lambda run: run[:3])
+
+
+def find_next_sample(connection: Connection, channel: Channel, moment: int) -> int | None:
+    """A lower bound of the true time of a channel's first sample from a time on, UTC ns.
+
+    ``None`` if there is none.
+    """
+    if channel["t_last"] is None:
+        return None
+    near = min(moment + 2 * channel["longest"], channel["t_last"]) + 1
+    rest = split_column(connection, channel, Window(near, channel["t_last"] + 1))
+    for part in chain([Window(moment, near)], rest):
+        found = [
+            run.t + run.dt * clip(run.t, run.dt, run.lo.size, part)[0] - run.error
+            for run in read_column(connection, channel, part)
+        ]
+        if found:
+            return min(found)
+    return None
+
+
+def count_column(connection: Connection, channel: Channel, window: Window) -> int:
+    """The number of a channel's samples in a window."""
+    total = 0
+    for part in split_column(connection, channel, window):
+        for run in read_column(connection, channel, part):
+            first, last = clip(run.t, run.dt, run.lo.size, part)
+            total += last - first + 1
+    return total
+
+
+def split_column(connection: Connection, channel: Channel, window: Window) -> Iterator[Window]:
+    """Split a window into those whose samples fit the memory."""
+    return split_by_rows(connection, channel["node"], channel["patch"], window)
+
+
+def has_rows(connection: Connection, channel: Channel, window: Window) -> bool:
+    """Whether any row that may hold a channel begins in a window, after its start."""
+    return has_starts(connection, channel["node"], channel["patch"], window)
+
+
+def _place(patch: Patch, taxel: str) -> tuple[int, int] | None:
+    """The column of a taxel, and its skew; ``None`` if the patch did not have it."""
+    if taxel not in patch.taxels:
+        return None
+    column = patch.taxels.index(taxel)
+    return column, patch.skew[column] if patch.skew else 0
+
+
+def _column(run: PatchRun, column: int, skew: int) -> ColumnRun | None:
+    """A column of a run; ``None`` if no row has a sample of it."""
+    step = 1 << run.strides[column] if run.strides else 1
+    first = -run.first_row % step
+    lo = run.lo[first::step, column]
+    if not lo.size:
+        return None
+    return ColumnRun(
+        t=run.t + first * run.dt + skew,
+        boot=run.boot,
+        sequence=run.sequence,
+        dt=run.dt * step,
+        error=run.error,
+        coverage=run.coverage,
+        lo=lo,
+        hi=run.hi[first::step, column],
+    )

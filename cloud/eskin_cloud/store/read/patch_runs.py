@@ -1,0 +1,262 @@
+"""Read the samples of a patch: from frames, and from the rows that compaction made of them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from sqlalchemy import and_, bindparam, select
+
+from eskin.wire.frames.frame_scan import Part, scan_frames
+from eskin_cloud.store.damage import FrameHeader, is_intact_frame, is_intact_patch_row
+from eskin_cloud.store.descriptions import DescribedLayout, find_layout
+from eskin_cloud.store.patch_rows import decode_runs
+from eskin_cloud.store.patch_run import PatchRun
+from eskin_cloud.store.read.window import Window, before
+from eskin_cloud.store.row_digests import intact_rows
+from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows, patches
+from eskin_cloud.store.slot import slot_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sqlalchemy import Connection, RowMapping
+
+FRAMES_AT_ONCE: Final = 512
+ROWS_AT_ONCE: Final = 32
+"""Frames, and compacted rows of at least 10 s, whose samples are held at once."""
+
+
+def _here(table: Any) -> Any:
+    return and_(table.c.slot == bindparam("slot"), table.c.node == bindparam("node"))
+
+
+def _overlapping(table: Any) -> Any:
+    return and_(
+        table.c.t >= bindparam("earliest"),
+        table.c.t < bindparam("end"),
+        table.c.t_end >= bindparam("start"),
+    )
+
+
+_PAGES: Final = select(pages).where(_here(pages))
+_PATCH: Final = select(patches).where(_here(patches), patches.c.patch == bindparam("patch"))
+_FRAMES: Final = (
+    select(frames)
+    .where(_here(frames), frames.c.page == bindparam("page"), _overlapping(frames))
+    .order_by(frames.c.t, frames.c.boot, frames.c.sequence)
+)
+_ROWS: Final = (
+    select(patch_rows)
+    .where(_here(patch_rows), patch_rows.c.patch == bindparam("patch"), _overlapping(patch_rows))
+    .order_by(patch_rows.c.t, patch_rows.c.boot, patch_rows.c.sequence)
+)
+_FRAME_STARTS: Final = (
+    select(frames.c.t)
+    .where(
+        _here(frames),
+        frames.c.page == bindparam("page"),
+        frames.c.t >= bindparam("start"),
+        frames.c.t < bindparam("end"),
+    )
+    .order_by(frames.c.t)
+    .limit(FRAMES_AT_ONCE)
+)
+_ROW_STARTS: Final = (
+    select(patch_rows.c.t)
+    .where(
+        _here(patch_rows),
+        patch_rows.c.patch == bindparam("patch"),
+        patch_rows.c.t >= bindparam("start"),
+        patch_rows.c.t < bindparam("end"),
+    )
+    .order_by(patch_rows.c.t)
+    .limit(ROWS_AT_ONCE)
+)
+
+
+class PatchPage(NamedTuple):
+    """A page whose frames hold a patch.
+
+    Attributes:
+        described: The layout.
+        page: Number of the page.
+        number: Number of the patch in the layout.
+        totals: The page's row in `schema.frame_tables.pages`.
+    """
+
+    described: DescribedLayout
+    page: int
+    number: int
+    totals: RowMapping
+
+
+def read_pages(connection: Connection, node: str) -> list[RowMapping]:
+    """The totals of a node's pages; those of the latest layout come first."""
+    rows = connection.execute(_PAGES, {"slot": slot_of(node), "node": node}).mappings()
+    found = intact_rows(connection, pages, rows)
+    return sorted(found, key=lambda row: (row["t_last"] is None, -(row["t_last"] or 0)))
+
+
+def read_patch(connection: Connection, node: str, patch_id: str) -> RowMapping | None:
+    """The totals of a patch's compacted rows; ``None`` if it has none."""
+    key = {"slot": slot_of(node), "node": node, "patch": patch_id}
+    rows = connection.execute(_PATCH, key).mappings()
+    return next(iter(intact_rows(connection, patches, rows)), None)
+
+
+def find_patch_pages(connection: Connection, node: str, patch_id: str) -> list[PatchPage]:
+    """The pages whose frames hold a patch.
+
+    Raises:
+        UnknownDescriptionError: A layout is damaged in the store.
+    """
+    found = []
+    for row in read_pages(connection, node):
+        described = find_layout(connection, node, bytes(row["layout"]))
+        end = described.ends[row["page"]]
+        found += [
+            PatchPage(described, row["page"], number, row)
+            for number in range(end - described.layout.pages[row["page"]], end)
+            if described.patches[number].patch_id == patch_id
+        ]
+    return found
+
+
+def read_runs(connection: Connection, node: str, patch_id: str, window: Window) -> list[PatchRun]:
+    """The runs of a patch in a window, in order of time, boot and sequence.
+
+    Some may lie outside of the window: a row is read as a whole, and a frame's time is that of its
+    page. Damaged rows are reported, and their samples are missing.
+
+    Args:
+        connection: In a read transaction.
+        node: The node.
+        patch_id: The patch, whatever its description was.
+        window: The window.
+
+    Raises:
+        UnknownDescriptionError: A layout is damaged in the store.
+    """
+    found = read_compacted(connection, node, patch_id, window)
+    places: dict[int, list[PatchPage]] = defaultdict(list)
+    for place in find_patch_pages(connection, node, patch_id):
+        places[place.page].append(place)
+    for page, of_page in places.items():
+        longest = max(place.totals["longest"] for place in of_page)
+        rows = read_frame_rows(connection, node, page, window, longest)
+        for place in of_page:
+            mine = [row for row in rows if bytes(row["layout"]) == place.described.hash]
+            if mine:
+                found += (run for _, run in runs_of_frames(mine, place.described, [place.number]))
+    return sorted(found, key=lambda run: (run.t, run.boot, run.sequence))
+
+
+def read_compacted(
+    connection: Connection, node: str, patch_id: str, window: Window
+) -> list[PatchRun]:
+    """The runs of a patch in its compacted rows; otherwise as `read_runs`."""
+    totals = read_patch(connection, node, patch_id)
+    if totals is None:
+        return []
+    key = {"slot": slot_of(node), "node": node, "patch": patch_id}
+    rows = connection.execute(_ROWS, key | _bounds(window, totals["longest"])).mappings()
+    return [run for row in rows if is_intact_patch_row(row) for run in decode_runs(row["data"])]
+
+
+def read_frame_rows(
+    connection: Connection, node: str, page: int, window: Window, longest: int
+) -> list[RowMapping]:
+    """The intact rows of a page's frames in a window, in order of time.
+
+    Args:
+        connection: In a read transaction.
+        node: The node.
+        page: The page, of whatever layout.
+        window: The window.
+        longest: The longest span of such a row, ns.
+    """
+    key = {"slot": slot_of(node), "node": node, "page": page} | _bounds(window, longest)
+    rows = connection.execute(_FRAMES, key).mappings()
+    return [row for row in rows if is_intact_frame(row["data"], FrameHeader.of(row), row["head"])]
+
+
+def split_by_rows(
+    connection: Connection, node: str, patch_id: str, window: Window
+) -> Iterator[Window]:
+    """Split a window into those in which only so many rows of a patch begin as fit the memory."""
+    at = window.start
+    while at < window.end:
+        starts = _read_starts(connection, node, patch_id, Window(at, window.end))
+        full = [each[-1] for each, most in starts if len(each) == most]
+        end = max(min(full), at + 1) if full else window.end
+        yield Window(at, end)
+        at = end
+
+
+def has_starts(connection: Connection, node: str, patch_id: str, window: Window) -> bool:
+    """Whether any row that may hold a patch begins in a window, after its start."""
+    behind = Window(min(window.start + 1, window.end), window.end)
+    return any(each for each, _ in _read_starts(connection, node, patch_id, behind))
+
+
+def _read_starts(
+    connection: Connection, node: str, patch_id: str, window: Window
+) -> list[tuple[Sequence[int], int]]:
+    """When rows begin that may hold a patch, by kind of row; and how many are read at most."""
+    key = {"slot": slot_of(node), "node": node, "patch": patch_id}
+    key |= {"start": window.start, "end": window.end}
+    found = [(connection.execute(_ROW_STARTS, key).scalars().all(), ROWS_AT_ONCE)]
+    for page in sorted({each.page for each in find_patch_pages(connection, node, patch_id)}):
+        starts = connection.execute(_FRAME_STARTS, key | {"page": page}).scalars().all()
+        found.append((starts, FRAMES_AT_ONCE))
+    return found
+
+
+def _bounds(window: Window, longest: int) -> dict[str, int]:
+    return {
+        "start": window.start,
+        "end": window.end,
+        "earliest": before(window.start, longest),
+    }
+
+
+def runs_of_frames(
+    rows: Sequence[RowMapping], described: DescribedLayout, numbers: Sequence[int]
+) -> Iterator[tuple[int, PatchRun]]:
+    """The runs of some patches in frames of one layout, each with the number of its patch.
+
+    Args:
+        rows: Intact rows of `schema.frame_tables.frames`.
+        described: The layout.
+        numbers: Of the patches in the layout.
+    """
+    wanted = np.zeros(max(numbers) + 1, np.bool_)
+    wanted[list(numbers)] = True
+    records = scan_frames([row["data"] for row in rows], wanted)
+    coverage = records.coverage.tolist()
+    for record, whole in enumerate(records.whole.tolist()):
+        row, number = rows[whole[Part.FRAME]], whole[Part.PATCH]
+        shape = whole[Part.ROWS], whole[Part.COLUMNS]
+        cells = slice(whole[Part.BEGIN], whole[Part.BEGIN] + shape[0] * shape[1])
+        earliest, latest = whole[Part.EARLIEST], whole[Part.LATEST]
+        yield (
+            number,
+            PatchRun(
+                patch=described.layout.patches[number],
+                boot=row["boot"],
+                sequence=row["sequence"],
+                ticks=whole[Part.TICKS] + whole[Part.DELAY],
+                t=(earliest + latest) // 2 + whole[Part.DELAY],
+                error=(latest - earliest + 1) // 2,
+                dt=whole[Part.PERIOD],
+                first_row=whole[Part.FIRST_ROW],
+                strides=records.strides(record),
+                epoch=whole[Part.EPOCH],
+                unshared=records.unshared(record),
+                coverage=coverage[record],
+                lo=records.lo[cells].reshape(shape),
+                hi=records.hi[cells].reshape(shape),
+            ),
+        )

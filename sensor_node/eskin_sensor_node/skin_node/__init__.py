@@ -1,0 +1,1 @@
+"""One node of a large skin: stretches of time become frames, one a page."""

@@ -1,0 +1,160 @@
+"""The node of a large skin without its network: machine, columns, clock, flash and truth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from eskin.interval import Verdict
+from eskin.wire.messages import Position
+from eskin_sensor_node.firmware import states
+from eskin_sensor_node.firmware.gap_reasons import DEAD, STUCK, reason_text
+from eskin_sensor_node.firmware.schedule import Frame
+from eskin_sensor_node.machine.machine import NEVER
+from eskin_sensor_node.machine.prices import inversion, message
+from eskin_sensor_node.node.base import BaseNode
+from eskin_sensor_node.node.ground_truth import TrueFrame
+from eskin_sensor_node.node.self_test import SELF_TEST_WINDOW
+from eskin_sensor_node.skin_node.frames import FrameWriter
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from eskin_sensor_node.columns.stretch import SkinColumns, Stretch
+    from eskin_sensor_node.firmware.message_writer import Gap, Record
+    from eskin_sensor_node.firmware.outbox import Batch, Outbox
+    from eskin_sensor_node.machine.clock import Clock
+    from eskin_sensor_node.node.ground_truth import GroundTruth
+    from eskin_sensor_node.settings import NodeSettings
+
+_MOST_GAPS: Final = 500
+"""In one message, which holds 64 KiB."""
+
+
+class SkinNode(BaseNode):
+    """Samples a skin into flash, a frame for each page and stretch.
+
+    Args:
+        settings: The node's settings.
+        clock: Its clock.
+        outbox: Takes its messages; its boot number is this run's.
+        truth: The ground truth, for the audit.
+        seed: Draws what a reset makes new.
+        build: Makes the columns of a boot, by its number.
+
+    Attributes:
+        columns: The taxels.
+    """
+
+    def __init__(
+        self,
+        settings: NodeSettings,
+        *,
+        clock: Clock,
+        outbox: Outbox,
+        truth: GroundTruth,
+        seed: int,
+        build: Callable[[int], SkinColumns],
+    ) -> None:
+        super().__init__(settings, clock=clock, outbox=outbox, truth=truth, seed=seed)
+        self._build = build
+        self._boot()
+
+    def _boot_sampling(self) -> None:
+        self.columns = self._build(self._outbox.boot)
+        self._frame_writer = FrameWriter(self.columns.layout, self.columns.patches)
+        patches = enumerate(self.columns.patches)
+        self._patch_of = {taxel: number for number, patch in patches for taxel in patch.taxels}
+        self._tested = 0
+        self._rows_untested = 0
+        self._broken: frozenset[str] = frozenset()
+        self._timer = self.machine.interrupt(self._sample)
+        self._arm()
+
+    @property
+    def _sampling_due(self) -> int:
+        return self._timer.time if self._timer.running else NEVER
+
+    def _arm_sampling(self) -> None:
+        self.machine.arm(self._timer, self.machine.booted + self.columns.next_due)
+
+    def _stop_sampling(self) -> None:
+        self._timer.stop()
+
+    def _next_start(self) -> tuple[int, int]:
+        return self.columns.next_start, self.columns.next_start
+
+    def _missing(self, ticks: int) -> int:
+        return self.columns.skip(ticks)
+
+    def _skip(self, batch: Batch, ticks: int) -> int:
+        del batch
+        return self.columns.skip(ticks)
+
+    def _set_shedding(self, stage: int) -> None:
+        """Only deep sleep saves energy here: it searches no peaks."""
+
+    def _sample(self) -> None:
+        """Handle the interrupt at the end of a stretch."""
+        self.states.take(states.DUE, self._ticks)
+        self.machine.ledger.charge_interrupt()
+        stretches = self._work_off(lambda: list(self.columns.advance(self._ticks)))
+        if stretches is None:
+            return
+        for stretch in stretches:
+            self._finish(stretch)
+        self._arm()
+
+    def _finish(self, stretch: Stretch) -> None:
+        """Charge and store a stretch."""
+        known, ledger, clock = self._clock.known, self.machine.ledger, self._clock
+        begin, end = clock.true_time(stretch.begin), clock.true_time(stretch.end)
+        frames = self._frame_writer.write(stretch, known, self._outbox.message_writer)
+        for record, samples, values in frames:
+            size = len(record.body)
+            ledger.charge_message(message(size, samples), size)
+            self._batch.take([record])
+            position = Position(self._outbox.boot, record.sequence)
+            self._true.append(TrueFrame(position, begin, end, values))
+        self._charge(stretch)
+        self._batch.take(self._test(stretch))
+
+    def _charge(self, stretch: Stretch) -> None:
+        """Charge the conversions, and the way back to quantities; neighbours are left out."""
+        chain = self._settings.skin.taxel.chain
+        for number, grid in enumerate(stretch.grids):
+            inputs = sum(each.lo.shape[1] for each in stretch.patches if each.grid == number)
+            start = stretch.begin + grid.delay
+            frame = Frame(0, grid.first_row, start, 0, grid.rows, grid.period, closes=False)
+            cycles = inversion(chain, grid.rows * inputs, 0, {})
+            self.machine.ledger.charge_frame(frame, cycles=cycles, inputs=inputs)
+
+    def _test(self, stretch: Stretch) -> list[Record]:
+        """After a window of the self-test, state which taxels are broken, and were in it."""
+        self._rows_untested += max(grid.rows for grid in stretch.grids)
+        if stretch.end - self._tested < SELF_TEST_WINDOW:
+            return []
+        known = self._clock.known
+        time = known.enclosure(self._tested)[0], known.enclosure(stretch.end)[1]
+        found = {
+            taxel: DEAD if dead == Verdict.CERTAIN else STUCK
+            for taxel, dead, stuck in self.columns.examine()
+            if Verdict.CERTAIN in (dead, stuck)
+        }
+        before, self._broken = self._broken, frozenset(found)
+        # From the end of the window that shows it, a taxel's samples are unknown.
+        gaps: list[Gap] = [
+            (
+                reason_text(found[taxel], taxel),
+                time,
+                0,
+                self._rows_untested if taxel in before else 0,
+                (),
+                (self._patch_of[taxel],),
+            )
+            for taxel in sorted(found)
+        ]
+        self._tested, self._rows_untested = stretch.end, 0
+        statements = self._outbox.message_writer.statements
+        return [
+            statements(time, gaps=gaps[k : k + _MOST_GAPS]) for k in range(0, len(gaps), _MOST_GAPS)
+        ]

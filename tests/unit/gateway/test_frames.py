@@ -1,0 +1,414 @@
+"""Frames and statements are kept once their layout is, and asked for until then."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from eskin_gateway.ingest.missing_layouts import MOST_LAYOUTS
+from eskin_gateway.spool.descriptions import Descriptions, Skin
+
+from eskin.identity import IdentityKind
+from eskin.wire.envelope import Opener
+from eskin.wire.frames import Layout, content_hash
+from eskin.wire.messages import Acknowledgement
+from eskin.wire.messages.cbor_map import dump
+from eskin.wire.topics import Stream, node_topic
+from tests.unit.gateway.in_memory import LAYOUT_WAIT_S, Inside
+from tests.unit.gateway.messages import block, status
+from tests.unit.gateway.skins import LARGE, MIXED, SMALL, SkinOf, patch
+from tests.unit.gateway.wire_node import Seal
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from eskin.wire.frames import Frame, Statements
+    from tests.support.identities import Identities
+
+ACKS = node_topic("fingertip", Stream.ACKS)
+
+
+class Node:
+    """The node ``fingertip``, or another one, at a gateway's inside."""
+
+    def __init__(self, inside: Inside, identities: Identities, name: str = "fingertip") -> None:
+        own = identities.node if name == "fingertip" else identities.make(IdentityKind.NODE, name)
+        self.name = name
+        self._inside = inside
+        self._seal = Seal(own, identities.site)
+        site = identities.site.certificate
+        self._opener = Opener([own], sender=lambda _: site)
+        self.send(Stream.STATUS, status(0).encode(), introduce=True)
+
+    def send(self, stream: Stream, plaintext: bytes, *, introduce: bool = False) -> None:
+        envelope = self._seal(self.name, stream, plaintext, introduce=introduce)
+        self._inside.arrive(stream, envelope, node=self.name)
+
+    def describe(self, skin: SkinOf) -> None:
+        for each in skin.descriptions:
+            self.send(Stream.LAYOUTS, each)
+
+    def say(self, message: Frame | Statements) -> None:
+        stream = Stream.EVENTS if hasattr(message, "peaks") else Stream.FRAMES
+        self.send(stream, message.encode())
+
+    @property
+    def answers(self) -> list[Acknowledgement]:
+        topic = node_topic(self.name, Stream.ACKS)
+        sealed = self._inside.broker.on(topic)
+        return [
+            Acknowledgement.decode(self._opener.open(each, topic=topic).plaintext)
+            for each in sealed
+        ]
+
+    @property
+    def acknowledged(self) -> set[int]:
+        """Sequences."""
+        spans = [span for answer in self.answers for span in answer.spans]
+        return {number for _, first, last in spans for number in range(first, last + 1)}
+
+    @property
+    def wanted(self) -> list[tuple[bytes, ...]]:
+        return [answer.want for answer in self.answers if answer.want]
+
+
+@pytest.fixture
+def node(inside: Inside, identities: Identities) -> Node:
+    return Node(inside, identities)
+
+
+def bodies(inside: Inside) -> list[bytes]:
+    return [body for body in inside.stored() if body != status(0).encode()]
+
+
+def test_described_frame_and_statements_are_stored_and_acknowledged(
+    inside: Inside, node: Node
+) -> None:
+    node.describe(SMALL)
+    node.say(SMALL.frame(1))
+    node.say(SMALL.statements(2))
+    assert bodies(inside) == [SMALL.frame(1).encode(), SMALL.statements(2).encode()]
+    assert node.acknowledged == {0, 1, 2}
+    assert node.wanted == []
+    assert inside.rejected() == {}
+    node.say(SMALL.frame(1))
+    assert len(bodies(inside)) == 2
+    assert inside.metrics.value("messages_duplicate_total") == 1
+
+
+@pytest.mark.parametrize("message", [SMALL.frame(1), SMALL.statements(1)])
+def test_gateway_asks_for_a_layout_and_then_for_its_patches(
+    inside: Inside, node: Node, message: Frame | Statements
+) -> None:
+    node.say(message)
+    assert node.wanted == [(SMALL.layout.content_hash,)]
+    assert node.acknowledged == {0}
+    assert inside.broker.released == [1, 2], "the broker may forget it; the node has it"
+    node.send(Stream.LAYOUTS, SMALL.layout.encode())
+    inside.clock.seconds += 1.5
+    node.say(message)
+    assert node.wanted[1:] == [SMALL.layout.patches]
+    for each in SMALL.patches:
+        node.send(Stream.LAYOUTS, each.encode())
+    assert bodies(inside) == []
+    node.say(message)
+    assert bodies(inside) == [message.encode()]
+    assert node.acknowledged == {0, 1}
+    assert inside.metrics.value("messages_waiting_total") == 2
+    assert inside.rejected() == {}
+
+
+def test_many_waiting_frames_ask_once_a_second(inside: Inside, node: Node) -> None:
+    for number in range(1, 20):
+        node.say(SMALL.frame(number))
+        inside.clock.seconds += 0.1
+    assert len(node.wanted) == 2
+
+
+def test_layout_of_many_patches_is_asked_for_in_parts(inside: Inside, node: Node) -> None:
+    skin = SkinOf(*(patch(number, 1) for number in range(300)))
+    node.send(Stream.LAYOUTS, skin.layout.encode())
+    node.say(skin.frame(1, rows=1))
+    (first,) = node.wanted
+    assert first == skin.layout.patches[:256]
+    for each in skin.patches[:256]:
+        node.send(Stream.LAYOUTS, each.encode())
+    inside.clock.seconds += 1.5
+    node.say(skin.frame(1, rows=1))
+    assert node.wanted[1] == skin.layout.patches[256:]
+
+
+def test_frames_wait_for_their_layout_for_a_limited_time(
+    inside: Inside, node: Node, identities: Identities
+) -> None:
+    other = Node(inside, identities, "palm")
+    other.describe(LARGE)
+    waited = 0.0
+    while waited < LAYOUT_WAIT_S:
+        assert inside.spool.dead_letters() == []
+        node.say(SMALL.frame(1))
+        other.say(LARGE.frame(int(waited) + 1))
+        inside.clock.seconds += 30.0
+        waited += 30.0
+    assert len(other.acknowledged) == 1 + 20, "no other node waits"
+    node.say(SMALL.frame(1))
+    (letter,) = inside.spool.dead_letters()
+    assert (letter.node, letter.body) == ("fingertip", b"")
+    assert SMALL.layout.content_hash.hex() in letter.reason
+    assert "sequence 1" in letter.reason
+    assert node.acknowledged == {0, 1}, "the node may forget it"
+    node.say(SMALL.frame(2))
+    assert len(inside.spool.dead_letters()) == 2
+    node.describe(SMALL)
+    node.say(SMALL.frame(3))
+    assert bodies(inside)[-1] == SMALL.frame(3).encode()
+
+
+def test_time_of_waiting_begins_anew_when_a_node_was_away(inside: Inside, node: Node) -> None:
+    node.say(SMALL.frame(1))
+    inside.clock.seconds += LAYOUT_WAIT_S + 100.0
+    node.say(SMALL.frame(1))
+    assert inside.spool.dead_letters() == []
+    assert len(node.wanted) == 2
+
+
+def test_node_that_names_many_layouts_makes_dead_letters(inside: Inside, node: Node) -> None:
+    """A node with frames of ever other layouts takes bounded memory."""
+    for number in range(1, MOST_LAYOUTS + 5):
+        node.say(replace(SMALL.frame(number), layout=bytes([number]) * 32))
+    assert len(inside.spool.dead_letters()) == 4
+    assert node.acknowledged == {0, *range(MOST_LAYOUTS + 1, MOST_LAYOUTS + 5)}
+
+
+def test_layout_of_another_node_counts_for_that_node_alone(
+    inside: Inside, node: Node, identities: Identities
+) -> None:
+    node.describe(SMALL)
+    other = Node(inside, identities, "palm")
+    other.say(SMALL.frame(1))
+    assert other.wanted == [(SMALL.layout.content_hash,)]
+    assert bodies(inside) == []
+
+
+WIDER = SkinOf(patch(0, 4), patch(1, 2))
+UNFIT: dict[str, Frame | Statements] = {
+    "columns": replace(WIDER.frame(1), layout=SMALL.layout.content_hash),
+    "page": replace(LARGE.frame(1, page=1), layout=SMALL.layout.content_hash),
+    "epoch": replace(
+        SMALL.frame(1), patches=tuple(replace(each, epoch=1) for each in SMALL.frame(1).patches)
+    ),
+    "patch": replace(
+        SMALL.statements(1), peaks=(SMALL.statements(1).peaks[0]._replace(patch=2),), gaps=()
+    ),
+    "column": replace(
+        SMALL.statements(1), peaks=(SMALL.statements(1).peaks[0]._replace(column=3),)
+    ),
+    "gap": replace(SMALL.statements(1), gaps=(SMALL.statements(1).gaps[0]._replace(patches=(9,)),)),
+}
+
+
+@pytest.mark.parametrize("what", UNFIT)
+def test_message_that_does_not_fit_its_layout_is_a_dead_letter(
+    inside: Inside, node: Node, what: str
+) -> None:
+    node.describe(SMALL)
+    for _ in range(2):
+        node.say(UNFIT[what])
+    (letter,) = inside.spool.dead_letters()
+    assert letter.body == UNFIT[what].encode(), "no patch is biometric"
+    assert letter.reason
+    assert bodies(inside) == []
+    assert node.acknowledged == {0, 1}
+    node.say(SMALL.frame(2))
+    assert bodies(inside) == [SMALL.frame(2).encode()]
+
+
+def test_layout_that_contradicts_its_patches_makes_dead_letters(inside: Inside, node: Node) -> None:
+    one_page = SkinOf(*MIXED.patches)  # a page of two privacy classes
+    node.describe(one_page)
+    node.say(replace(SMALL.frame(1), layout=one_page.layout.content_hash))
+    (letter,) = inside.spool.dead_letters()
+    assert letter.body == b""
+    assert "privacy" in letter.reason
+
+
+def test_patch_named_as_a_layout_makes_dead_letters(inside: Inside, node: Node) -> None:
+    node.describe(SMALL)
+    node.say(replace(SMALL.frame(1), layout=SMALL.layout.patches[0]))
+    assert len(inside.spool.dead_letters()) == 1
+    assert node.acknowledged == {0, 1}
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        replace(SkinOf(MIXED.patches[1]).frame(1), layout=MIXED.layout.content_hash, page=1,
+                patches=(replace(SkinOf(MIXED.patches[1]).frame(1).patches[0], patch=1),)),
+        MIXED.statements(1, number=1),
+        MIXED.statements(1),
+    ],
+)  # fmt: skip
+def test_biometric_data_are_refused_and_kept_nowhere(
+    inside: Inside, node: Node, message: Frame | Statements, tmp_path: Path
+) -> None:
+    node.describe(MIXED)
+    node.say(message)
+    (letter,) = inside.spool.dead_letters()
+    assert letter.body == b""
+    assert "biometric" in letter.reason
+    assert bodies(inside) == []
+    assert node.acknowledged == {0, 1}
+    written = b"".join(file.read_bytes() for file in tmp_path.glob("spool.db*"))
+    assert message.encode() not in written
+    node.say(MIXED.frame(2))
+    assert bodies(inside) == [MIXED.frame(2).encode()], "its public page is public"
+
+
+def test_channel_named_as_biometric_is_biometric_in_any_patch(inside: Inside, node: Node) -> None:
+    skin = SkinOf(replace(patch(0, 2), quantity="bioelectric", unit="V"))
+    node.describe(skin)
+    node.say(skin.frame(1))
+    (letter,) = inside.spool.dead_letters()
+    assert letter.body == b""
+
+
+def test_frame_on_another_stream_is_a_dead_letter(inside: Inside, node: Node) -> None:
+    node.describe(SMALL)
+    node.send(Stream.EVENTS, SMALL.frame(1).encode())
+    node.send(Stream.FRAMES, SMALL.statements(2).encode())
+    node.send(Stream.FRAMES, block(3).encode())
+    node.send(Stream.LAYOUTS, SMALL.frame(4).encode())
+    assert len(inside.spool.dead_letters()) == 4
+    assert node.acknowledged == {0, 1, 2, 3, 4}
+    assert bodies(inside) == []
+
+
+def test_description_in_another_encoding_is_a_dead_letter(inside: Inside, node: Node) -> None:
+    node.send(Stream.LAYOUTS, SMALL.layout.encode() + b"\x00")
+    node.send(Stream.LAYOUTS, dump({1: 10, 2: b"short", 3: [1]}))
+    assert len(inside.spool.dead_letters()) == 2
+    assert inside.rejected() == {"unreadable": 2}
+
+
+def test_descriptions_outlive_a_restart(
+    inside: Inside, node: Node, identities: Identities, tmp_path: Path
+) -> None:
+    node.describe(SMALL)
+    node.say(SMALL.frame(1))
+    inside.spool.close()
+    later = Inside(tmp_path, identities)
+    again = Node(later, identities)
+    again.say(SMALL.frame(2))
+    assert bodies(later) == [SMALL.frame(1).encode(), SMALL.frame(2).encode()]
+    assert again.wanted == []
+    later.spool.close()
+
+
+def test_descriptions_of_a_batch_that_was_not_committed_are_asked_for_again(
+    inside: Inside, node: Node
+) -> None:
+    seal = node._seal
+    received = [
+        inside.received_message(Stream.LAYOUTS, seal("fingertip", Stream.LAYOUTS, each))
+        for each in SMALL.descriptions
+    ]
+    inside.validator.validate(received)
+    inside.validator.reset()  # as after a failed commit
+    node.say(SMALL.frame(1))
+    assert node.wanted == [(SMALL.layout.content_hash,)]
+    assert bodies(inside) == []
+
+
+def test_damaged_description_is_asked_for_again(
+    inside: Inside, node: Node, identities: Identities, tmp_path: Path
+) -> None:
+    node.describe(SMALL)
+    inside.spool._ingest.execute("UPDATE descriptions SET body = x'00' WHERE rowid = 1")
+    inside.spool.close()
+    later = Inside(tmp_path, identities)
+    again = Node(later, identities)
+    again.say(SMALL.frame(1))
+    assert again.wanted == [(SMALL.layout.patches[0],)]
+    again.describe(SMALL)
+    again.say(SMALL.frame(1))
+    assert bodies(later) == [SMALL.frame(1).encode()]
+    later.spool.close()
+
+
+def test_oldest_unneeded_descriptions_are_evicted(inside: Inside, node: Node) -> None:
+    """10,000 layouts of a node are bounded, and evict none that a spooled frame needs."""
+    node.describe(SMALL)
+    node.say(SMALL.frame(1))
+    small = Descriptions(inside.spool, most=100)
+    inside.validator._descriptions = small
+    flood = [Layout((content_hash(b"%d" % number),), (1,)).encode() for number in range(10_000)]
+    seal = node._seal
+    for begin in range(0, len(flood), 500):
+        inside.commit_loop.process(
+            [
+                inside.received_message(Stream.LAYOUTS, seal("fingertip", Stream.LAYOUTS, each))
+                for each in flood[begin : begin + 500]
+            ]
+        )
+    kept = inside.spool.description_sizes("fingertip")
+    assert set(SMALL.hashes) <= set(kept)
+    assert content_hash(flood[-1]) in kept
+    assert len(kept) <= 100
+    assert inside.rejected() == {}
+    node.say(SMALL.frame(2))
+    assert bodies(inside)[-1] == SMALL.frame(2).encode()
+    # Once the cloud has its frames, nothing needs the layout.
+    stored = inside.spool.take(100, 10**9)
+    inside.spool.settle(stored)
+    for each in flood[:200]:
+        node.send(Stream.LAYOUTS, each)
+    assert not set(SMALL.hashes) & set(inside.spool.description_sizes("fingertip"))
+    inside.clock.seconds += 2.0
+    node.say(SMALL.frame(3))
+    assert node.wanted == [(SMALL.layout.content_hash,)]
+
+
+def test_description_for_which_nothing_can_be_evicted_is_rejected(
+    inside: Inside, node: Node
+) -> None:
+    node.describe(SMALL)
+    node.say(SMALL.frame(1))
+    inside.validator._descriptions = Descriptions(inside.spool, most=3)
+    node.send(Stream.LAYOUTS, LARGE.layout.encode())
+    assert inside.rejected() == {"too_many_descriptions": 1}
+    node.say(SMALL.frame(2))
+    assert bodies(inside)[-1] == SMALL.frame(2).encode()
+
+
+def test_node_with_bytes_beyond_its_limit_keeps_what_is_needed(inside: Inside, node: Node) -> None:
+    node.describe(SMALL)
+    node.say(SMALL.frame(1))
+    used = sum(len(each) for each in SMALL.descriptions)
+    inside.validator._descriptions = Descriptions(inside.spool, most_bytes=used + 300)
+    for number in range(50):
+        node.send(Stream.LAYOUTS, patch(number, 5).encode())
+    kept = inside.spool.description_sizes("fingertip")
+    assert set(SMALL.hashes) <= set(kept)
+    assert sum(kept.values()) <= used + 300
+
+
+def test_skin_is_joined_as_its_parts_say(inside: Inside, node: Node) -> None:
+    node.describe(LARGE)
+    found = Descriptions(inside.spool).find("fingertip", LARGE.layout.content_hash)
+    assert isinstance(found, Skin)
+    assert (found.layout, found.patches, found.channels) == (LARGE.layout, LARGE.patches, 80)
+
+
+def test_frame_of_too_many_channels_is_a_dead_letter(inside: Inside, node: Node) -> None:
+    """A frame whose samples could exceed 64 KiB is rejected, however few bytes it has."""
+    huge = SkinOf(*(patch(number, 64) for number in range(20)))
+    node.describe(huge)
+    whole = huge.frame(1, rows=5).encode()
+    rows = whole.index(b"\x85\x00\x1a\x01\x31\x2d\x00\x05\x05") + 8
+    node.send(Stream.FRAMES, whole[:rows] + b"\x18\xc8" + whole[rows + 1 :])
+    assert len(inside.spool.dead_letters()) == 1
+    assert np.sum([len(body) for body in bodies(inside)]) == 0
+    node.say(huge.frame(2))
+    assert bodies(inside) == [huge.frame(2).encode()]
