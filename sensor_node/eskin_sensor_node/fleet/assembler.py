@@ -121,7 +121,8 @@ class _Matrix:
     @property
     def samples(self) -> NDArray[np.int64]:
         """How many samples each node sends."""
-        return np.sum([part.sent * part.frame.n for part in self.parts], axis=0, dtype=np.int64)
+        each = [part.sent * part.frame.n for part in self.parts]
+        return np.asarray(np.sum(each, axis=0, dtype=np.int64))
 
     def filled(self, name: str, empty: float) -> Floats:
         """Nodes × cells: a part's attribute where it is sent, else one value."""
@@ -187,7 +188,7 @@ class CohortAssembler:
             row, here = int(record["row"]), present[:, record["row"]]
             values = whole[row]
             if not here.all():
-                values = np.concatenate([t[row] for t, is_here in zip(truth, here, strict=True) if is_here])
+                values = np.concatenate([truth[k][row] for k in np.flatnonzero(here).tolist()])
             begin = int(starts[here].min())
             end = int(ends[here].max() + periods[here].max())
             yield _written(record, out, begin, end, values)
@@ -225,9 +226,12 @@ class CohortAssembler:
             np.array([grid[1:4] for grid in grids], np.int64),
             np.array([grid[4] for grid in grids]),
             strides,
-            strides.any(axis=1),
+            np.asarray(strides.any(axis=1)),
             samples,
-            *numbers,
+            numbers[0],
+            numbers[1],
+            numbers[2],
+            numbers[3],
             np.concatenate(codes),
         )
 

@@ -122,64 +122,83 @@ def _write_patch(out: Bytes, at: int, page: Page, row: int, k: int, grid: int) -
     return at
 
 
+@part
+def _survey(page: Page, row: int, place: Integers) -> tuple[int, int, int]:
+    """Which matrices and grids a node's frame has.
+
+    Args:
+        page: The page.
+        row: The node's.
+        place: Takes the number of each grid in the frame, or -1.
+
+    Returns:
+        How many matrices, ticks of the first row, ticks of the last one.
+    """
+    first = last = patches = grids = 0
+    place[:] = -1
+    for k in range(len(page.heads)):
+        if page.samples[k, row] == 0:
+            continue
+        start, end = page.heads[k, 2], page.heads[k, 3]
+        first = start if patches == 0 else min(first, start)
+        last = end if patches == 0 else max(last, end)
+        patches += 1
+        if place[page.heads[k, 4]] < 0:
+            place[page.heads[k, 4]] = grids
+            grids += 1
+    return patches, first, last
+
+
+@part
+def _write_matrices(
+    out: Bytes, at: int, page: Page, row: int, first: int, place: Integers, room: Scratch
+) -> int:
+    """Write grids in the order of their first use, then patches."""
+    at = head(out, integer(out, at, 8), ARRAY, place.max() + 1)
+    written = 0
+    for k in range(len(page.heads)):
+        grid = page.heads[k, 4]
+        if page.samples[k, row] and place[grid] == written:
+            at = _write_grid(out, at, page, page.heads[k, 2] - first, grid, room)
+            written += 1
+    at = head(out, integer(out, at, 9), ARRAY, np.count_nonzero(page.samples[:, row]))
+    for k in range(len(page.heads)):
+        if page.samples[k, row]:
+            at = _write_patch(out, at, page, row, k, place[page.heads[k, 4]])
+    return at
+
+
 @kernel
 def write_frames(
     page: Page, writing: Writing, group: Group, out: Bytes, records: Any
 ) -> tuple[int, int]:
     """Write the frames of one page; gives how many bytes, and how many frames."""
     room, at, count = scratch(), 0, 0
-    matrices = len(page.heads)
     place = np.empty(len(page.grids), np.int64)
     for row in range(group.numbers.size):
         node = group.numbers[row]
-        first, last, total, patches, grids = 0, 0, 0, 0, 0
-        if node == GONE:
-            continue
-        place[:] = -1
-        for k in range(matrices):
-            if page.samples[k, row] == 0:
-                continue
-            start, end = page.heads[k, 2], page.heads[k, 3]
-            first = start if patches == 0 else min(first, start)
-            last = end if patches == 0 else max(last, end)
-            total += page.samples[k, row]
-            patches += 1
-            if place[page.heads[k, 4]] < 0:
-                place[page.heads[k, 4]] = grids
-                grids += 1
-        if patches == 0:
+        patches, first, last = _survey(page, row, place)
+        if node == GONE or patches == 0:
             continue
         error = error_at(writing.error, writing.drift, last)
         middle = group.nodes.readings[node] + first
         sequence, record = _next(group, row), records[count]
         record.row, record.kind, record.sequence = row, FRAME, sequence
         record.earliest, record.latest = middle - error, middle + error + last - first
-        record.samples, record.begin = total, at
+        record.samples, record.begin = page.samples[:, row].sum(), at
         at = begun(out, at, FRAME, 9, group.nodes.boots[node], sequence)
         at = _octets(out, integer(out, at, 4), writing.layout)
         at = integer(out, integer(out, at, 5), page.number)
         at = integer(out, integer(out, at, 6), first)
         at = pair(out, at, 7, middle - error, middle + error)
-        at = head(out, integer(out, at, 8), ARRAY, grids)
-        written = 0
-        for k in range(matrices):
-            grid = page.heads[k, 4]
-            if page.samples[k, row] and place[grid] == written:
-                at = _write_grid(out, at, page, page.heads[k, 2] - first, grid, room)
-                written += 1
-        at = head(out, integer(out, at, 9), ARRAY, patches)
-        for k in range(matrices):
-            if page.samples[k, row]:
-                at = _write_patch(out, at, page, row, k, place[page.heads[k, 4]])
+        at = _write_matrices(out, at, page, row, first, place, room)
         record.end = at
         count += 1
     return at, count
 
 
 @part
-def _write_grid(
-    out: Bytes, at: int, page: Page, delay: int, grid: int, room: Scratch
-) -> int:
+def _write_grid(out: Bytes, at: int, page: Page, delay: int, grid: int, room: Scratch) -> int:
     at = integer(out, head(out, at, ARRAY, 5), delay)
     for k in range(3):
         at = integer(out, at, page.grids[grid, k])

@@ -116,7 +116,8 @@ def _coverage(coverage: float, samples: int) -> float:
     """Probability that so many samples hold at once, at least."""
     if coverage == 1.0:
         return 1.0
-    return max(0.0, _down(1.0 - _up(samples * (1.0 - coverage))))
+    least: float = max(0.0, _down(1.0 - _up(samples * (1.0 - coverage))))
+    return least
 
 
 @part
@@ -168,9 +169,7 @@ def _pause(
     """Join nothing across some missing samples, or none; takes the peaks that stay undecided."""
     if design.prominences[k] > 0.0:
         missing = np.full(1, nan)
-        count = _seek(
-            missing, missing, row, k, design, group, columns, peaks, count, events
-        )
+        count = _seek(missing, missing, row, k, design, group, columns, peaks, count, events)
         columns.progress[k, row].index += samples - 1
     return count
 

@@ -24,7 +24,6 @@ from eskin_sensor_node.link.keys import NodeKeys
 from eskin_sensor_node.machine.budget import require_ram
 from eskin_sensor_node.machine.flash.file import FlashFile
 from eskin_sensor_node.machine.processor import require_speed
-from eskin_sensor_node.machine.schedule import build_schedule
 from eskin_sensor_node.node.factory import REBOOT, chip_key
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.settings import RadioSection

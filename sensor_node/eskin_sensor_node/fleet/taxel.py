@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.kinds.converter import Codes
     from eskin_sensor_node.node.taxel import SignalChain
 
+
 class TaxelState(NamedTuple):
     """Where one taxel of some nodes stands.
 
@@ -186,8 +187,17 @@ class TaxelRows:
         given = (lows.copy(), highs.copy()) if self._design.smoothing > 0.0 else (lows, highs)
         sent = np.zeros(lows.shape[:2], np.bool_)
         peaks, events = self._room(frame.n)
-        state = self._design, self._group, self.columns
-        count = report(frame.closes, *given, *state, sent, peaks, events)
+        count = report(
+            frame.closes,
+            given[0],
+            given[1],
+            self._design,
+            self._group,
+            self.columns,
+            sent,
+            peaks,
+            events,
+        )
         self.next = self._schedule.following(frame)
         parts = [
             Part(patch, column, frame, self._design.coverage, lows[k], highs[k], truth, sent[k])

@@ -17,8 +17,8 @@ from eskin.wire.frames import frame_limit
 from eskin.wire.messages.cbor_map import MOST_BYTES
 from eskin_sensor_node.firmware.autoranging import MOST
 from eskin_sensor_node.firmware.taxel.pad import SLOTS
-from eskin_sensor_node.machine.processor import greatest_frames
 from eskin_sensor_node.machine.node_layout import plan_layout
+from eskin_sensor_node.machine.processor import greatest_frames
 from eskin_sensor_node.machine.schedule import build_schedule
 
 if TYPE_CHECKING:
@@ -127,7 +127,9 @@ def ram_budget(settings: NodeSettings) -> Budget:
         waiting=sum(bounds) + _PART * sum(len(taxel.units) for taxel in settings.taxel),
         objects=sum(map(taxel_objects, settings.taxel)),
         # All frames of a stretch, one more while it is sealed, a matrix while it is encoded.
-        messages=sum(frames) + 2 * min(sum(frames), MOST_BYTES) + max(cells) * _CELL
+        messages=sum(frames)
+        + 2 * min(sum(frames), MOST_BYTES)
+        + max(cells) * _CELL
         + peaks * _PEAKS * _PEAK,
         window=_FLIGHT * settings.broker.window,
     )

@@ -123,23 +123,26 @@ def plan_layout(settings: NodeSettings) -> NodeLayout:
         for number in numbers:
             most[number] = min(most[number], rows)
     patches = _describe(settings, parts)
-    rows = [
+    capacities = [
         min(build_schedule(settings.taxel[k], settings.sampling, most[k]).capacity for k in numbers)
         for _, numbers in parts
     ]
-    pages = _pages([(len(n), r, key.biometric) for (key, n), r in zip(parts, rows, strict=True)])
+    pages = _pages(
+        [(len(n), rows, key.biometric) for (key, n), rows in zip(parts, capacities, strict=True)]
+    )
     layout = Layout(tuple(patch.content_hash for patch in patches), tuple(map(len, pages)))
-    columns: list[list[Column]] = [[] for _ in settings.taxel]
     page_of = {number: page for page, members in enumerate(pages) for number in members}
     places: dict[tuple[int, str], Column] = {}
     for number, ((key, taxels), patch) in enumerate(zip(parts, patches, strict=True)):
         finest = finest_exponent(patch.least_width)
         planned = PlannedPatch(number, page_of[number], len(taxels), finest, patch.subject or "")
-        for column, taxel in enumerate(taxels):
-            places[taxel, key.quantity] = Column(planned, column)
-    for number, taxel in enumerate(settings.taxel):
-        columns[number] = [places[number, quantity] for quantity in taxel.units]
-    return NodeLayout(layout, patches, tuple(map(tuple, columns)), tuple(most))
+        for column, place in enumerate(taxels):
+            places[place, key.quantity] = Column(planned, column)
+    columns = tuple(
+        tuple(places[number, quantity] for quantity in taxel.units)
+        for number, taxel in enumerate(settings.taxel)
+    )
+    return NodeLayout(layout, patches, columns, tuple(most))
 
 
 def _most_rows(columns: int) -> int:
@@ -211,7 +214,7 @@ def least_widths(taxel: TaxelSection, companions: Mapping[str, Companion]) -> di
 
 @functools.cache
 def _least_widths(
-    firmware: type[Any], sheet: Iterable[tuple[str, float]], bits: tuple[int, ...]
+    firmware: Any, sheet: tuple[tuple[str, float]], bits: tuple[int, ...]
 ) -> tuple[float, ...]:
     values = dict(sheet)
     calibrated = firmware(values, compiled_inversion())

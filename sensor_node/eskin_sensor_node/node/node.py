@@ -197,9 +197,7 @@ class Node(BaseNode):
         if taken and self.sampling.due > self.machine.booted + taken[0][1].due:
             self._batch.take(self._flush())
 
-    def _finish(
-        self, number: int, frame: Frame, gaps: list[Record], truth: list[TruePart]
-    ) -> None:
+    def _finish(self, number: int, frame: Frame, gaps: list[Record], truth: list[TruePart]) -> None:
         """Charge and schedule after a frame."""
         taxel = self.taxels[number]
         ledger, cycles = self.machine.ledger, taxel.cycles(frame.n)

@@ -15,8 +15,8 @@ from eskin.errors import FlashError
 from eskin.privacy.subject import KEY_BYTES
 from eskin_sensor_node.machine.clock import Clock, Crystal
 from eskin_sensor_node.machine.compilation import compiled_inversion
-from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.machine.flash.flash import Flash
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.node.node import Node
