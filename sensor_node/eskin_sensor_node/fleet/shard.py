@@ -105,6 +105,9 @@ class Shard:
             )
             for row, chip in enumerate(chips)
         ]
+        with storage.commit():
+            for outbox in self.outboxes:
+                outbox.describe(*described)
         self._alone = reason_to_sample_alone(settings) is not None
         if self._alone:
             for row in range(len(names)):

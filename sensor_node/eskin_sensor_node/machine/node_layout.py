@@ -208,13 +208,14 @@ def least_widths(taxel: TaxelSection, companions: Mapping[str, Companion]) -> di
     """Least width of each quantity's intervals, over readings of the converter."""
     sheet = data_sheet(taxel, companions)
     bits = [taxel.adc_bits, *(each.taxel.adc_bits for each in companions.values())]
-    widths = _least_widths(taxel.firmware, tuple(sorted(sheet.items())), tuple(bits))
+    firmware: Any = taxel.firmware
+    widths = _least_widths(firmware, tuple(sorted(sheet.items())), tuple(bits))
     return dict(zip(taxel.units, widths, strict=True))
 
 
 @functools.cache
 def _least_widths(
-    firmware: Any, sheet: tuple[tuple[str, float]], bits: tuple[int, ...]
+    firmware: Any, sheet: tuple[tuple[str, float], ...], bits: tuple[int, ...]
 ) -> tuple[float, ...]:
     values = dict(sheet)
     calibrated = firmware(values, compiled_inversion())
