@@ -22,7 +22,7 @@ from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.schedule import build_schedule
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from eskin_sensor_node.kinds.settings import Companion, TaxelSection
     from eskin_sensor_node.settings import NodeSettings
