@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from benchmarks.columns import measure_columns
 from benchmarks.contacts import measure_contacts
 from benchmarks.dashboard import measure_dashboard
 from benchmarks.envelope import measure_envelope
@@ -46,6 +47,8 @@ def main() -> None:
         rows += measure_peaks()
     with console.status("contacts of a large skin …"):
         rows += measure_contacts()
+    with console.status("a large skin in columns …"):
+        rows += measure_columns()
     with console.status("packs beside the blocks that they are made of …"):
         rows += measure_packing()
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:

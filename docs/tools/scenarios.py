@@ -31,7 +31,12 @@ eskin contains
 [hand](../sensor_node/eskin_sensor_node/profiles/hand.toml), and
 [walk.toml](../sensor_node/eskin_sensor_node/scenarios/walk.toml), for
 [sole](../sensor_node/eskin_sensor_node/profiles/sole.toml) and
-[sock](../sensor_node/eskin_sensor_node/profiles/sock.toml).
+[sock](../sensor_node/eskin_sensor_node/profiles/sock.toml). For the large skins
+[paper-hand](../sensor_node/eskin_sensor_node/profiles/paper-hand.toml) and
+[small-hand](../sensor_node/eskin_sensor_node/profiles/small-hand.toml) there are
+[paper-hand.toml](../sensor_node/eskin_sensor_node/scenarios/paper-hand.toml) (fingers tap, a ball
+rolls over the palm, a grip holds) and
+[small-hand.toml](../sensor_node/eskin_sensor_node/scenarios/small-hand.toml) (the hand at 5 mm).
 
 Times count in seconds from the scenario's begin, places are names of taxels (`t00`, `t01`, …).
 Keys end in their unit. What cannot be played is refused with one line: file, place, reason, as in

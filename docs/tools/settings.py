@@ -66,6 +66,10 @@ _TAXELS = """\
 
 One table a sensing element, only in the file. Start from a packaged profile: {profiles}.
 
+A profile with a `[skin]` has none. There, `[skin.pad]`, `[skin.thermometer]` and
+`[skin.hygrometer]` take the keys of such a table, all but `id`, `kind`, `scenario`, `place`,
+`sampling_Hz`, `thermometer` and `hygrometer`, which the skin sets.
+
 A key ends in its SI unit. `X_tolerance` is relative: the true part lies anywhere inside
 `X · [1 - tolerance, 1 + tolerance]`, and the firmware knows no more. `Q_prominence_UNIT` is the
 least prominence of a peak of the quantity Q; without it, peaks of Q are not looked for. Each

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 Named = Annotated[
     str | None,
-    typer.Option("--profile", help="A packaged profile, or paper-hand, the paper's 8400 taxels."),
+    typer.Option("--profile", help="A packaged profile, such as paper-hand, the paper's."),
 ]
 Config = Annotated[Path | None, typer.Option(help="TOML file with a node's settings.")]
 Seconds = Annotated[
     int | None,
-    typer.Option(min=1, max=86_400, help="Emulated seconds to run, else the design's own."),
+    typer.Option(min=1, max=86_400, help="Emulated seconds to run, else 20."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: bounds in W, as [lo, hi].")]
 
@@ -32,26 +32,27 @@ def energy(
 ) -> None:
     """Tell what a node spends and harvests in each mode, from its firmware really running."""
     from eskin_sensor_node.tools.budget import Design
+    from eskin_sensor_node.tools.budget.design import SECONDS
 
     if (profile is None) == (config is None):
         raise SettingsError("--profile", "give either --profile NAME or --config FILE.toml")
     design = Design.read(config) if config is not None else Design.named(str(profile))
-    budgets = _measure(design, design.seconds if seconds is None else seconds)
+    budgets = _measure(design, SECONDS if seconds is None else seconds)
     said = _json(budgets) if as_json else _table(budgets)
     typer.echo(said)
 
 
 def _measure(design: Design, seconds: int) -> list[Budget]:
-    from eskin_sensor_node.tools.budget.budget import MODES, Budget
+    from eskin_sensor_node.tools.budget import Budget
     from rich.console import Console
     from rich.progress import Progress
 
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("running the firmware", total=seconds * len(MODES))
+        task = bar.add_task("running the firmware", total=seconds * len(design.modes))
         return [
             Budget.measure(design, mode, seconds, lambda passed: bar.advance(task, passed))
-            for mode in MODES
+            for mode in design.modes
         ]
 
 
@@ -68,10 +69,9 @@ def _table(budgets: list[Budget]) -> str:
     from eskin_sensor_node.tools.budget import conditions, saving
 
     design = budgets[0].design
-    taxels = len(design.settings.taxel)
     lines = [
         f"{design.name}: {design.description}",
-        f"{design.nodes} x {taxels} taxels, {budgets[0].seconds} s, mean power:",
+        f"{design.taxels} taxels, {budgets[0].seconds} s, mean power:",
         "",
         f"{'':<20}" + "".join(f"{each.mode:>25}" for each in budgets),
     ]
@@ -115,8 +115,7 @@ def _json(budgets: list[Budget]) -> str:
     return json.dumps(
         {
             "design": design.name,
-            "nodes": design.nodes,
-            "taxels": design.nodes * len(design.settings.taxel),
+            "taxels": design.taxels,
             "seconds": budgets[0].seconds,
             "conditions": conditions(design.settings),
             "modes": modes,

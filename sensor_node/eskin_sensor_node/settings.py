@@ -40,8 +40,8 @@ class NodeSection(Section):
     name: str = Field(description="the node's id: common name of its certificate")
     profile: str = Field(
         description="name of its design; without [[taxel]] tables, the packaged profile of that "
-        "name (fingertip, palm, forearm, hand, sole, sock) gives them; its [sampling] and [energy] "
-        "apply wherever the file has no value"
+        "name (fingertip, palm, forearm, hand, sole, sock, and with a skin paper-hand, small-hand) "
+        "gives them; its other sections apply wherever the file has no value"
     )
     description: str = Field(
         default="", max_length=200, description="one line for people; empty: the profile's"

@@ -9,19 +9,26 @@ from eskin_sensor_node.fleet.service import warm_up as warm_up_fleet
 from eskin_sensor_node.node.offline import warm_up
 from eskin_sensor_node.profile import profile_names
 from eskin_sensor_node.tools.budget import Design
+from eskin_sensor_node.tools.budget.skin_work import skin_work
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 
 def _warm_up_node(profile: str) -> None:
-    warm_up(Design.named(profile).settings)
+    settings = Design.named(profile).settings
+    if settings.skin.present:
+        skin_work(settings, 1, lambda _: None)
+    else:
+        warm_up(settings)
 
 
 def _warm_up_fleets() -> None:
     """Their nodes measure into columns of arrays, which are other types."""
     for profile in profile_names():
-        warm_up_fleet(Design.named(profile).settings)
+        settings = Design.named(profile).settings
+        if not settings.skin.present:
+            warm_up_fleet(settings)
 
 
 STEPS: Final[dict[str, Callable[[], object]]] = {

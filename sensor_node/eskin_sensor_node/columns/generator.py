@@ -7,18 +7,21 @@ easy as 1, 2, 3", SC'11 (2011). A block of 128 bits is two uniform numbers, or o
 from __future__ import annotations
 
 from math import cos, log, pi, sqrt
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
 from eskin.kernels.jit import kernel, part
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
 
-    Integers = NDArray[np.int64]
+    Integers: TypeAlias = NDArray[np.int64]
+    Word: TypeAlias = np.uint64
 
 _WORD: Final = np.uint64(0xFFFFFFFF)
 _HALF: Final = np.uint64(32)
@@ -34,11 +37,11 @@ _PARTS: Final = 0
 
 
 @part
-def block(low: int, high: int, key: int) -> tuple[int, int]:
+def block(low: Word, high: Word, key: Word) -> tuple[Word, Word]:
     """Encrypt a counter of 128 bits, words in ascending order, with a key of 64."""
-    x0, x1 = np.uint64(low) & _WORD, np.uint64(low) >> _HALF
-    x2, x3 = np.uint64(high) & _WORD, np.uint64(high) >> _HALF
-    k0, k1 = np.uint64(key) & _WORD, np.uint64(key) >> _HALF
+    x0, x1 = low & _WORD, low >> _HALF
+    x2, x3 = high & _WORD, high >> _HALF
+    k0, k1 = key & _WORD, key >> _HALF
     for _ in range(_ROUNDS):
         first, second = _MULTIPLIERS[0] * x0, _MULTIPLIERS[1] * x2
         x0, x1 = (second >> _HALF) ^ x1 ^ k0, second & _WORD
@@ -48,18 +51,18 @@ def block(low: int, high: int, key: int) -> tuple[int, int]:
 
 
 @part
-def _fraction(bits: int) -> float:
+def _fraction(bits: Word) -> float:
     """A multiple of 2^-53 from 0 to below 1."""
-    return float(np.uint64(bits) >> _MANTISSA) * _UNIT
+    return float(bits >> _MANTISSA) * _UNIT
 
 
 @part
-def _counter(taxel: int, stream: int) -> int:
-    return (np.uint64(stream) << _HALF) | np.uint64(taxel)  # type: ignore[return-value]  # compiled
+def _counter(taxel: int, stream: Word) -> Word:
+    return (stream << _HALF) | np.uint64(taxel)
 
 
 @kernel
-def fill_uniform(key: int, stream: int, taxels: Integers, moments: Integers, out: Floats) -> None:
+def fill_uniform(key: Word, stream: Word, taxels: Integers, moments: Integers, out: Floats) -> None:
     """Fill taxels × moments with numbers from 0 to below 1."""
     for row in range(taxels.size):
         high = _counter(taxels[row], stream)
@@ -68,7 +71,7 @@ def fill_uniform(key: int, stream: int, taxels: Integers, moments: Integers, out
 
 
 @kernel
-def fill_normal(key: int, stream: int, taxels: Integers, moments: Integers, out: Floats) -> None:
+def fill_normal(key: Word, stream: Word, taxels: Integers, moments: Integers, out: Floats) -> None:
     """Fill taxels × moments with normal numbers of variance 1 (Box and Muller, 1958)."""
     for row in range(taxels.size):
         high = _counter(taxels[row], stream)
@@ -122,11 +125,11 @@ class ColumnGenerator(np.random.Generator):
         del size
         return loc + scale * self._fill(fill_normal)
 
-    def _fill(self, fill: object) -> Floats:
+    def _fill(self, fill: Callable[[Word, Word, Integers, Integers, Floats], None]) -> Floats:
         stream, moments = self._stream + self._drawn, self._moments
         if self._stream == _PARTS:
             stream, moments = _PARTS, np.array([self._drawn])
         self._drawn += 1
         out = np.empty((len(self._taxels), len(moments)))
-        fill(self._key, np.uint64(stream), self._taxels, moments, out)  # type: ignore[operator]
+        fill(self._key, np.uint64(stream), self._taxels, moments, out)
         return out

@@ -149,7 +149,7 @@ def least_width(taxel: PadSection) -> float:
     sheet = data_sheet(taxel) | {"permittivity_per_K": 0.0, "permittivity_per_percent": 0.0}
     sheet["relative_permittivity"] *= greatest
     calibrated = taxel.firmware(sheet, compiled_inversion())
-    codes = np.arange(1, (1 << taxel.adc_bits) - 1)
+    codes: Any = np.arange(1, (1 << taxel.adc_bits) - 1)
     bounds: list[Any] = [np.empty(codes.size) for _ in range(2 * len(calibrated.quantities))]
     calibrated.measure([codes], codes.size, bounds)
     lows, highs = calibrated.felt(bounds)

@@ -13,11 +13,9 @@ from eskin_sensor_node.columns.inversion import PadColumnsInversion, surrounding
 from eskin_sensor_node.columns.self_test import ColumnsSelfTest
 from eskin_sensor_node.columns.stretch import PatchColumns, Stretch
 from eskin_sensor_node.firmware.selftest import CERTAIN, IMPOSSIBLE
-from eskin_sensor_node.kinds.pad.physics import Pads
-from eskin_sensor_node.kinds.registry import build_frontend
+from eskin_sensor_node.kinds.registry import build_frontend, build_skin_world
 from eskin_sensor_node.machine.data_sheet import coverage
 from eskin_sensor_node.timebase import BILLION
-from eskin_sensor_node.world.scenario import Stage, read_scenario
 from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 
 if TYPE_CHECKING:
@@ -28,9 +26,9 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin_sensor_node.columns.plan import SkinPlan
     from eskin_sensor_node.kinds.converter import Codes
+    from eskin_sensor_node.kinds.signals import Signals
     from eskin_sensor_node.kinds.skin_section import SkinSection
     from eskin_sensor_node.machine.clock import Clock
-    from eskin_sensor_node.world.scenario.stimulus import Stimulus
 
 _AIR: Final = 1 << 31
 """Number of the first sensor that is read along, among those of taxels."""
@@ -87,18 +85,15 @@ class PadColumns:
     ) -> None:
         self.layout = plan.layout
         self.patches = plan.patches
-        skin, script, taxel = section.skin, read_scenario(section.scenario), section.taxel
+        skin, taxel = section.skin, section.taxel
         self._own = [(number, len(plan.tiles[number])) for number in plan.own]
         self._taxels = np.concatenate([plan.tiles[number] for number in plan.own])
         self.columns = [skin.names[number] for number in self._taxels.tolist()]
         self._neighbours = _local(skin.neighbours[self._taxels], self._taxels, len(skin))
         self._clock, self._boot = clock, boot
         self._shared = bool(section.controllers)
-        stage = Stage(script, self.columns)
         self._random = ColumnGenerator(seed, self._taxels)
-        self._pads = Pads.draw_columns(
-            taxel, self._random, self.columns, stage=stage, faults=script.fault
-        )
+        self._world = build_skin_world(taxel, self._random, self.columns)
         self._frontend = build_frontend(taxel, self._random)
         self._air = []
         for number, sensor in enumerate(section.air.values()):
@@ -189,12 +184,13 @@ class PadColumns:
 
     def sense(self, moments: NDArray[np.int64]) -> Sensed:
         """Codes of all columns at moments on the node's clock, ns, and the truth behind them."""
-        capacitance, stimulus = self._pads.capacitance(self._seconds(moments))
+        signals = self._world.signals(self._seconds(moments), self._random)
         self._random.begin(self._boot, moments)
-        codes = self._frontend.digitise({"capacitance": capacitance}, self._random).codes
-        for name, along in self._read_air(stimulus, moments).items():
-            codes[name] = np.broadcast_to(along, capacitance.shape)
-        return Sensed(codes, stimulus.pressure)
+        codes = self._frontend.digitise(signals.sensed, self._random).codes
+        pressure = signals.truth["pressure"]
+        for name, along in self._read_air(signals, moments).items():
+            codes[name] = np.broadcast_to(along, pressure.shape)
+        return Sensed(codes, pressure)
 
     def examine(self) -> list[Fault]:
         """End a window of the self-test; gives the taxels that may be broken.
@@ -217,13 +213,12 @@ class PadColumns:
     def _surround(self) -> None:
         self._groups = surroundings(self._neighbours, ~self.broken)
 
-    def _read_air(self, stimulus: Stimulus, moments: NDArray[np.int64]) -> dict[str, Codes]:
+    def _read_air(self, signals: Signals, moments: NDArray[np.int64]) -> dict[str, Codes]:
         """Codes of the sensors that all taxels read along, 1 × rows each."""
-        air = {"temperature": stimulus.temperature, "humidity": stimulus.humidity}
         codes = {}
         for name, frontend, random in self._air:
             random.begin(self._boot, moments)
-            (codes[name],) = frontend.digitise(air, random).codes.values()
+            (codes[name],) = frontend.digitise(signals.sensed, random).codes.values()
         return codes
 
     def _seconds(self, moments: NDArray[np.int64]) -> Floats:

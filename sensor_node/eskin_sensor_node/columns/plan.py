@@ -14,7 +14,8 @@ import numpy as np
 
 from eskin.contacts.components import label_components
 from eskin.errors import SettingsError
-from eskin.wire.frames import Controller, Layout, Patch, Seam, frame_limit
+from eskin.wire.frames import Controller, Layout, Patch, Seam
+from eskin.wire.frames.frame import frame_limit
 from eskin.wire.messages.cbor_map import MOST_BYTES
 from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 
@@ -147,19 +148,27 @@ def _shares(sizes: Sequence[int], parts: int) -> list[range]:
 
 
 def _pages(sizes: Sequence[int], rows: int) -> list[int]:
-    """How many patches each page has: as few pages as the greatest message allows.
+    """How many patches each page has, as many as the greatest message allows.
 
     Raises:
         SettingsError: A page cannot hold even one patch.
     """
-    for count in range(1, len(sizes) + 1):
-        shares = _shares(sizes, count)
-        limits = [frame_limit([sizes[k] for k in share], rows) for share in shares]
-        if all(shares) and max(limits) <= MOST_BYTES:
-            return [len(share) for share in shares]
-    raise SettingsError(
-        "skin.stretch_ms", f"a patch of {max(sizes)} taxels with {rows} samples each fits no frame"
-    )
+    pages: list[list[int]] = []
+    for size in sizes:
+        if not pages or frame_limit([*pages[-1], size], rows) > MOST_BYTES:
+            pages.append([])
+        pages[-1].append(size)
+    if max(frame_limit(page, rows) for page in pages) > MOST_BYTES:
+        raise SettingsError(
+            "skin.stretch_ms",
+            f"a patch of {max(sizes)} taxels with {rows} samples each fits no frame; use a shorter "
+            "stretch",
+        )
+    # As equal as they can be, if that fits, too.
+    even = [[sizes[k] for k in share] for share in _shares(sizes, len(pages))]
+    if max(frame_limit(page, rows) for page in even) > MOST_BYTES or not all(even):
+        even = pages
+    return [len(page) for page in even]
 
 
 def _adjacency(

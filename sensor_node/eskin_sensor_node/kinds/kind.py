@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar, get_args
 from eskin_sensor_node.kinds.settings import TaxelSection
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     import numpy as np
 
@@ -26,6 +26,8 @@ class Kind(Generic[Sheet]):
         settings: Its ``[[taxel]]`` table, with the firmware's class that reads it.
         world: Draws the true parts of what is measured.
         frontend: Draws the true parts of its analogue chain.
+        skin_world: Draws those of what is measured at many places of a skin, a column each, where
+            the kind can be sampled so.
         in_columns: Whether its world is formulas alone, so that a fleet calculates all nodes at
             once; other worlds play a scenario or a recording.
         samples_per_code: Where other taxels read it along, one code in so many is taken to be new.
@@ -36,6 +38,7 @@ class Kind(Generic[Sheet]):
     settings: type[Sheet]
     world: Callable[[Sheet, np.random.Generator], World]
     frontend: Callable[[Sheet, np.random.Generator], Frontend]
+    skin_world: Callable[[Sheet, np.random.Generator, Sequence[str]], World] | None = None
     in_columns: bool = False
     samples_per_code: int = 1
     cycles: tuple[int, int] | None = None

@@ -19,7 +19,7 @@ from eskin_sensor_node.kinds.thermometer import THERMOMETER
 from eskin_sensor_node.kinds.touch import TOUCH
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from eskin_sensor_node.kinds.frontend import Frontend
     from eskin_sensor_node.kinds.kind import Kind
@@ -55,6 +55,25 @@ else:
 def build_world(taxel: TaxelSection, random: np.random.Generator) -> World:
     """Draw the true parts of a taxel's world."""
     return KINDS[taxel.kind].world(taxel, random)
+
+
+def build_skin_world(
+    taxel: TaxelSection, random: np.random.Generator, places: Sequence[str]
+) -> World:
+    """Draw the true parts of the worlds of many taxels with one data sheet, a column each.
+
+    Args:
+        taxel: The data sheet, of a kind that can be sampled in columns.
+        random: Draws columns.
+        places: Where they are in their skin.
+
+    Raises:
+        TypeError: The kind cannot.
+    """
+    world = KINDS[taxel.kind].skin_world
+    if world is None:
+        raise TypeError(f"taxels of kind {taxel.kind} are not sampled in columns")
+    return world(taxel, random, places)
 
 
 def build_frontend(

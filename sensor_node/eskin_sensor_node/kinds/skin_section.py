@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Self, TypeAlias, TypeVar
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
@@ -11,7 +11,7 @@ from eskin.errors import ScenarioError, shown
 from eskin.runtime.settings import Section
 from eskin_sensor_node.kinds.hygrometer.settings import HygrometerSection
 from eskin_sensor_node.kinds.pad.settings import PadSection
-from eskin_sensor_node.kinds.settings import Companion, Rate, period
+from eskin_sensor_node.kinds.settings import Companion, Rate, TaxelSection, period
 from eskin_sensor_node.kinds.thermometer.settings import ThermometerSection
 from eskin_sensor_node.timebase import BILLION
 from eskin_sensor_node.world.scenario import read_scenario
@@ -20,7 +20,6 @@ from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.world.skin import Skin
 
 MOST_TAXELS: Final = 20_000
@@ -35,6 +34,7 @@ _AIR: Final[Mapping[str, type[TaxelSection]]] = {
     _HYGROMETER: HygrometerSection,
 }
 Table: TypeAlias = "dict[str, Any]"
+Sheet = TypeVar("Sheet", bound=TaxelSection)
 
 
 class SkinSection(Section):
@@ -96,7 +96,9 @@ class SkinSection(Section):
                 f"stretch_ms = {self.stretch_ms:g} must be 1 to {MOST_ROWS} periods of sampling_hz "
                 f"= {self.sampling_hz:g}"
             )
-        _ = self.taxel, self.air
+        if self.taxel.adaptive or self.taxel.actuator_steps:
+            raise ValueError("pad.adaptive and pad.actuator_steps: a skin's pads are not adjusted")
+        _ = self.air
         self._require_sound()
         return self
 
@@ -185,7 +187,7 @@ class SkinSection(Section):
         return {role: Companion(sensor, ()) for role, sensor in self.air.items()}
 
 
-def _read(role: str, section: type[Any], given: Table, /, **own: object) -> Any:
+def _read(role: str, section: type[Sheet], given: Table, /, **own: object) -> Sheet:
     """Read a data sheet.
 
     Raises:
@@ -198,4 +200,8 @@ def _read(role: str, section: type[Any], given: Table, /, **own: object) -> Any:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join([role, *map(str, first["loc"])])
+        if first["type"] == "missing":
+            raise ValueError(f"{place} is missing; it has no default") from error
+        if first["type"] == "extra_forbidden":
+            raise ValueError(f"{place}: no such key; check its spelling") from error
         raise ValueError(f"{place} = {shown(first['input'])}: {first['msg']}") from error

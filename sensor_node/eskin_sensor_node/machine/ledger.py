@@ -16,7 +16,7 @@ REPEAT_NS: Final = 5_000 + CONVERSION_NS
 """Awake for a conversion of what is held with another range: the amplifier settles (assumed)."""
 WAKE_NS: Final = 20_000
 """Awake for one wake-up from deep sleep: regulator and clock (assumed)."""
-_OVERHEAD: Final = 64
+OVERHEAD: Final = 64
 """Bytes of flash that a message takes besides its own: its place and time, salt and tag."""
 INTERRUPT_NS: Final = PRICES["interrupt"].span(160_000_000)
 """Awake for an interrupt's handler, with the default clock."""
@@ -59,7 +59,7 @@ class Ledger:
     def charge_message(self, cycles: Cycles, size: int) -> None:
         """Count a message of so many bytes that is written, and kept in flash."""
         self._charge(cycles)
-        self._written += size + _OVERHEAD
+        self._written += size + OVERHEAD
 
     def charge_interrupt(self, times: int = 1) -> None:
         """Count wake-ups of the processor, and the handler of what woke it."""

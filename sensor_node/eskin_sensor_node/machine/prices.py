@@ -72,7 +72,7 @@ PRICES: Final[Mapping[str, Cycles]] = _counted() | {
 (schedule, states), a message (flash driver, MQTT, TLS records, IP), a sample of a skin in its
 self-test and in a frame (as one of a q16 block), and kinds without a count."""
 CORTEX_A53: Final[Mapping[str, Cycles]] = {
-    "pad": Cycles(300, 1_500),
+    "pad": Cycles(250, 1_700),
     "neighbour": Cycles(15, 130),
     "remembered": Cycles(12, 120),
     "self_test": Cycles(15, 150),

@@ -34,11 +34,25 @@ def written(folder: Path, text: str, profile: str = "fingertip") -> Path:
     return path
 
 
-PROFILES = ["fingertip", "forearm", "hand", "palm", "sock", "sole"]
+PROFILES = ["fingertip", "forearm", "hand", "palm", "paper-hand", "small-hand", "sock", "sole"]
+SKINS = {"paper-hand": 8400, "small-hand": 336}
 
 
-def test_packaged_profiles_are_the_six() -> None:
+def test_packaged_profiles_are_the_eight() -> None:
     assert profile_names() == PROFILES
+
+
+@pytest.mark.parametrize("name", SKINS)
+def test_a_profile_with_a_skin_has_no_other_taxels(name: str, tmp_path: Path) -> None:
+    loaded = settings(tmp_path, name)
+    assert (len(loaded.taxel), loaded.skin.taxels) == (0, SKINS[name])
+    faster = NodeSettings.load(written(tmp_path, "[skin]\nsampling_hz = 100.0\n", name))
+    assert (faster.skin.rows, faster.skin.scenario) == (10, loaded.skin.scenario)
+    # Own taxels win over a profile's skin, and an own skin over its taxels.
+    own = NodeSettings.load(written(tmp_path, Profile.read("palm").text, name))
+    assert (own.skin.present, len(own.taxel)) == (False, 1)
+    other = NodeSettings.load(written(tmp_path, Profile.read(name).text, "palm"))
+    assert (other.skin.taxels, len(other.taxel)) == (SKINS[name], 0)
 
 
 @pytest.mark.parametrize("name", PROFILES)
@@ -73,6 +87,7 @@ def test_channels_of_the_profiles_are_those_of_the_contract(tmp_path: Path) -> N
             f"{t.id}.{q}:{u}" for t in settings(tmp_path, name).taxel for q, u in t.units.items()
         ]
         for name in profile_names()
+        if name not in SKINS
     }
     pad = ("capacitance:F", "current:A", "plate_distance:m", "contact_area:m2", "pressure:Pa")
     assert found.pop("sock") == found["sole"]

@@ -106,28 +106,6 @@ class Pads:
         places = [taxel.place for taxel in taxels]
         return cls(columns, np.array(apart).T[:, :, None], places, stage=stage, faults=faults)
 
-    @classmethod
-    def draw_columns(
-        cls,
-        taxel: PadSection,
-        random: np.random.Generator,
-        places: Sequence[str],
-        *,
-        stage: Stage,
-        faults: Sequence[FaultSection],
-    ) -> Self:
-        """Draw the true parts of many pads with one data sheet, whose plates do not move.
-
-        Args:
-            taxel: The data sheet.
-            random: Draws a column of a part at once.
-            places: Where they are.
-            stage: Plays their scenario for them, in this order.
-            faults: Those of the scenario.
-        """
-        parts = PadParts(*_draw(taxel, random), *_draw_slopes(taxel, random))  # type: ignore[arg-type]  # columns
-        return cls(parts, np.zeros((1, len(places), 1)), places, stage=stage, faults=faults)
-
     def move(self, steps: int) -> None:
         """Move the plates of all to one of their actuators' steps."""
         self._distance = self._parts.distance + self._apart[steps]
@@ -207,6 +185,32 @@ class PadWorld(World):
         truth = {name: values[0] for name, values in true.items()}
         air = {"temperature": stimulus.temperature, "humidity": stimulus.humidity}
         return Signals(truth, truth | air)
+
+
+class PadSkinWorld(World):
+    """Many pads of a skin with one data sheet, a column each; their plates do not move.
+
+    Args:
+        taxel: The data sheet.
+        random: Draws a column of a part at once.
+        places: Where they are.
+    """
+
+    def __init__(
+        self, taxel: PadSection, random: np.random.Generator, places: Sequence[str]
+    ) -> None:
+        script = read_scenario(taxel.scenario)
+        parts = PadParts(*_draw(taxel, random), *_draw_slopes(taxel, random))  # type: ignore[arg-type]  # columns
+        unmoved = np.zeros((1, len(places), 1))
+        stage = Stage(script, places)
+        self._pads = Pads(parts, unmoved, places, stage=stage, faults=script.fault)
+
+    def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
+        """True pressure in Pa; sensed are capacitance in F, and the air; pads × times."""
+        del random
+        capacitance, stimulus = self._pads.capacitance(seconds)
+        air = {"temperature": stimulus.temperature, "humidity": stimulus.humidity}
+        return Signals({"pressure": stimulus.pressure}, {"capacitance": capacitance} | air)
 
 
 def _draw_slopes(taxel: PadSection, random: np.random.Generator) -> tuple[float, float]:

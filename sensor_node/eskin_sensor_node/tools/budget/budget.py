@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Self
 
 from eskin.interval import Interval, Verdict
-from eskin.wire.messages import Mode
 from eskin_sensor_node.firmware.energy import thrice
 from eskin_sensor_node.machine.power.data_sheet import stored_energy
 from eskin_sensor_node.machine.power.harvest import Harvester, Touches, harvest_bounds
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
     from eskin_sensor_node.tools.budget.design import Design
     from eskin_sensor_node.tools.budget.run import Progress
 
-MODES: Final = (str(Mode.SAMPLES), str(Mode.ADAPTIVE), str(Mode.PEAKS))
-
 
 @dataclass(frozen=True, slots=True)
 class Budget:
@@ -30,8 +27,8 @@ class Budget:
         design: Whose.
         mode: In which mode.
         seconds: How long.
-        work: What one of its nodes did.
-        touches: What touched one of its nodes.
+        work: What the node did.
+        touches: What touched it.
     """
 
     design: Design
@@ -49,7 +46,7 @@ class Budget:
 
     @property
     def spent(self) -> dict[str, Interval]:
-        """Mean power in W of all nodes, by part."""
+        """Mean power in W, by part."""
         section = self.design.settings.energy
         parts = _energies(section, self.work)
         parts["leakage"] = _leakage(section) * self.seconds
@@ -57,12 +54,12 @@ class Budget:
 
     @property
     def consumption(self) -> Interval:
-        """Mean power in W that all nodes take from their supercapacitors."""
+        """Mean power in W that the node takes from its supercapacitor."""
         return _sum(self.spent)
 
     @property
     def harvest(self) -> dict[str, Interval]:
-        """Mean power in W that touches give to all nodes."""
+        """Mean power in W that touches give."""
         return self._powers(harvest_bounds(self.design.settings.energy, self.touches))
 
     @property
@@ -78,8 +75,7 @@ class Budget:
         return Verdict(thrice(float(net.inf), float(net.sup)))
 
     def _powers(self, energies: dict[str, Interval]) -> dict[str, Interval]:
-        share = Interval(self.design.nodes) / self.seconds
-        return {name: energy * share for name, energy in energies.items()}
+        return {name: energy / self.seconds for name, energy in energies.items()}
 
 
 def saving(full: Budget, frugal: Budget) -> tuple[Interval, Interval]:
@@ -92,8 +88,7 @@ def saving(full: Budget, frugal: Budget) -> tuple[Interval, Interval]:
     # The same work takes the same cycles, whichever these are: what is saved is the difference.
     less = less._replace(fewest=min(less.fewest, less.cycles), cycles=max(less.fewest, less.cycles))
     less = less._replace(asleep=min(less.asleep, less.on), on=max(less.asleep, less.on))
-    share = Interval(full.design.nodes) / full.seconds
-    saved = _sum(_energies(full.design.settings.energy, less)) * share
+    saved = _sum(_energies(full.design.settings.energy, less)) / full.seconds
     rest = frugal.consumption
     low = Interval(saved.inf) / (Interval(saved.inf) + Interval(rest.sup))
     high = Interval(saved.sup) / (Interval(saved.sup) + Interval(rest.inf))
@@ -125,10 +120,13 @@ def _sum(parts: dict[str, Interval]) -> Interval:
 def conditions(settings: NodeSettings) -> list[str]:
     """Conditions of the verdict, which no data sheet states, with their settings."""
     energy, often = settings.energy, f"{settings.energy.connection_interval_s:g} s"
+    link = f"a Bluetooth connection has an event every {often} (connection_interval_s)"
+    if settings.skin.present:
+        link = "the node is wired, its machine is never asleep, and it sends each sample"
     return [
         "every part lies inside the tolerances of [energy]",
         f"at most {energy.packet_loss:.0%} of all packets are lost and sent again (packet_loss)",
-        f"a Bluetooth connection has an event every {often} (connection_interval_s)",
+        link,
         f"there are at most {energy.handshakes_a_day:g} TLS handshakes a day (handshakes_a_day)",
         "flash is written once a message, erased as often as written, and powered down between",
         "the firmware is compiled, and takes the cycles that docs/node.md counts and assumes",

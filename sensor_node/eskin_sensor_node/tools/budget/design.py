@@ -1,20 +1,21 @@
-"""What a budget is made for: a profile, a settings file, or a packaged design of many nodes."""
+"""What a budget is made for: a packaged profile, or a settings file."""
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from eskin.errors import SettingsError
+from eskin.wire.messages import Mode
 from eskin_sensor_node.profile import Profile, profile_names
 from eskin_sensor_node.settings import NodeSettings
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-_SECONDS: Final = 20
+SECONDS: Final = 20
+"""For how long a design is best run: as long as the packaged scenarios."""
+MODES: Final = (str(Mode.SAMPLES), str(Mode.ADAPTIVE), str(Mode.PEAKS))
 _NOWHERE: Final[dict[str, Any]] = {
     "identity": {"directory": "none", "site": "none"},
     "flash": {"path": "none"},
@@ -23,44 +24,33 @@ _NOWHERE: Final[dict[str, Any]] = {
 """A budget needs no network and keeps nothing."""
 
 
-def design_names() -> list[str]:
-    """Packaged profiles, and packaged designs of many nodes."""
-    return sorted([*profile_names(), *_packaged()])
-
-
 @dataclass(frozen=True, slots=True)
 class Design:
-    """Some nodes that are alike.
+    """A node.
 
     Attributes:
         name: Of the profile, or of the node.
         description: One line for people.
-        nodes: How many.
-        settings: Of each.
-        seconds: For how long it is best run.
+        settings: Its settings.
     """
 
     name: str
     description: str
-    nodes: int
     settings: NodeSettings
-    seconds: int = _SECONDS
 
     @classmethod
     def named(cls, name: str) -> Self:
-        """A packaged one.
+        """A packaged profile.
 
         Raises:
             SettingsError: There is none of that name.
         """
-        if name in _packaged():
-            return cls._many(name)
         if name not in profile_names():
             raise SettingsError(
-                "profile", f"{name!r} is not allowed; use one of {', '.join(design_names())}"
+                "profile", f"{name!r} is not allowed; use one of {', '.join(profile_names())}"
             )
-        settings = _settings(name, {})
-        return cls(name, Profile.read(name).description, 1, settings)
+        node = {"name": name, "profile": name, "seed": 1}
+        return cls(name, Profile.read(name).description, NodeSettings(**_NOWHERE | {"node": node}))
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -71,27 +61,14 @@ class Design:
         """
         settings = NodeSettings.load(path)
         own = settings.node
-        return cls(own.name, own.description or own.profile, 1, settings)
+        return cls(own.name, own.description or own.profile, settings)
 
-    @classmethod
-    def _many(cls, name: str) -> Self:
-        text = (
-            files("eskin_sensor_node.tools.budget")
-            .joinpath("designs", f"{name}.toml")
-            .read_text("utf-8")
-        )
-        tables = tomllib.loads(text)
-        taxels = [tables["taxel"] | {"id": f"t{k:02d}"} for k in range(tables["taxels_a_node"])]
-        given = {key: tables[key] for key in ("energy", "sampling", "broker")} | {"taxel": taxels}
-        settings = _settings(name, given)
-        return cls(name, tables["description"], tables["nodes"], settings, tables["seconds"])
+    @property
+    def taxels(self) -> int:
+        """How many the node samples."""
+        return self.settings.skin.taxels if self.settings.skin.present else len(self.settings.taxel)
 
-
-def _packaged() -> list[str]:
-    found = files("eskin_sensor_node.tools.budget").joinpath("designs").iterdir()
-    return sorted(entry.name[:-5] for entry in found if entry.name.endswith(".toml"))
-
-
-def _settings(name: str, given: dict[str, Any]) -> NodeSettings:
-    node = {"name": name, "profile": name, "seed": 1}
-    return NodeSettings(**_NOWHERE | given | {"node": node})
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """In which it can be run, the first one without any saving; a skin sends all samples."""
+        return MODES[:1] if self.settings.skin.present else MODES

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 from eskin_sensor_node.machine.prices import ENVELOPE
 from eskin_sensor_node.node.offline import offline_node
 from eskin_sensor_node.timebase import BILLION
+from eskin_sensor_node.tools.budget.skin_work import ANSWER, TRANSPORT, skin_work
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,10 +19,6 @@ if TYPE_CHECKING:
 
 _STEP: Final = 5
 """Emulated seconds between two deliveries."""
-_TRANSPORT: Final = 80
-"""MQTT's PUBLISH with its topic, and a TLS record."""
-_ANSWER: Final = 40
-"""PUBACK in a TLS record, and a share of the gateway's acknowledgement of many messages."""
 Progress: TypeAlias = "Callable[[int], None]"
 
 
@@ -36,6 +33,8 @@ def work_of(
         seconds: How long.
         progress: Takes how many emulated seconds have passed since it was called.
     """
+    if settings.skin.present:
+        return skin_work(settings, seconds, progress)
     with offline_node(settings) as offline:
         return _run(offline, settings, mode, seconds, progress)
 
@@ -70,7 +69,7 @@ def _send(offline: OfflineNode) -> None:
     waiting = offline.flash.after((-1, -1), 1_000_000)
     for kept in waiting:
         ledger.sent += sent_for(kept)
-        ledger.received += _ANSWER
+        ledger.received += ANSWER
     offline.outbox.acknowledge(
         [(boot, number, number) for boot, number in (k.position for k in waiting)]
     )
@@ -78,4 +77,4 @@ def _send(offline: OfflineNode) -> None:
 
 def sent_for(kept: StoredMessage) -> int:
     """Bytes sent for a message that needs no repeat."""
-    return len(kept.body) + ENVELOPE + _TRANSPORT
+    return len(kept.body) + ENVELOPE + TRANSPORT

@@ -118,6 +118,8 @@ def test_packaged_scenarios_can_be_played(name: str) -> None:
         kinds
         == {
             "hand.toml": {"noise", "tap", "press", "hold", "slide", "approach"},
+            "paper-hand.toml": {"noise", "tap", "press", "hold", "slide"},
+            "small-hand.toml": {"noise", "tap", "press", "hold", "slide"},
             "walk.toml": {"noise", "hold"},
         }[name]
     )
