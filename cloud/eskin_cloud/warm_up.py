@@ -10,7 +10,9 @@ import numpy as np
 from eskin.interval import Interval
 from eskin.runtime.digest import digest
 from eskin.tube import Tube
-from eskin.wire.messages import Block, Encoding
+from eskin.wire.frames import Frame, Grid, PatchSamples, decode_samples
+from eskin.wire.frames.content_hash import HASH_BYTES
+from eskin.wire.messages import Block, Encoding, Position
 from eskin.wire.messages.compacted_block import Kept, Pack, pack
 from eskin.wire.messages.compression import decompress
 from eskin.wire.messages.stored_bounds import read_bounds
@@ -31,7 +33,7 @@ _MANY = 64
 def warm_up() -> None:
     """Take a block the whole way: read it, fold it into the pyramid, pack it, and read the pack.
 
-    One of ``f32`` is compressed as well, and read.
+    One of ``f32`` is compressed as well, and read. A frame is read, and its samples are decoded.
     """
     begun = time.monotonic()
     block = warm_up_messages()
@@ -44,6 +46,7 @@ def warm_up() -> None:
     Aggregates.unpack([pieces.grouped(buckets.of(pieces.first)).pack()])
     Pack.read(pack([Kept(data, 1, 0)])).blocks()
     _warm_up_compression(block)
+    _warm_up_frames()
     if (took := time.monotonic() - begun) > _SLOW_S:
         log.info("kernels compiled: seconds=%.1f", took)
 
@@ -56,3 +59,11 @@ def _warm_up_compression(block: Block) -> None:
     kept = ParsedMessage.parse("t", said).compressed or b""
     decompress(kept)
     read_bounds(kept)
+
+
+def _warm_up_frames() -> None:
+    grid = Grid(0, 1, 0, 1, 1.0)
+    patch = PatchSamples.pack(Interval([[0.0]], [[1.0]]), 1.0, patch=0, grid=0, first_row=0)
+    frame = Frame(Position(1, 1), bytes(HASH_BYTES), 0, 0, (0, 0), (grid,), (patch,))
+    ParsedMessage.parse("t", frame.encode())
+    decode_samples(patch.samples, patch.sampling(grid))

@@ -79,8 +79,9 @@ def audit(data: Data = _DATA) -> None:
     """Check every stored interval against the truth that the emulator kept.
 
     Exit status 1 if one channel breaks its promise (a violation under bounded noise, or under
-    Gaussian noise more of them than the 1 - 1e-6 quantile of its coverage), or if a block that a
-    node made is neither stored, nor under way, nor reported as lost.
+    Gaussian noise more of them than the 1 - 1e-6 quantile of its coverage), or if a block or frame
+    that a node made is neither stored, nor under way, nor reported as lost, or is stored twice. Of
+    large skins it sums up the channels of each patch.
     """
     from rich.console import Console
     from rich.progress import Progress
@@ -90,7 +91,7 @@ def audit(data: Data = _DATA) -> None:
 
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("comparing blocks", total=None)
+        task = bar.add_task("comparing samples", total=None)
         found = compare(
             Layout(data.resolve()),
             progress=lambda done, total: bar.update(task, completed=done, total=total),
@@ -111,12 +112,21 @@ def audit(data: Data = _DATA) -> None:
         if not delivery.passes:
             first = delivery.missing[0]
             vanished = (
-                f"  vanished: {len(delivery.missing)} blocks of {delivery.node}, the first at "
+                f"  vanished: {len(delivery.missing)} {_unit(found, delivery.node)} of "
+                f"{delivery.node}, the first at "
                 f"boot {first.boot}, sequence {first.sequence}"
             )
             typer.echo(printable(vanished))
+    for node, doubled in found.doubled.items():
+        if doubled:
+            typer.echo(printable(f"  stored twice: {len(doubled)} frames of {node}"))
     if not found.passes:
         raise typer.Exit(1)
+
+
+def _unit(found: Audit, node: str) -> str:
+    """What a node's samples come in."""
+    return "frames" if node in found.doubled else "blocks"
 
 
 def _remarks(found: Audit) -> Iterator[str]:
@@ -125,7 +135,8 @@ def _remarks(found: Audit) -> Iterator[str]:
             yield f"{entry.node}/{entry.channel}: {_also(entry)}"
     for delivery in found.deliveries:
         yield (
-            f"{delivery.node}: of {delivery.made} blocks {delivery.stored} are stored, "
+            f"{delivery.node}: of {delivery.made} {_unit(found, delivery.node)} "
+            f"{delivery.stored} are stored, "
             f"{delivery.waiting} under way, {delivery.lost} reported as lost, "
             f"{delivery.unborn} not yet in flash, {delivery.removed} removed as reported"
         )

@@ -150,16 +150,16 @@ class DescribedLayout:
             raise MessageError(
                 f"patches {patches[0]} to {patches[-1]} are not all on page {frame.page}"
             )
-        wrong = np.flatnonzero(records["columns"] != self.columns[patches])
-        if wrong.size:
-            at = wrong[0]
+        wrong = records["columns"] != self.columns[patches]
+        if wrong.any():
+            at = wrong.argmax()
             raise MessageError(
                 f"patch {patches[at]} has {records['columns'][at]} columns, "
                 f"not {self.columns[patches[at]]}"
             )
-        alone = np.flatnonzero((records["epoch"] > 0) & ~self.shares_errors[patches])
-        if alone.size:
-            raise MessageError(f"patch {patches[alone[0]]} has an epoch, but no shared error")
+        alone = (records["epoch"] > 0) & ~self.shares_errors[patches]
+        if alone.any():
+            raise MessageError(f"patch {patches[alone.argmax()]} has an epoch, but no shared error")
 
 
 class _Decoded(NamedTuple):

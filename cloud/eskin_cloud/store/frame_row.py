@@ -8,7 +8,7 @@ import cbor2
 import numpy as np
 
 from eskin.errors import MessageError
-from eskin.wire.frames import Grid, PatchSamples, Sampling
+from eskin.wire.frames import Grid, PatchSamples
 from eskin.wire.messages.cbor_map import ARRAY, opening
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.store.damage import FrameHeader
@@ -70,7 +70,7 @@ class FrameRow(NamedTuple):
         cls,
         node: str,
         frame: FrameSummary,
-        described: DescribedLayout,
+        span: tuple[int, int],
         data: bytes,
         digest: bytes,
         *,
@@ -82,7 +82,7 @@ class FrameRow(NamedTuple):
         Args:
             node: The node.
             frame: The decoded frame.
-            described: The layout by which it is read.
+            span: As `find_span` gives it.
             data: Its bytes.
             digest: Digest of ``data``.
             cursor: Its cursor in the feed.
@@ -90,8 +90,7 @@ class FrameRow(NamedTuple):
         """
         (boot, sequence), layout, page, _, (t_lo, t_hi), _, records = frame
         middle, error = (t_lo + t_hi) // 2, (t_hi - t_lo + 1) // 2
-        first, last = _span(frame, described, data)
-        t, t_end = middle + first, middle + last
+        t, t_end = middle + span[0], middle + span[1]
         samples, bounds = int(records["samples"].sum()), _pack_bounds(records)
         head = FrameHeader(node, boot, sequence, layout, page, t, t_end, error, t_lo, t_hi,
                            samples, bounds, digest)  # fmt: skip
@@ -121,8 +120,7 @@ def patch_record(data: bytes, bounds: NDArray[Any], patch: int) -> PatchSamples 
     at = int(np.searchsorted(bounds["patch"], patch))
     if at == len(bounds) or bounds["patch"][at] != patch:
         return None
-    begin = int(bounds["offset"][at])
-    return PatchSamples.read(cbor2.loads(data[begin : begin + int(bounds["length"][at])]))
+    return _read_item(data, bounds[at])
 
 
 def read_frame_head(data: bytes, bounds: NDArray[Any]) -> FrameHead:
@@ -138,18 +136,55 @@ def read_frame_head(data: bytes, bounds: NDArray[Any]) -> FrameHead:
     return FrameHead(fields[6], tuple(fields[7]), tuple(Grid(*grid) for grid in fields[8]))
 
 
-def require_storable(frame: FrameSummary, described: DescribedLayout, data: bytes) -> None:
-    """Check that the last sample's time fits into 64 bit.
+def find_span(frame: FrameSummary, described: DescribedLayout, data: bytes) -> tuple[int, int]:
+    """From a frame's first moment to its first and to its last sample, ns.
+
+    Args:
+        frame: The decoded frame.
+        described: The layout that it fits.
+        data: Its bytes.
 
     Raises:
-        MessageError: It does not.
+        MessageError: The last sample's time does not fit into 64 bit.
     """
-    last = _span(frame, described, data)[1]
+    records = frame.records
+    spans = []
+    if records["strided"].any():
+        strided = records[records["strided"] != 0]
+        spans += [_strided_span(frame, described, data, record) for record in strided]
+        records = records[records["strided"] == 0]
+    if len(records):
+        patches, grids = records["patch"], records["grid"]
+        begins = np.array([grid.delay for grid in frame.grids])
+        ends = np.array([grid.delay + grid.period * (grid.rows - 1) for grid in frame.grids])
+        first = begins[grids] + described.least_skew[patches]
+        last = ends[grids] + described.most_skew[patches]
+        spans.append((int(first.min()), int(last.max())))
+    first, last = min(each[0] for each in spans), max(each[1] for each in spans)
     if frame.time[1] + last > MOST_MOMENT:
         raise MessageError(
             f"last sample lies after the year 2262: field 7 is {list(frame.time)}, and it was "
             f"taken {last} ns later"
         )
+    return first, last
+
+
+def _strided_span(
+    frame: FrameSummary, described: DescribedLayout, data: bytes, record: Any
+) -> tuple[int, int]:
+    """The same for a patch of which not every row has a sample of each column."""
+    samples = _read_item(data, record)
+    grid, skew = frame.grids[samples.grid], described.patches[samples.patch].skew
+    mask = samples.sampling(grid).mask
+    rows = grid.delay + np.arange(grid.rows, dtype=np.int64)[:, np.newaxis] * grid.period
+    times = (rows + np.array(skew or (0,) * samples.columns, np.int64))[mask]
+    return int(times.min()), int(times.max())
+
+
+def _read_item(data: bytes, place: Any) -> PatchSamples:
+    """The samples whose item stands at the ``offset`` and has the ``length`` of a place."""
+    begin = int(place["offset"])
+    return PatchSamples.read(cbor2.loads(data[begin : begin + int(place["length"])]))
 
 
 def _pack_bounds(records: NDArray[Any]) -> bytes:
@@ -157,32 +192,3 @@ def _pack_bounds(records: NDArray[Any]) -> bytes:
     for name in _NAMES:
         packed[name] = records[name]
     return packed.tobytes()
-
-
-def _span(frame: FrameSummary, described: DescribedLayout, data: bytes) -> tuple[int, int]:
-    """From the frame's first moment to its first and to its last sample, ns."""
-    records, first, last = frame.records, [], []
-    for at in np.flatnonzero(records["strided"]).tolist():
-        begin, patch = int(records["offset"][at]), int(records["patch"][at])
-        item = cbor2.loads(data[begin : begin + int(records["length"][at])])
-        samples = PatchSamples.read(item)
-        grid = frame.grids[samples.grid]
-        early, late = _strided_span(samples.sampling(grid), grid, described.patches[patch].skew)
-        first.append(early)
-        last.append(late)
-    whole = records if not first else records[records["strided"] == 0]
-    if len(whole):
-        grids = np.array([(g.delay, g.delay + g.period * (g.rows - 1)) for g in frame.grids])
-        of_patch = grids[whole["grid"]]
-        patches = whole["patch"]
-        first.append(int((of_patch[:, 0] + described.least_skew[patches]).min()))
-        last.append(int((of_patch[:, 1] + described.most_skew[patches]).max()))
-    return min(first), max(last)
-
-
-def _strided_span(sampling: Sampling, grid: Grid, skew: tuple[int, ...]) -> tuple[int, int]:
-    mask = sampling.mask
-    rows = np.arange(sampling.rows, dtype=np.int64)[:, np.newaxis]
-    columns = np.array(skew or (0,) * sampling.columns, np.int64)[np.newaxis]
-    times = (grid.delay + rows * grid.period + columns)[mask]
-    return int(times.min()), int(times.max())

@@ -15,12 +15,13 @@ from sqlalchemy import func, select
 
 from eskin.demo.audit.channel import ChannelAudit
 from eskin.demo.audit.delivery import Delivery, UnderWay, deliveries
+from eskin.demo.audit.frames import StoredFrames, audit_frames, count_frames
 from eskin.demo.audit.sealed import count_sealed, sealed_pages
 from eskin.errors import AuditError
 from eskin.wire.messages import Block, Position
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sqlalchemy import Connection
@@ -43,19 +44,22 @@ class Audit:
         channels: One entry a channel, by node and channel.
         deliveries: One entry a node.
         letters: Messages that the gateway refused to take: the node and the reason.
+        doubled: Frames that are stored twice, by node.
         damaged: Rows that are not as they were written, which could not be compared.
     """
 
     channels: list[ChannelAudit]
     deliveries: list[Delivery]
     letters: list[str]
+    doubled: dict[str, list[Position]]
     damaged: list[str]
 
     @property
     def passes(self) -> bool:
         """Whether every channel keeps its promise, and nothing vanished silently."""
         kept = all(entry.passes for entry in self.channels)
-        return kept and not self.damaged and all(each.passes for each in self.deliveries)
+        once = not any(self.doubled.values())
+        return kept and once and not self.damaged and all(each.passes for each in self.deliveries)
 
 
 def audit(
@@ -64,12 +68,12 @@ def audit(
     store: StoreLocation | None = None,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> Audit:
-    """Compare all blocks in the store with the truth; also while the demo runs.
+    """Compare all blocks and frames in the store with the truth; also while the demo runs.
 
     Args:
         layout: The demo's data folder.
         store: Where the cloud's store is; ``None``: in that folder.
-        progress: Called with blocks done and blocks in all.
+        progress: Called with rows done and rows in all.
 
     Raises:
         AuditError: There is no store, no block, or a block that no node's emulator knows.
@@ -81,9 +85,11 @@ def audit(
     try:
         with engine.begin() as connection:
             with collect_damaged_rows() as damaged:
-                channels = _audit(layout, seen.truths, connection, progress)
-                delivered = deliveries(seen, connection)
-            return Audit(channels, delivered, seen.letters, [str(row) for row in damaged])
+                channels, framed = _audit(layout, seen.truths, connection, progress)
+                complete = {node: found.complete for node, found in framed.items()}
+                delivered = deliveries(seen, connection, complete)
+            doubled = {node: found.doubled for node, found in framed.items()}
+            return Audit(channels, delivered, seen.letters, doubled, [str(row) for row in damaged])
     finally:
         engine.dispose()
 
@@ -93,40 +99,63 @@ def _audit(
     files: Mapping[str, Path],
     connection: Connection,
     progress: Callable[[int, int], None],
-) -> list[ChannelAudit]:
+) -> tuple[list[ChannelAudit], dict[str, StoredFrames]]:
     messages = func.sum(func.coalesce(table.c.packed, 1))
     counts = select(table.c.node, messages).group_by(table.c.node).order_by(table.c.node)
     nodes = {row[0]: int(row[1]) for row in connection.execute(counts)}
-    sealed = count_sealed(connection)
-    total, done = sum(nodes.values()) + sum(sealed.values()), 0
+    sealed, framed = count_sealed(connection), count_frames(connection)
+    total, done = sum(sum(each.values()) for each in (nodes, sealed, framed)), 0
     if total == 0:
-        raise AuditError(f"{layout.store}: the store holds no block yet; let the demo run longer")
-    found: dict[tuple[str, str], ChannelAudit] = {}
-    for node in sorted(nodes.keys() | sealed.keys()):
+        raise AuditError(f"{layout.store}: the store holds no samples yet; let the demo run longer")
+    found: list[ChannelAudit] = []
+    stored: dict[str, StoredFrames] = {}
+
+    def advance(rows: int) -> None:
+        nonlocal done
+        done += rows
+        progress(done, total)
+
+    for node in sorted(nodes.keys() | sealed.keys() | framed.keys()):
         path = files.get(node)
         if path is None:
             raise AuditError(f"{layout.nodes}: the emulator's truth of node {node!r} is missing")
         closed = sealed_pages(layout, connection, node) if node in sealed else ()
-        for page in chain(_pages(connection, node), closed):
-            truths = GroundTruth.read(path, [block.position for block, _ in page], node=node)
-            oldest = GroundTruth.oldest(path, node=node)
-            for block, fits in page:
-                key = (node, block.channel)
-                entry = found.setdefault(key, ChannelAudit(node, block.channel, block.tube.unit))
-                entry.mislabelled += not fits
-                truth = truths.get(block.position)
-                if truth is not None and len(truth.values) == len(block.tube):
-                    entry.compare(block, truth.time, truth.values)
-                    entry.mislabelled += (truth.channel, truth.dt) != (block.channel, block.tube.dt)
-                elif oldest is not None and block.position < oldest:
-                    entry.forgotten += 1
-                else:
-                    raise AuditError(f"{path}: no truth behind {block.position} of node {node!r}")
-            done += len(page)
-            progress(done, total)
-    if not any(entry.samples for entry in found.values()):
-        raise AuditError(f"{layout.nodes}: the emulator has dropped the truth behind all blocks")
-    return [found[key] for key in sorted(found)]
+        pages = chain(_pages(connection, node), closed)
+        entries = _audit_blocks(path, node, pages, advance)
+        if node in framed:
+            stored[node] = audit_frames(path, connection, node, advance)
+            entries |= {entry.channel: entry for entry in stored[node].patches}
+        found += (entries[channel] for channel in sorted(entries))
+    if not any(entry.samples for entry in found):
+        raise AuditError(f"{layout.nodes}: the emulator has dropped the truth behind all samples")
+    return found, stored
+
+
+def _audit_blocks(
+    path: Path,
+    node: str,
+    pages: Iterable[list[tuple[Block, bool]]],
+    advance: Callable[[int], None],
+) -> dict[str, ChannelAudit]:
+    """Compare the blocks of a node; gives an entry a channel."""
+    found: dict[str, ChannelAudit] = {}
+    for page in pages:
+        truths = GroundTruth.read(path, [block.position for block, _ in page], node=node)
+        oldest = GroundTruth.oldest(path, node=node)
+        for block, fits in page:
+            new = ChannelAudit(node, block.channel, block.tube.unit)
+            entry = found.setdefault(block.channel, new)
+            entry.mislabelled += not fits
+            truth = truths.get(block.position)
+            if truth is not None and len(truth.values) == len(block.tube):
+                entry.compare(block, truth.time, truth.values)
+                entry.mislabelled += (truth.channel, truth.dt) != (block.channel, block.tube.dt)
+            elif oldest is not None and block.position < oldest:
+                entry.forgotten += 1
+            else:
+                raise AuditError(f"{path}: no truth behind {block.position} of node {node!r}")
+        advance(len(page))
+    return found
 
 
 def _columns_of(blocks: Sequence[Block]) -> tuple[object, ...]:

@@ -1,4 +1,4 @@
-"""What the audit found of one channel."""
+"""What the audit found of one channel, or of one patch of a large skin."""
 
 from __future__ import annotations
 
@@ -14,15 +14,19 @@ if TYPE_CHECKING:
 
 CONFIDENCE: Final = 1.0 - 1e-6
 """Chance brings more violations than allowed once in a million audits of a channel."""
+_SUMS: Final = (
+    *("blocks", "samples", "violations", "mislabelled", "late", "unbounded", "forgotten"),
+    *("width", "magnitude"),
+)
 
 
 @dataclass(slots=True)
 class ChannelAudit:
-    """Sums over the blocks of one channel.
+    """Sums over the blocks of one channel, or over the frames of one patch.
 
     Attributes:
         node: The node.
-        channel: ``{taxel}.{quantity}``.
+        channel: ``{taxel}.{quantity}``, or ``{patch}.{quantity}``.
         unit: UCUM code.
         coverage: The least that any of its blocks claims.
         blocks: Blocks compared.
@@ -69,6 +73,12 @@ class ChannelAudit:
         self.unbounded += int(np.count_nonzero(~finite))
         self.width += float(np.sum(values.wid[finite]))
         self.magnitude += float(np.sum(np.abs(truth[finite])))
+
+    def add(self, other: ChannelAudit) -> None:
+        """Add the sums of other blocks of the channel."""
+        self.coverage = min(self.coverage, other.coverage)
+        for name in _SUMS:
+            setattr(self, name, getattr(self, name) + getattr(other, name))
 
     @property
     def bounded(self) -> int:

@@ -1,4 +1,4 @@
-"""Whether every block that a node made is stored, still under way, or reported as lost."""
+"""Whether all blocks and frames that a node made are stored, under way, or reported as lost."""
 
 from __future__ import annotations
 
@@ -14,19 +14,21 @@ from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import blocks, events, sequences
 from eskin_cloud.store.write.duplicates import find_digest
 from eskin_sensor_node.node.ground_truth import GroundTruth
-from sqlalchemy import select
+from sqlalchemy import and_, exists, select
 
 from eskin.demo.audit.sealed import sealed_positions
 from eskin.errors import AuditError
 from eskin.privacy import SealedMessage, is_sealed
 from eskin.runtime.digest import digest
-from eskin.wire.messages import Gap, Position, decode_message
-from eskin.wire.messages.cbor_map import MOST_COUNT
+from eskin.wire import frames
+from eskin.wire.messages import Gap, Kind, Position
+from eskin.wire.messages.cbor_map import MOST_COUNT, load
 from eskin.wire.messages.compacted_block import Pack
+from eskin.wire.messages.header import read_position
 from eskin.wire.sequence_set import SequenceRanges
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sqlalchemy import Connection
@@ -41,11 +43,11 @@ _ENDED: Final = "SELECT name, ended.boot, last FROM ended JOIN member ON member.
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """Where the blocks of one node are.
+    """Where the blocks and frames of one node are.
 
     Attributes:
         node: The node.
-        made: Blocks whose truth the emulator keeps.
+        made: Those whose truth the emulator keeps.
         stored: Those that the cloud stored.
         waiting: Those that wait in flash or spool.
         lost: Those that a gap reports.
@@ -147,13 +149,25 @@ class UnderWay:
         return last + 1 if last + 1 >= settled else MOST_COUNT
 
 
-def deliveries(seen: UnderWay, connection: Connection) -> list[Delivery]:
-    """Look for every block that the nodes made, in what was seen and in the store."""
-    return [_delivery(node, seen, connection) for node in seen.made]
+def deliveries(
+    seen: UnderWay, connection: Connection, framed: Mapping[str, Iterable[Position]]
+) -> list[Delivery]:
+    """Look for every block and frame that the nodes made, in what was seen and in the store.
+
+    Args:
+        seen: What was seen.
+        connection: Reads the store.
+        framed: Positions of the frames that the store holds as a whole, by node.
+    """
+    return [_delivery(node, seen, connection, framed.get(node, ())) for node in seen.made]
 
 
-def _delivery(node: str, seen: UnderWay, connection: Connection) -> Delivery:
+def _delivery(
+    node: str, seen: UnderWay, connection: Connection, framed: Iterable[Position]
+) -> Delivery:
     stored = _stored(node, connection)
+    for position in framed:
+        stored.span(position.boot, position.sequence, position.sequence)
     lost, sighted = _lost(node, connection), _sighted(node, connection)
     waiting = seen.waiting[node]
     counts = {"stored": 0, "waiting": 0, "lost": 0, "unborn": 0}
@@ -232,23 +246,35 @@ def _stored(node: str, connection: Connection) -> Sightings:
 
 def _position(body: bytes) -> Position:
     """Where a message of the spool belongs, sealed or not."""
-    return (SealedMessage.decode(body) if is_sealed(body) else decode_message(body)).position
+    return SealedMessage.decode(body).position if is_sealed(body) else read_position(load(body))
 
 
 def _lost(node: str, connection: Connection) -> Sightings:
     """What gaps tell as lost."""
     lost = Sightings()
-    e = events.c
-    query = select(e.boot, e.sequence, e.data).where(e.node == node, e.kind == "gap")
+    e, gap = events.c, events.alias().c
+    # Of statements, the first row holds the message, whatever it is about.
+    here = and_(gap.node == e.node, gap.boot == e.boot, gap.sequence == e.sequence)
+    query = select(e.boot, e.sequence, e.data).where(
+        e.node == node, e.data.is_not(None), exists().where(here, gap.kind == "gap")
+    )
     for boot, sequence, data in connection.execute(query).all():
         if find_digest(connection, node, boot, sequence) != digest(bytes(data)):
             report_damaged("events", DamagedRow(node, boot, sequence, None))
             continue
-        gap = decode_message(bytes(data))
-        if isinstance(gap, Gap):
-            for span in gap.lost:
+        for each in _gaps(bytes(data)):
+            for span in each.lost:
                 lost.span(*span)
     return lost
+
+
+def _gaps(data: bytes) -> Sequence[Gap | frames.Gap]:
+    """The gaps that a message states."""
+    fields = load(data)
+    kind = fields.integer(1, 0, 255)
+    if kind == Kind.STATEMENTS:
+        return frames.Statements.read(fields).gaps
+    return [Gap.read(fields)] if kind == Kind.GAP else ()
 
 
 def _sighted(node: str, connection: Connection) -> Sightings:

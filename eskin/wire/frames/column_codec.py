@@ -17,12 +17,12 @@ from eskin.wire.frames.sample_codec import (
     _FAR,
     _FAULTS,
     _MOST_SPAN,
-    _PADDING,
     COARSEST,
     FINEST,
-    _decode,
+    PADDING,
     _encode,
     _scale,
+    decode_codes,
 )
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def decode_columns(
     chosen = np.arange(counts.size) if columns is None else np.asarray(columns, np.int64)
     size = int(counts[chosen].sum())
     lo, hi = np.full(size, -np.inf), np.full(size, np.inf)
-    data = np.frombuffer(encoded.codes + bytes(_PADDING), np.uint8)
+    data = np.frombuffer(encoded.codes + bytes(PADDING), np.uint8)
     ends = np.cumsum(encoded.sizes)
     heads = encoded.exponents, encoded.offsets, ends - encoded.sizes, ends, counts
     fault, place = _decode_all(data, heads, chosen, lo, hi)
@@ -126,7 +126,7 @@ def _encoded(
         raise MessageError("a sample is an empty interval; encode what is unknown as unbounded")
     exponents, offsets, sizes = (np.zeros(counts.size, np.int64) for _ in range(3))
     groups = np.minimum(counts, 1) - (1 - counts) // _LEAST_GROUP
-    out = np.empty(int((2 * (3 * counts + groups)).sum()) + _PADDING, np.uint8)
+    out = np.empty(int((2 * (3 * counts + groups)).sum()) + PADDING, np.uint8)
     if not _encode_all(lo, hi, counts, (finest, exact), (exponents, offsets, sizes, out)):
         return None
     return ColumnCodes(exponents, offsets, sizes, out[: int(sizes.sum())].tobytes())
@@ -222,12 +222,10 @@ def _decode_all(
     order, begin = _order_longest(counts), 0
     for column in chosen:
         end = begin + counts[column]
-        codes = data[begins[column] : ends[column] + _PADDING]
+        within, scale = (begins[column], ends[column]), (exponents[column], offsets[column])
         cells = order[: counts[column]], min(counts[column], 1)
-        fault, place = _decode(
-            codes, cells, exponents[column], offsets[column], lo[begin:end], hi[begin:end]
-        )
+        fault, place = decode_codes(data, within, cells, scale, lo[begin:end], hi[begin:end])
         if fault:
-            return fault, begins[column] + place
+            return fault, place
         begin = end
     return 0, 0

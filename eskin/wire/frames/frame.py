@@ -44,9 +44,10 @@ if TYPE_CHECKING:
 MOST_GRIDS: Final = 16
 LONGEST_PERIOD: Final = 1_000_000_000_000
 _FIELDS: Final = frozenset(range(1, 10))
-_HEAD_BYTES: Final = 98
-_GRID_BYTES: Final = 40
-_PATCH_BYTES: Final = 31
+HEAD_BYTES: Final = 98
+GRID_BYTES: Final = 40
+PATCH_BYTES: Final = 31
+"""The most bytes of what is no sample: once a frame, for each grid, and for each patch."""
 _STRIDES, _UNSHARED = 1, 2
 _OPTIONS: Final = ([_STRIDES], [_UNSHARED], [_STRIDES, _UNSHARED])
 
@@ -133,7 +134,7 @@ class PatchSamples:
         """The most bytes that it takes in a frame, whatever its values are."""
         options = 3 + len(self.strides) if self.strides else 0
         options += 2 + (self.columns + 7) // 8 if self.unshared else 0
-        return _PATCH_BYTES + bool(options) + options + self.sampling(grid).limit
+        return PATCH_BYTES + bool(options) + options + self.sampling(grid).limit
 
     def encode(self) -> list[object]:
         """Write as an item of CBOR."""
@@ -199,8 +200,8 @@ def frame_limit(columns: Iterable[int], rows: int) -> int:
         columns: Of each patch.
         rows: Of the grid.
     """
-    each = (_PATCH_BYTES + Sampling(rows, count).limit for count in columns)
-    return _HEAD_BYTES + _GRID_BYTES + sum(each)
+    each = (PATCH_BYTES + Sampling(rows, count).limit for count in columns)
+    return HEAD_BYTES + GRID_BYTES + sum(each)
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,7 +271,7 @@ class Frame:
         that fits does so always, and no frame of few bytes becomes many samples.
         """
         patches = sum(each.limit(self.grids[each.grid]) for each in self.patches)
-        return _HEAD_BYTES + _GRID_BYTES * len(self.grids) + patches
+        return HEAD_BYTES + GRID_BYTES * len(self.grids) + patches
 
     def require_layout(self, layout: Layout, patches: Sequence[Patch]) -> None:
         """Check that a layout and its patches are those by which this frame is read.

@@ -14,7 +14,7 @@ import numpy as np
 from eskin.errors import MessageError
 from eskin.kernels.intrinsics import from_bits
 from eskin.kernels.jit import kernel, part
-from eskin.wire.frames.sample_codec import _PADDING, _decode, _order
+from eskin.wire.frames.sample_codec import PADDING, decode_codes, order_cells
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -108,7 +108,7 @@ def scan_frames(frames: Sequence[bytes], wanted: NDArray[np.bool_]) -> Records:
     """
     sizes = np.fromiter(map(len, frames), np.int64, len(frames))
     starts = np.concatenate([[0], np.cumsum(sizes)])
-    data = np.frombuffer(b"".join([*frames, bytes(_PADDING)]), np.uint8)
+    data = np.frombuffer(b"".join([*frames, bytes(PADDING)]), np.uint8)
     room = len(frames) * int(np.count_nonzero(wanted))
     whole, coverage = np.empty((room, _PARTS), np.int64), np.empty(room)
     count, cells = _scan(data, starts, wanted, whole, coverage)
@@ -228,22 +228,22 @@ def _read_record(data: Bytes, at: int, row: Integers) -> tuple[Any, Any]:
 def _decode_records(data: Bytes, whole: Integers, lo: Floats, hi: Floats) -> int:
     """Decode all records; gives the first that cannot be read, or -1."""
     even = np.zeros(64, np.uint8)
-    cells = _order(1, 1, 0, even[:1])
+    cells = order_cells(1, 1, 0, even[:1])
     shape = (0, 0)
     for record in range(len(whole)):
         row = whole[record]
         rows, columns, place = row[_ROWS], row[_COLUMNS], row[_STRIDES]
         if place >= 0:
-            cells = _order(
+            cells = order_cells(
                 rows, columns, row[_FIRST_ROW] % _WIDE_ROWS, data[place : place + columns]
             )
             shape = (0, 0)
         elif shape != (rows, columns):
-            cells = _order(rows, columns, 0, even[:columns])
+            cells = order_cells(rows, columns, 0, even[:columns])
             shape = (rows, columns)
         begin, end = row[_BEGIN], row[_BEGIN] + rows * columns
-        codes = data[row[_CODES] : row[_CODES_END] + _PADDING]
-        fault, _ = _decode(codes, cells, row[_EXPONENT], row[_OFFSET], lo[begin:end], hi[begin:end])
+        within, scale = (row[_CODES], row[_CODES_END]), (row[_EXPONENT], row[_OFFSET])
+        fault, _ = decode_codes(data, within, cells, scale, lo[begin:end], hi[begin:end])
         if fault:
             return record
     return -1

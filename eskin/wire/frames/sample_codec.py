@@ -39,7 +39,8 @@ _MODULUS: Final = 1 << _BITS
 _HALF: Final = _MODULUS >> 1
 _UNKNOWN, _NO_LOWER, _NO_UPPER, _BOUNDED = range(4)
 _MOST_SPAN: Final = _MODULUS - 1 - _BOUNDED
-_PADDING: Final = 4
+PADDING: Final = 4
+"""Bytes that must follow codes."""
 _CUT, _WIDE, _LOOSE, _FILLING, _NAMED, _MORE = range(1, 7)
 _FAULTS: Final = {
     _CUT: "they end in the middle of a group",
@@ -136,7 +137,7 @@ def encode_samples(values: Interval, sampling: Sampling, least_width: float) -> 
         raise MessageError("a sample is an empty interval; encode what is unknown as unbounded")
     cells = _cells(*sampling)
     exponent, offset = _scale(lo, hi, cells[0], finest_exponent(least_width))
-    out = np.empty(sampling.limit + _PADDING, np.uint8)
+    out = np.empty(sampling.limit + PADDING, np.uint8)
     size = _encode(lo, hi, cells, exponent, offset, _FAR, out)
     return SampleCodes(exponent, offset, out[:size].tobytes())
 
@@ -169,7 +170,7 @@ def encode_matrices(
         least_width: As their patch states it.
     """
     numbers = np.empty((3, len(lo) + 1), np.int64)
-    out = np.empty(sampling.limit * len(lo) + _PADDING, np.uint8)
+    out = np.empty(sampling.limit * len(lo) + PADDING, np.uint8)
     _encode_all(lo, hi, _cells(*sampling), finest_exponent(least_width), numbers, out)
     exponents, offsets, ends = numbers
     return EncodedMatrices(exponents[:-1], offsets[:-1], ends, out[: ends[-1]])
@@ -187,9 +188,10 @@ def decode_samples(encoded: SampleCodes, sampling: Sampling) -> Interval:
     """
     lo = np.full(sampling.rows * sampling.columns, -np.inf)
     hi = np.full(sampling.rows * sampling.columns, np.inf)
-    data = np.frombuffer(encoded.codes + bytes(_PADDING), np.uint8)
+    data = np.frombuffer(encoded.codes + bytes(PADDING), np.uint8)
     cells = _cells(*sampling)
-    fault, place = _decode(data, cells, encoded.exponent, encoded.offset, lo, hi)
+    scale = encoded.exponent, encoded.offset
+    fault, place = decode_codes(data, (0, len(encoded.codes)), cells, scale, lo, hi)
     if fault:
         raise MessageError(f"codes cannot be read from byte {place} on: {_FAULTS[fault]}")
     return Interval(lo, hi).reshape(sampling.rows, sampling.columns)
@@ -199,11 +201,11 @@ def _cells(
     rows: int, columns: int, first_row: int, strides: bytes
 ) -> tuple[NDArray[np.int32], int]:
     steps = np.frombuffer(strides or bytes(columns), np.uint8)
-    return _order(rows, columns, first_row % 2**MOST_STRIDE, steps)
+    return order_cells(rows, columns, first_row % 2**MOST_STRIDE, steps)
 
 
 @kernel
-def _order(
+def order_cells(
     rows: int, columns: int, first_row: int, strides: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int32], int]:
     """Cells in the order of their codes, each with the cell that predicts it, or -1.
@@ -362,23 +364,37 @@ def _bit_length(bits: int) -> int:
 
 
 @kernel
-def _decode(
+def decode_codes(
     data: NDArray[np.uint8],
+    within: tuple[int, int],
     cells: tuple[NDArray[np.int32], int],
-    exponent: int,
-    offset: int,
+    scale: tuple[int, int],
     lo: Floats,
     hi: Floats,
 ) -> tuple[int, int]:
-    """Read codes into bounds; gives what is wrong, or 0, and where."""
+    """Read codes into bounds.
+
+    Args:
+        data: Bytes, of which some follow the codes, whatever they are.
+        within: Where the codes begin and end.
+        cells: As `order_cells` gives them.
+        scale: Exponent and offset.
+        lo: Lower bounds; what is unknown stays as it is.
+        hi: Upper bounds.
+
+    Returns:
+        What is wrong, or 0, and where.
+    """
     order, starts = cells
+    place, behind = within
+    exponent, offset = scale
     bases, widths = np.zeros(lo.size, np.int32), np.zeros(lo.size, np.int32)
-    place = fault = 0
+    fault = 0
     for codes in (bases, widths):
         for part_of in (order[:starts], order[starts:]):
             if not fault:
-                fault, place = _unpack(data, place, part_of, codes)
-    if not fault and place != data.size - _PADDING:
+                fault, place = _unpack(data, (place, behind), part_of, codes)
+    if not fault and place != behind:
         fault = _MORE
     quantum = 2.0**exponent
     for k in range(len(order)):
@@ -398,10 +414,13 @@ def _decode(
 
 @part
 def _unpack(
-    data: NDArray[np.uint8], place: int, order: NDArray[np.int32], codes: NDArray[np.int32]
+    data: NDArray[np.uint8],
+    within: tuple[int, int],
+    order: NDArray[np.int32],
+    codes: NDArray[np.int32],
 ) -> tuple[int, int]:
     """Read groups of differences into codes; gives what is wrong, or 0, and where it goes on."""
-    behind = data.size - _PADDING
+    place, behind = within
     for begin in range(0, len(order), _GROUP):
         size, bits = min(len(order) - begin, _GROUP), 0
         if place >= behind:

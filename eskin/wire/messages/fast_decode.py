@@ -12,10 +12,20 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from eskin.errors import MessageError
-from eskin.kernels.intrinsics import from_bits, load
+from eskin.kernels.intrinsics import load
 from eskin.kernels.jit import kernel, part
 from eskin.wire.messages.block_header import LONGEST_DT, MOST_SAMPLES, UNIT_LENGTH, BlockSummary
-from eskin.wire.messages.cbor_map import MOST_COUNT, text
+from eskin.wire.messages.cbor_map import text
+from eskin.wire.messages.compiled_cbor import (
+    NOWHERE,
+    read_count,
+    read_head,
+    read_integer,
+    read_key,
+    read_pair,
+    read_real,
+    read_string,
+)
 from eskin.wire.messages.encoding import ENCODINGS, MOST_OFFSET, SAFE_EXPONENT, UNBOUNDED
 from eskin.wire.messages.header import CHANNEL_LENGTH, Position, require_channel
 from eskin.wire.timestamp import MOST_MOMENT
@@ -30,7 +40,6 @@ if TYPE_CHECKING:
 
 _PLAIN: Final = 0xAF  # a map of 15 pairs
 _SCALED: Final = 0xB1  # of 17: with a scale
-_NONE: Final = -1  # the place after what is not there
 _Q16: Final = 2
 _TAGS: Final = (86, 85, 69)  # by encoding (RFC 8746)
 _SIZES: Final = (8, 4, 2)
@@ -104,19 +113,19 @@ def _scan_all(
 @kernel
 def _scan(data: NDArray[np.uint8]) -> Any:
     """Whether all is well; places of both names, whole numbers, reals."""
-    place = 1 if len(data) > 1 and (data[0] == _PLAIN or data[0] == _SCALED) else _NONE
-    kind, place = _count(data, place, 1)
-    boot, place = _count(data, place, 2)
-    sequence, place = _count(data, place, 3)
-    channel, channel_end = _string(data, _key(data, place, 4), 3)
-    unit, unit_end = _string(data, _key(data, channel_end, 5), 3)
-    ticks, place = _count(data, unit_end, 6)
-    early, place = _integer(data, _pair(data, place, 7))
-    late, place = _integer(data, place)
-    dt, place = _count(data, place, 8)
-    n, place = _count(data, place, 9)
-    coverage, place = _real(data, _key(data, place, 10))
-    encoding, place = _count(data, place, 11)
+    place = 1 if len(data) > 1 and (data[0] == _PLAIN or data[0] == _SCALED) else NOWHERE
+    kind, place = read_count(data, place, 1)
+    boot, place = read_count(data, place, 2)
+    sequence, place = read_count(data, place, 3)
+    channel, channel_end = read_string(data, read_key(data, place, 4), 3)
+    unit, unit_end = read_string(data, read_key(data, channel_end, 5), 3)
+    ticks, place = read_count(data, unit_end, 6)
+    early, place = read_integer(data, read_pair(data, place, 7))
+    late, place = read_integer(data, place)
+    dt, place = read_count(data, place, 8)
+    n, place = read_count(data, place, 9)
+    coverage, place = read_real(data, read_key(data, place, 10))
+    encoding, place = read_count(data, place, 11)
     good = place >= 0 and kind == 1 and 1 <= n <= MOST_SAMPLES and 1 <= dt <= LONGEST_DT
     good = good and encoding <= _Q16 and (encoding == _Q16) == (data[0] == _SCALED)
     good = good and -MOST_MOMENT <= early <= late and 0.0 <= coverage <= 1.0
@@ -137,15 +146,15 @@ def _bounds(
 ) -> tuple[float, float, float, bool]:
     """The rest of a block: bounds and widening as it says, and whether they are true."""
     size = n * _SIZES[encoding]
-    lows, place = _samples(data, _key(data, place, 12), _TAGS[encoding], size)
-    highs, place = _samples(data, _key(data, place, 13), _TAGS[encoding], size)
-    lo, place = _real(data, _pair(data, place, 14))
-    hi, place = _real(data, place)
+    lows, place = _samples(data, read_key(data, place, 12), _TAGS[encoding], size)
+    highs, place = _samples(data, read_key(data, place, 13), _TAGS[encoding], size)
+    lo, place = read_real(data, read_pair(data, place, 14))
+    hi, place = read_real(data, place)
     exponent = offset = 0
     if encoding == _Q16:
-        exponent, place = _integer(data, _key(data, place, 15))
-        offset, place = _integer(data, _key(data, place, 16))
-    widening, place = _real(data, _key(data, place, 17))
+        exponent, place = read_integer(data, read_key(data, place, 15))
+        offset, place = read_integer(data, read_key(data, place, 16))
+    widening, place = read_real(data, read_key(data, place, 17))
     good = place == len(data) and widening >= 0.0
     good = good and abs(exponent) <= SAFE_EXPONENT and abs(offset) <= MOST_OFFSET
     if not good:
@@ -195,77 +204,8 @@ def _codes(data: NDArray[np.uint8], lows: int, highs: int, n: int) -> tuple[int,
 
 
 @part
-def _head(data: NDArray[np.uint8], place: int, major: int) -> tuple[int, int]:
-    """An item's number in its shortest form, and where it goes on (RFC 8949, section 3)."""
-    if not 0 <= place < len(data) or data[place] >> 5 != major:
-        return 0, _NONE
-    short = data[place] & 31
-    place += 1
-    if short < 24:
-        return short, place
-    width = 1 << (short - 24)
-    if short > 27 or place + width > len(data):
-        return 0, _NONE
-    number = 0
-    for k in range(width):
-        number = number << 8 | data[place + k]
-    least = 24 if width == 1 else 1 << 4 * width
-    return (number, place + width) if number >= least else (0, _NONE)
-
-
-@part
-def _key(data: NDArray[np.uint8], place: int, key: int) -> int:
-    """Where a field's value stands."""
-    return place + 1 if 0 <= place < len(data) and data[place] == key else _NONE
-
-
-@part
-def _pair(data: NDArray[np.uint8], place: int, key: int) -> int:
-    """Where the first of a field's two values stands."""
-    return _key(data, _key(data, place, key), 0x82)
-
-
-@part
-def _count(data: NDArray[np.uint8], place: int, key: int) -> tuple[int, int]:
-    number, behind = _head(data, _key(data, place, key), 0)
-    return (number, behind) if number <= MOST_COUNT else (0, _NONE)
-
-
-@part
-def _integer(data: NDArray[np.uint8], place: int) -> tuple[int, int]:
-    if 0 <= place < len(data) and data[place] >> 5 == 1:
-        number, behind = _head(data, place, 1)
-        return -1 - number, behind
-    return _head(data, place, 0)
-
-
-@part
-def _string(data: NDArray[np.uint8], place: int, major: int) -> tuple[int, int]:
-    """Where a string begins and ends."""
-    length, begin = _head(data, place, major)
-    return (begin, begin + length) if 0 <= length <= len(data) - begin else (0, _NONE)
-
-
-@part
 def _samples(data: NDArray[np.uint8], place: int, tag: int, size: int) -> tuple[int, int]:
     """Where an array of so many bytes begins and ends."""
-    found, place = _head(data, place, 6)
-    begin, end = _string(data, place, 2)
-    return (begin, end) if found == tag and end - begin == size else (0, _NONE)
-
-
-@part
-def _real(data: NDArray[np.uint8], place: int) -> tuple[float, int]:
-    """A binary64, or an infinity, whose shortest form has 16 bits."""
-    if 0 <= place <= len(data) - 3 and data[place] == 0xF9 and data[place + 2] == 0:
-        if data[place + 1] == 0x7C:
-            return np.inf, place + 3
-        if data[place + 1] == 0xFC:
-            return -np.inf, place + 3
-    if not 0 <= place <= len(data) - 9 or data[place] != 0xFB:
-        return np.nan, _NONE
-    bits = 0
-    for k in range(1, 9):
-        bits = bits << 8 | data[place + k]
-    value = from_bits(bits)
-    return value, place + 9 if abs(value) < np.inf else _NONE
+    found, place = read_head(data, place, 6)
+    begin, end = read_string(data, place, 2)
+    return (begin, end) if found == tag and end - begin == size else (0, NOWHERE)

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SpoolError, UntrustedCertificateError
 from eskin.runtime.supervised import Backoff, Supervised
-from eskin.wire.frames import Frame, Statements
+from eskin.wire.frames import Statements
 from eskin.wire.messages import Acknowledgement, BlockSummary, Gap, Peak, Status
 from eskin.wire.messages.acknowledgement import MOST_WANTED
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.topics import Stream, node_topic
+from eskin_gateway.ingest.node_messages import EncodedFrame
 from eskin_gateway.metrics import RejectReason
 from eskin_gateway.publish import public_payloads
 from eskin_gateway.publish.frame_hulls import FrameHulls
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from eskin.wire.messages import Position
     from eskin_gateway.commands.publisher import CommandPublisher
+    from eskin_gateway.ingest.node_messages import Described
     from eskin_gateway.ingest.validator import IngestResult, Validator
     from eskin_gateway.metrics import Metrics
     from eskin_gateway.mqtt.receive_queue import ReceiveQueue
@@ -159,7 +161,7 @@ class PostCommit:
                         yield topic, pack, False
             elif public and isinstance(message, Peak | Gap):
                 yield *public_payloads.event(node, message), False
-            elif isinstance(message, Frame | Statements):
+            elif isinstance(message, EncodedFrame | Statements):
                 yield from self._described(node, message, now)
             status = message if isinstance(message, Status) else None
             yield from self._presence.update(node, status, live=live, now=now)
@@ -167,9 +169,7 @@ class PostCommit:
                 yield from self._discovery.update(node, status)
         yield from self._frame_hulls.run_periodic(now)
 
-    def _described(
-        self, node: str, message: Frame | Statements, now: float
-    ) -> Iterator[Publication]:
+    def _described(self, node: str, message: Described, now: float) -> Iterator[Publication]:
         skin = self._descriptions.find(node, message.layout)
         if not isinstance(skin, Skin):  # damaged since it was validated
             return
@@ -177,7 +177,7 @@ class PostCommit:
             for topic, body in public_payloads.statements(node, message, skin):
                 yield topic, body, False
         else:
-            yield from self._frame_hulls.add(node, message, skin, now=now)
+            yield from self._frame_hulls.add(node, message.summary, message.data, skin, now=now)
         if self._discovery is not None:
             yield from self._discovery.describe(node, skin)
 

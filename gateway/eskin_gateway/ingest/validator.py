@@ -21,7 +21,7 @@ from eskin.errors import (
     UntrustedCertificateError,
 )
 from eskin.wire.envelope import MOST_ENVELOPE, Opened, introduction
-from eskin.wire.frames import Frame, Layout, Patch, Statements
+from eskin.wire.frames import Layout, Patch, Statements
 from eskin.wire.messages import (
     BlockSummary,
     Gap,
@@ -32,7 +32,7 @@ from eskin.wire.messages import (
 )
 from eskin.wire.messages.cbor_map import MOST_COUNT, integer, load_any
 from eskin.wire.topics import FROM_NODE, Stream, parse_node_topic
-from eskin_gateway.ingest.node_messages import Described, Numbered, decode
+from eskin_gateway.ingest.node_messages import Described, EncodedFrame, Numbered, decode
 from eskin_gateway.metrics import RejectReason
 from eskin_gateway.spool.batch import Batch, DeadLetter, SpoolMessage
 from eskin_gateway.spool.descriptions import Skin
@@ -53,7 +53,7 @@ log = logging.getLogger(__name__)
 _MAX_LOGGED_TOPIC: Final = 200
 _MESSAGE_TYPES: Final = {
     Stream.BLOCKS: (BlockSummary,),
-    Stream.FRAMES: (Frame,),
+    Stream.FRAMES: (EncodedFrame,),
     Stream.LAYOUTS: (Patch, Layout),
     Stream.EVENTS: (Peak, Gap, Result, Statements),
     Stream.STATUS: (Status,),
@@ -195,7 +195,7 @@ class Validator:
         position = message.position
         if state.is_duplicate(position):
             result.duplicates += 1
-        elif isinstance(message, Frame | Statements) and not self._is_readable(
+        elif isinstance(message, EncodedFrame | Statements) and not self._is_readable(
             result, received_message, node, message, opened.plaintext
         ):
             return
@@ -239,7 +239,10 @@ class Validator:
             if isinstance(found, Skin):
                 skin = found
                 self._missing_layouts.found(node, message.layout)
-                skin.require(message)
+                if isinstance(message, Statements):
+                    skin.require_statements(message)
+                else:
+                    skin.require_frame(message.summary)
                 self._descriptions.use(node, message.layout)
                 return True
             request = self._missing_layouts.wait(node, message.layout, found)

@@ -8,16 +8,23 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
 from typing import TYPE_CHECKING, Final, Self
+
+import numpy as np
 
 from eskin.errors import MessageError
 from eskin.privacy import is_biometric
-from eskin.wire.frames import Frame, Layout, Patch, Privacy, Statements, content_hash
+from eskin.wire.frames import Layout, Patch, Privacy, content_hash
 from eskin_gateway.spool.batch import Description
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
+    from numpy.typing import NDArray
+
+    from eskin.wire.frames import FrameSummary, Statements
     from eskin_gateway.spool.batch import Batch
     from eskin_gateway.spool.spool import Spool
 
@@ -28,9 +35,10 @@ MOST: Final = 8192
 _MOST_CHANNELS: Final = 500_000
 """Of all skins in memory, some 100 bytes each."""
 _MAX_NODES: Final = 4096
+_BIOMETRIC: Final = "holds biometric patches; sealed frames are not supported yet"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Skin:
     """A layout with its patches.
 
@@ -68,23 +76,55 @@ class Skin:
             if number not in self.biometric
         ]
 
-    def require(self, message: Frame | Statements) -> None:
-        """Check that a message fits, and that none of it is data about a person.
+    @cached_property
+    def columns(self) -> NDArray[np.int64]:
+        """How many columns each patch has."""
+        return np.array([len(patch.taxels) for patch in self.patches])
+
+    @cached_property
+    def ends(self) -> tuple[int, ...]:
+        """For each page, the number of the first patch after it."""
+        return tuple(accumulate(self.layout.pages))
+
+    @cached_property
+    def _shares_errors(self) -> NDArray[np.bool_]:
+        return np.array([bool(patch.alpha) for patch in self.patches])
+
+    def require_frame(self, frame: FrameSummary) -> None:
+        """Check that a frame fits, as `Frame.require_layout` does, and that none is biometric.
 
         Raises:
             MessageError: It does not, or some is.
         """
-        if isinstance(message, Frame):
-            message.require_layout(self.layout, self.patches)
-            personal = any(samples.patch in self.biometric for samples in message.patches)
-        else:
-            self._require_named(message)
-            personal = any(peak.patch in self.biometric for peak in message.peaks) or bool(
-                # A contact and a monitor may be of any patch.
-                self.biometric and (message.contacts or message.verdicts)
+        if frame.page >= len(self.ends):
+            raise MessageError(f"page is {frame.page}; the layout has {len(self.ends)}")
+        numbers, end = frame.records["patch"], self.ends[frame.page]
+        if numbers[0] < end - self.layout.pages[frame.page] or numbers[-1] >= end:
+            raise MessageError(
+                f"patches {numbers[0]} to {numbers[-1]} are not all on page {frame.page}"
             )
-        if personal:
-            raise MessageError("holds biometric patches; sealed frames are not supported yet")
+        for wrong, what in (
+            (frame.records["columns"] != self.columns[numbers], "another number of columns"),
+            ((frame.records["epoch"] > 0) & ~self._shares_errors[numbers], "no shared error"),
+        ):
+            if wrong.any():
+                number = numbers[np.flatnonzero(wrong)[0]]
+                raise MessageError(f"patch {number} has {what} by its description")
+        if self.biometric and not self.biometric.isdisjoint(numbers.tolist()):
+            raise MessageError(_BIOMETRIC)
+
+    def require_statements(self, message: Statements) -> None:
+        """Check that statements fit, and that none is on biometric patches.
+
+        Raises:
+            MessageError: They do not, or one is.
+        """
+        self._require_named(message)
+        # A contact and a monitor may be of any patch.
+        if any(peak.patch in self.biometric for peak in message.peaks) or (
+            self.biometric and (message.contacts or message.verdicts)
+        ):
+            raise MessageError(_BIOMETRIC)
 
     def _require_named(self, message: Statements) -> None:
         named = [peak.patch for peak in message.peaks]

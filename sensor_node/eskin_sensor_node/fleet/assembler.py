@@ -69,7 +69,8 @@ class Written(NamedTuple):
         samples: How many samples it holds.
         begin: Ticks of the first moment of a frame.
         end: Ticks after its last row.
-        values: True values, patch after patch, row after row; empty for statements.
+        sizes: Number and samples of each patch, shape ``(patches, 2)``; empty for statements.
+        values: True values, patch after patch, row after row; likewise.
     """
 
     row: int
@@ -80,6 +81,7 @@ class Written(NamedTuple):
     samples: int
     begin: int
     end: int
+    sizes: NDArray[np.uint32]
     values: Floats
 
 
@@ -181,6 +183,8 @@ class CohortAssembler:
         _, count = write_frames(page, self._writing, group, out, records)
         truth = [matrix.filled("truth", np.nan) for matrix in matrices]
         whole = np.concatenate(truth, axis=1)
+        each = zip(matrices, truth, strict=True)
+        sizes = np.array([(m.patch.number, t.shape[1]) for m, t in each], np.uint32)
         present = page.samples > 0
         starts, ends = page.heads[:, 2], page.heads[:, 3]
         periods = np.array([matrix.dt for matrix in matrices])
@@ -191,7 +195,7 @@ class CohortAssembler:
                 values = np.concatenate([truth[k][row] for k in np.flatnonzero(here).tolist()])
             begin = int(starts[here].min())
             end = int(ends[here].max() + periods[here].max())
-            yield _written(record, out, begin, end, values)
+            yield _written(record, out, begin, end, sizes[here], values)
 
     def _page(self, number: int, matrices: Sequence[_Matrix], group: Group) -> Page:
         grids = list(dict.fromkeys(matrix.grid for matrix in matrices))
@@ -247,10 +251,17 @@ class CohortAssembler:
             records = np.empty(len(own), RECORD)
             _, count = write_peaks(own, self._writing, group, out, records)
             for record in records[:count]:
-                yield _written(record, out, 0, 0, np.empty(0))
+                yield _written(record, out, 0, 0, np.empty((0, 2), np.uint32), np.empty(0))
 
 
-def _written(record: Any, out: NDArray[np.uint8], begin: int, end: int, values: Floats) -> Written:
+def _written(
+    record: Any,
+    out: NDArray[np.uint8],
+    begin: int,
+    end: int,
+    sizes: NDArray[np.uint32],
+    values: Floats,
+) -> Written:
     row, kind, sequence, earliest, latest, samples, start, stop = record.tolist()
-    body = out[start:stop].tobytes()
-    return Written(row, kind, sequence, body, (earliest, latest), samples, begin, end, values)
+    body, time = out[start:stop].tobytes(), (earliest, latest)
+    return Written(row, kind, sequence, body, time, samples, begin, end, sizes, values)

@@ -59,6 +59,8 @@ def run(settings: NodeSettings) -> None:
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
+    if settings.skin.present:
+        raise SettingsError("fleet.count", "a node with a skin runs alone; start one process each")
     _require_open_air(settings)
     require_ram(settings)
     require_speed(settings, measured_around(settings.taxel))

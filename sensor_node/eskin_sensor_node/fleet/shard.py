@@ -91,7 +91,8 @@ class Shard:
         self.cohorts = [Cohort(self._roster)]
         self._regroup = Regroup(self._roster)
         broker, described = settings.broker, self._roster.layout.described
-        writer = partial(MessageWriter, layout=described.layout)
+        self._layout = described.layout
+        writer = partial(MessageWriter, layout=self._layout)
         self.outboxes = [
             MemberOutbox(
                 chip,
@@ -250,7 +251,17 @@ class Shard:
             if written.kind == FRAME:
                 begin, end = (times(each)[written.row] for each in (written.begin, written.end))
                 position = Position(boots[number], written.sequence)
-                frame = TrueFrame(position, begin, end, written.values)
+                lasting = written.end - written.begin
+                frame = TrueFrame(
+                    position,
+                    self._layout,
+                    written.begin,
+                    lasting,
+                    begin,
+                    end,
+                    written.sizes,
+                    written.values,
+                )
                 truth.setdefault(self.names[number], []).append(frame)
 
     def _examine(

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from eskin.interval import Floats
 
 _SCHEMA: Final = """
@@ -49,8 +51,12 @@ CREATE TABLE IF NOT EXISTS true_frame (
     node TEXT NOT NULL,
     boot INTEGER NOT NULL,
     sequence INTEGER NOT NULL,
+    layout BLOB NOT NULL,    -- hash of the layout by which the frame is read
+    ticks INTEGER NOT NULL,  -- the node's clock at the first moment
+    lasting INTEGER NOT NULL, -- ns of the node's clock from then until its samples are complete
     time INTEGER NOT NULL,   -- true UTC of the first moment, ns since 1970
-    "end" INTEGER NOT NULL,  -- true UTC when all of its samples are complete
+    "end" INTEGER NOT NULL,  -- true UTC when its samples are complete
+    sizes BLOB NOT NULL,     -- pairs of uint32, little endian: number and samples of each patch
     samples BLOB NOT NULL    -- float64, little endian, first all first bytes and so on; deflated
 ) STRICT;
 CREATE UNIQUE INDEX IF NOT EXISTS true_frame_position ON true_frame (boot, sequence, node);
@@ -67,8 +73,8 @@ _INSERT: Final = (
     "VALUES (?,?,?,?,?,?,?)"
 )
 _INSERT_FRAME: Final = (
-    'INSERT OR REPLACE INTO true_frame (node, boot, sequence, time, "end", samples) '
-    "VALUES (?,?,?,?,?,?)"
+    "INSERT OR REPLACE INTO true_frame (node, boot, sequence, layout, ticks, lasting, time, "
+    '"end", sizes, samples) VALUES (?,?,?,?,?,?,?,?,?,?)'
 )
 _POSITIONS: Final = (
     "SELECT node, boot, sequence FROM truth UNION ALL SELECT node, boot, sequence FROM true_frame"
@@ -113,15 +119,23 @@ class TrueFrame:
 
     Attributes:
         position: The frame's boot and sequence.
+        layout: Hash of the layout by which it is read.
+        ticks: The node's clock at its first moment, ns.
+        lasting: From then until all of its samples are complete, by the node's clock, ns.
         time: True UTC of its first moment, ns.
         end: True UTC when all of its samples are complete, ns.
+        sizes: Number and samples of each patch, shape ``(patches, 2)``.
         values: True values in the units of their patches, without noise: patch after patch as in
             the frame, row after row.
     """
 
     position: Position
+    layout: bytes
+    ticks: int
+    lasting: int
     time: int
     end: int
+    sizes: NDArray[np.uint32]
     values: Floats
 
 
@@ -195,13 +209,20 @@ class GroundTruth:
         Raises:
             FlashError: The file cannot be read.
         """
-        query = 'SELECT time, "end", samples FROM true_frame WHERE boot = ? AND sequence = ?'
+        query = (
+            'SELECT layout, ticks, lasting, time, "end", sizes, samples FROM true_frame '
+            "WHERE boot = ? AND sequence = ?"
+        )
         found: dict[Position, TrueFrame] = {}
         with _reading(path) as db:
             for position in positions:
                 row = db.execute(*_of(node, query, position.boot, position.sequence)).fetchone()
                 if row is not None:
-                    found[position] = TrueFrame(position, row[0], row[1], _inflated(row[2]))
+                    sizes = np.frombuffer(row[5], "<u4").reshape(-1, 2).astype(np.uint32)
+                    layout, ticks, lasting, time, end = row[:5]
+                    found[position] = TrueFrame(
+                        position, layout, ticks, lasting, time, end, sizes, _inflated(row[6])
+                    )
         return found
 
     @classmethod
@@ -384,7 +405,9 @@ def _of(node: str | None, query: str, *values: int) -> tuple[str, tuple[int | st
 def _row(node: str, true: TrueBlock | TrueFrame) -> tuple[Any, ...]:
     place = node, true.position.boot, true.position.sequence
     if isinstance(true, TrueFrame):
-        return *place, true.time, true.end, _deflated(true.values)
+        moments = true.ticks, true.lasting, true.time, true.end
+        sizes = true.sizes.astype("<u4").tobytes()
+        return *place, true.layout, *moments, sizes, _deflated(true.values)
     return *place, true.channel, true.time, true.dt, true.values.astype("<f8").tobytes()
 
 

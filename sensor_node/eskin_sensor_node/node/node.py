@@ -130,6 +130,7 @@ class Node(BaseNode):
     ) -> None:
         super().__init__(settings, clock=clock, outbox=outbox, truth=truth, seed=seed)
         self.layout = plan_layout(settings)
+        self._layout = self.layout.described.layout
         self.taxels = build_taxels(
             settings, self.layout, seed=seed, clock=clock, functions=functions
         )
@@ -231,11 +232,16 @@ class Node(BaseNode):
             true_matrix(matrix, [part for part in parts if part.patch == matrix.patch.number])
             for matrix in matrices
         ]
-        clock = self._clock
+        clock, lasting = self._clock, last + max(each.dt for each in matrices) - first
+        sizes = [(each.patch.number, each.rows * each.patch.columns) for each in matrices]
         return TrueFrame(
             Position(self._outbox.boot, record.sequence),
+            self._layout,
+            first,
+            lasting,
             clock.true_time(first),
-            clock.true_time(last + max(each.dt for each in matrices)),
+            clock.true_time(first + lasting),
+            np.array(sizes, np.uint32),
             np.concatenate([each.ravel() for each in values]),
         )
 

@@ -10,8 +10,10 @@ import numpy as np
 from eskin_sensor_node.columns.factory import plan
 from eskin_sensor_node.columns.pad_columns import PadColumns
 from eskin_sensor_node.firmware.message_writer import MessageWriter
+from eskin_sensor_node.machine.budget import require_flash, require_ram
 from eskin_sensor_node.machine.clock import Clock, Crystal
 from eskin_sensor_node.machine.node_layout import describe
+from eskin_sensor_node.machine.processor import require_speed
 from eskin_sensor_node.node.factory import build_clock, build_outbox, first_moment
 from eskin_sensor_node.skin_node.frames import FrameWriter
 from eskin_sensor_node.skin_node.node import SkinNode
@@ -28,8 +30,6 @@ def build_skin_node(
 ) -> tuple[SkinNode, Clock, Outbox]:
     """Put a node with a skin together; its time begins now, or after the latest sample.
 
-    Its program and its RAM are not bounded: its machine is larger than a microcontroller.
-
     Args:
         settings: Its settings.
         flash: Holds its messages.
@@ -37,8 +37,12 @@ def build_skin_node(
 
     Raises:
         FlashError: The flash cannot be written.
-        SettingsError: The skin cannot be described.
+        SettingsError: The machine has too little RAM or flash for it, or is too slow; or the skin
+            cannot be described.
     """
+    require_ram(settings)
+    require_flash(settings)
+    require_speed(settings, {})
     skin = plan(settings)
     outbox = build_outbox(
         flash,

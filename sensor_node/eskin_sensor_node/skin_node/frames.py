@@ -13,6 +13,8 @@ from eskin.wire.frames import Sampling, encode_samples
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from numpy.typing import NDArray
+
     from eskin.interval import Floats
     from eskin.wire.frames import Layout, Patch
     from eskin_sensor_node.columns.stretch import PatchColumns, Stretch
@@ -25,12 +27,12 @@ class WrittenFrame(NamedTuple):
 
     Attributes:
         record: The message.
-        samples: How many it has.
+        sizes: Number and samples of each patch, shape ``(patches, 2)``.
         values: True values: patch after patch, row after row.
     """
 
     record: Record
-    samples: int
+    sizes: NDArray[np.uint32]
     values: Floats
 
 
@@ -61,18 +63,18 @@ class FrameWriter:
         for page, found in groupby(stretch.patches, lambda each: self._page_of[each.patch]):
             patches = list(found)
             used = list(dict.fromkeys(each.grid for each in patches))
-            samples = sum(each.lo.size for each in patches)
+            sizes = np.array([(each.patch, each.lo.size) for each in patches], np.uint32)
             record = message_writer.frame(
                 page,
                 stretch.begin,
                 time,
                 [stretch.grids[grid] for grid in used],
                 [self._encoded(each, stretch, used.index(each.grid)) for each in patches],
-                samples=samples,
+                samples=int(sizes[:, 1].sum()),
                 lasting=lasting,
             )
             values = np.concatenate([each.truth.ravel() for each in patches])
-            yield WrittenFrame(record, samples, values)
+            yield WrittenFrame(record, sizes, values)
 
     def _encoded(self, patch: PatchColumns, stretch: Stretch, grid: int) -> PatchSamples:
         rows, columns = patch.lo.shape

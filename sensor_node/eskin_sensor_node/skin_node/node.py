@@ -10,14 +10,15 @@ from eskin_sensor_node.firmware import states
 from eskin_sensor_node.firmware.gap_reasons import DEAD, STUCK, reason_text
 from eskin_sensor_node.firmware.schedule import Frame
 from eskin_sensor_node.machine.machine import NEVER
-from eskin_sensor_node.machine.prices import inversion, message
+from eskin_sensor_node.machine.prices import NONE
+from eskin_sensor_node.machine.prices import stretch as price_stretch
 from eskin_sensor_node.node.base import BaseNode
 from eskin_sensor_node.node.ground_truth import TrueFrame
 from eskin_sensor_node.node.self_test import SELF_TEST_WINDOW
 from eskin_sensor_node.skin_node.frames import FrameWriter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from eskin_sensor_node.columns.stretch import SkinColumns, Stretch
     from eskin_sensor_node.firmware.message_writer import Gap, Record
@@ -57,10 +58,12 @@ class SkinNode(BaseNode):
     ) -> None:
         super().__init__(settings, clock=clock, outbox=outbox, truth=truth, seed=seed)
         self._build = build
+        self._neighbours = settings.skin.skin.neighbours.shape[1]
         self._boot()
 
     def _boot_sampling(self) -> None:
         self.columns = self._build(self._outbox.boot)
+        self._layout = self.columns.layout.content_hash
         self._frame_writer = FrameWriter(self.columns.layout, self.columns.patches)
         patches = enumerate(self.columns.patches)
         self._patch_of = {taxel: number for number, patch in patches for taxel in patch.taxels}
@@ -106,27 +109,42 @@ class SkinNode(BaseNode):
 
     def _finish(self, stretch: Stretch) -> None:
         """Charge and store a stretch."""
-        known, ledger, clock = self._clock.known, self.machine.ledger, self._clock
+        clock, ledger = self._clock, self.machine.ledger
+        lasting = stretch.end - stretch.begin
         begin, end = clock.true_time(stretch.begin), clock.true_time(stretch.end)
-        frames = self._frame_writer.write(stretch, known, self._outbox.message_writer)
-        for record, samples, values in frames:
-            size = len(record.body)
-            ledger.charge_message(message(size, samples), size)
+        frames = self._frame_writer.write(stretch, clock.known, self._outbox.message_writer)
+        written = []
+        for record, sizes, values in frames:
+            written.append(len(record.body))
+            ledger.charge_message(NONE, len(record.body))
             self._batch.take([record])
             position = Position(self._outbox.boot, record.sequence)
-            self._true.append(TrueFrame(position, begin, end, values))
-        self._charge(stretch)
+            true = TrueFrame(
+                position, self._layout, stretch.begin, lasting, begin, end, sizes, values
+            )
+            self._true.append(true)
+        self._charge(stretch, written)
         self._batch.take(self._test(stretch))
 
-    def _charge(self, stretch: Stretch) -> None:
-        """Charge the conversions, and the way back to quantities; neighbours are left out."""
-        chain = self._settings.skin.taxel.chain
+    def _charge(self, stretch: Stretch, sizes: Sequence[int]) -> None:
+        """Charge a stretch; ``sizes``: bytes of its frames."""
+        skin, machine = self._settings.skin, self._settings.machine
         for number, grid in enumerate(stretch.grids):
-            inputs = sum(each.lo.shape[1] for each in stretch.patches if each.grid == number)
+            taxels = sum(each.lo.shape[1] for each in stretch.patches if each.grid == number)
+            cycles = price_stretch(
+                machine.processor,
+                skin.taxel.chain,
+                taxels=taxels,
+                rows=grid.rows,
+                neighbours=self._neighbours,
+                along=[each.chain for each in skin.air.values()],
+                sizes=sizes if number == 0 else (),
+            )
             start = stretch.begin + grid.delay
-            frame = Frame(0, grid.first_row, start, 0, grid.rows, grid.period, closes=False)
-            cycles = inversion(chain, grid.rows * inputs, 0, {})
-            self.machine.ledger.charge_frame(frame, cycles=cycles, inputs=inputs)
+            frame = Frame(grid.first_row, start, 0, grid.rows, grid.period, start, closes=False)
+            self.machine.ledger.charge_frame(
+                frame, cycles=cycles.total, inputs=taxels + len(skin.air)
+            )
 
     def _test(self, stretch: Stretch) -> list[Record]:
         """After a window of the self-test, state which taxels are broken, and were in it."""

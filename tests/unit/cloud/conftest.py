@@ -35,10 +35,10 @@ ALONE: Final = {f"tests.unit.cloud.test_{room}" for room in (
 )}  # fmt: skip
 """Tests that run on SQLite alone, because they do not depend on the kind of store."""
 BOTH: Final = {f"tests.unit.cloud.test_{room}" for room in (
-    "commands", "compaction", "comparison", "faults", "frames", "live", "missing_messages",
-    "occupancy", "patch_compaction", "pg_copy", "queries", "questions", "retention", "rollup",
-    "rows", "several_clouds", "shared_commits", "store", "store_settings", "stored_sequences",
-    "writer",
+    "commands", "compaction", "comparison", "faults", "frames", "hostile_frames", "live",
+    "missing_messages", "occupancy", "once", "patch_compaction", "pg_copy", "queries", "questions",
+    "retention", "rollup", "rows", "several_clouds", "shared_commits", "store", "store_settings",
+    "stored_sequences", "writer",
 )}  # fmt: skip
 """Tests of what depends on the kind of store: writer, locks, SQL. Others run on PostgreSQL
 at night."""

@@ -55,7 +55,7 @@ def audited(
         [],
     )
     with store.read() as connection:
-        (found,) = deliveries(seen, connection)
+        (found,) = deliveries(seen, connection, {})
     return found
 
 

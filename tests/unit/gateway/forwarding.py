@@ -64,20 +64,25 @@ class Setup:
     """A forwarder between a spool with ten messages and a cloud."""
 
     def __init__(
-        self, folder: Path, cloud: IngestClient, stub: StubCloud | MemoryCloud, *, most: int = 4
+        self,
+        folder: Path,
+        cloud: IngestClient,
+        stub: StubCloud | MemoryCloud,
+        *,
+        most: int = 4,
+        descriptions: KnownDescriptions | None = None,
     ) -> None:
         self.cloud = stub
         self.spool = Spool(folder / "spool.db", capacity=10**7, max_dead_letters=100)
         self.spool.commit(Batch([SpoolMessage(node, 1, body) for node, body in MESSAGES]))
         self.metrics = Metrics()
         self.certificates = KnownNodes()
-        self.descriptions = KnownDescriptions()
         self.forwarder = Forwarder(
             CloudSection(batch_messages=most),
             spool=self.spool,
             ingest_client=cloud,
             certificates_client=self.certificates,
-            descriptions_client=self.descriptions,
+            descriptions_client=descriptions or KnownDescriptions(),
             backoff=quick(),
             metrics=self.metrics,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,12 +11,15 @@ from eskin.interval import Interval, Verdict
 from eskin.wire import frames
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples, Privacy, Statements
 from eskin.wire.messages import Position
+from eskin.wire.topics import Stream
+from tests.support.processes import wait_until
 from tests.unit.gateway.messages import EPOCH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from eskin.interval import Floats
+    from tests.unit.gateway.wire_node import WireNode
 
 PERIOD = 20_000_000
 
@@ -73,9 +77,10 @@ class SkinOf:
             lo = (
                 np.full(shape, 1000.0) if values is None else np.broadcast_to(values[number], shape)
             )
+            hi = np.where(lo == -np.inf, 100.0, lo + 100.0)
             samples.append(
                 PatchSamples.pack(
-                    Interval(lo, lo + 100.0), each.least_width, patch=number, grid=0,
+                    Interval(lo, hi), each.least_width, patch=number, grid=0,
                     first_row=sequence * rows, strides=strides,
                 )
             )  # fmt: skip
@@ -102,6 +107,51 @@ class SkinOf:
             ),
             gaps=(frames.Gap("flash full", moments, 2, 200, ((1, 0, 1),), (number,)),),
         )  # fmt: skip
+
+
+class SkinNode:
+    """What a node does with its skin: it sends again, and describes what it is asked for.
+
+    Args:
+        node: The node, connected.
+        skin: Its skin.
+    """
+
+    def __init__(self, node: WireNode, skin: SkinOf) -> None:
+        self.node = node
+        self.skin = skin
+        self.described: dict[bytes, Patch | Layout] = dict(
+            zip(skin.hashes, (*skin.patches, skin.layout), strict=True)
+        )
+        self._answered = 0
+
+    def describe(self) -> None:
+        """Send all descriptions, as at a connection."""
+        for each in self.described.values():
+            self.node.say(Stream.LAYOUTS, each)
+
+    def answer(self) -> None:
+        """Send what was asked for since the last call."""
+        wanted = self.node.wanted[self._answered :]
+        self._answered += len(wanted)
+        for name in dict.fromkeys(wanted):
+            self.node.say(Stream.LAYOUTS, self.described[name])
+
+    def send(self, *sequences: int, page: int = 0) -> None:
+        """Send frames until they are acknowledged."""
+        sent = time.monotonic() - 1.0
+
+        def acknowledged() -> bool:
+            nonlocal sent
+            left = [k for k in sequences if (1, k) not in self.node.acknowledged]
+            self.answer()
+            if left and self.node.ready and time.monotonic() > sent + 0.5:
+                sent = time.monotonic()
+                for number in left:
+                    self.node.say(Stream.FRAMES, self.skin.frame(number, page=page))
+            return not left
+
+        wait_until(acknowledged, f"frames {sequences} are acknowledged")
 
 
 SMALL = SkinOf(patch(0, 3), patch(1, 2))

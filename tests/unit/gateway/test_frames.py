@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from eskin_gateway.ingest.missing_layouts import MOST_LAYOUTS
 from eskin_gateway.spool.descriptions import Descriptions, Skin
+from hypothesis import given
+from hypothesis import strategies as st
 
+from eskin.errors import MessageError
 from eskin.identity import IdentityKind
 from eskin.wire.envelope import Opener
-from eskin.wire.frames import Layout, content_hash
+from eskin.wire.frames import FrameSummary, Layout, content_hash
 from eskin.wire.messages import Acknowledgement
 from eskin.wire.messages.cbor_map import dump
 from eskin.wire.topics import Stream, node_topic
@@ -399,6 +402,37 @@ def test_skin_is_joined_as_its_parts_say(inside: Inside, node: Node) -> None:
     found = Descriptions(inside.spool).find("fingertip", LARGE.layout.content_hash)
     assert isinstance(found, Skin)
     assert (found.layout, found.patches, found.channels) == (LARGE.layout, LARGE.patches, 80)
+
+
+SKINS = (
+    SMALL,
+    LARGE,
+    WIDER,
+    SkinOf(replace(SMALL.patches[0], alpha=((1.0, 1.1),), beta=((0.0, 1.0),))),
+)
+
+
+@given(
+    of=st.sampled_from(SKINS), to=st.sampled_from(SKINS), page=st.integers(0, 2),
+    epoch=st.integers(0, 1), last=st.booleans(),
+)  # fmt: skip
+def test_frame_is_taken_if_and_only_if_it_fits(
+    of: SkinOf, to: SkinOf, page: int, epoch: int, *, last: bool
+) -> None:
+    whole = of.frame(1, page=len(of.layout.pages) - 1 if last else 0)
+    samples = tuple(replace(each, epoch=epoch) for each in whole.patches)
+    frame = replace(whole, page=page, layout=to.layout.content_hash, patches=samples)
+    try:
+        frame.require_layout(to.layout, to.patches)
+        fits = True
+    except (MessageError, IndexError):
+        fits = False
+    try:
+        Skin.join(to.layout, to.patches).require_frame(FrameSummary.decode(frame.encode()))
+        taken = True
+    except MessageError:
+        taken = False
+    assert taken is fits
 
 
 def test_frame_of_too_many_channels_is_a_dead_letter(inside: Inside, node: Node) -> None:

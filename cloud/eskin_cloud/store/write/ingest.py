@@ -18,7 +18,7 @@ from eskin.wire.messages import BlockSummary, Gap, Peak, Position, Result, Statu
 from eskin_cloud.store.db_errors import explain, is_store_fault
 from eskin_cloud.store.descriptions import DescribedLayout, UnknownDescriptionError
 from eskin_cloud.store.feed_entry import FeedEntry
-from eskin_cloud.store.frame_row import FrameRow, require_storable
+from eskin_cloud.store.frame_row import FrameRow, find_span
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages
 from eskin_cloud.store.schema.tables import blocks, dead_letters, events
@@ -418,7 +418,7 @@ def _ingest_placed(batch: _Batch, item: ParsedMessage, message: _Placed, gateway
             raise described
         if isinstance(message, FrameSummary):
             described.require_frame(message)
-            require_storable(message, described, item.data)
+            span = find_span(message, described, item.data)
         else:
             require_patches(message, described)
     except MessageError as error:
@@ -430,7 +430,7 @@ def _ingest_placed(batch: _Batch, item: ParsedMessage, message: _Placed, gateway
         cursor = batch.cache.next_cursor(batch.connection)
         batch.frames.append(
             FrameRow.of(
-                *(node, message, described, item.data, item.digest), cursor=cursor, now=batch.now
+                *(node, message, span, item.data, item.digest), cursor=cursor, now=batch.now
             )
         )
         batch.entries.append(

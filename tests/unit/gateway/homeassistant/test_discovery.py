@@ -9,15 +9,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from eskin_gateway.publish import public_payloads
-from eskin_gateway.publish.homeassistant import config, config_topic
+from eskin_gateway.publish.frame_hulls import FrameHulls
+from eskin_gateway.publish.homeassistant import config, config_topic, configs
 from eskin_gateway.service import Gateway
 from eskin_gateway.settings import PublicSection
+from eskin_gateway.spool.descriptions import Skin
 from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.identity import IdentityKind
+from eskin.wire.frames import Controller, FrameSummary
 from eskin.wire.messages import Block, ChannelInfo, Encoding, Status
 from eskin.wire.messages.header import CHANNEL as CHANNEL_NAME
 from eskin.wire.topics import Stream, live_topic
@@ -25,6 +29,7 @@ from tests.support.identities import Identities
 from tests.support.processes import wait_until
 from tests.unit.gateway.in_memory import DAY_NS, Inside
 from tests.unit.gateway.messages import CHANNEL, EPOCH, block, status
+from tests.unit.gateway.skins import LARGE, MIXED, PERIOD, SMALL, SkinOf
 from tests.unit.gateway.test_public_payloads import summary
 from tests.unit.gateway.wire_node import Listener, Seal, WireNode
 
@@ -251,6 +256,100 @@ def test_restarted_gateway_removes_expired_channels(
     later.post_commit.run_periodic()
     assert announced(later) == [True, False]
     later.spool.close()
+
+
+def describe(inside: Inside, seal: Seal, skin: SkinOf, sequence: int) -> None:
+    """Send a layout and a frame of it."""
+    for each in skin.descriptions:
+        inside.arrive(Stream.LAYOUTS, seal("fingertip", Stream.LAYOUTS, each))
+    frame = skin.frame(sequence).encode()
+    inside.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, frame))
+
+
+def present(inside: Inside) -> set[str]:
+    """What is announced and was not removed."""
+    found: dict[str, bytes] = {}
+    for topic, body, retained in inside.broker.published:
+        if topic.startswith("homeassistant/"):
+            assert retained
+            found[topic] = body
+    return {topic.split("/")[3] for topic, body in found.items() if body}
+
+
+def test_patches_of_a_large_skin_are_announced_and_not_its_channels(
+    tmp_path: Path, home: Inside, own: Identities
+) -> None:
+    seal = Seal(own.node, own.site)
+    introduce(home, seal, 0, channels=())
+    describe(home, seal, SMALL, 1)
+    small = {"p000c00-pressure", "p000c01-pressure", "p000c02-pressure"}
+    small |= {"p001c00-pressure", "p001c01-pressure"}
+    assert present(home) == small
+    describe(home, seal, LARGE, 2)
+    large = {f"{mark}pad00{number}" for number in range(4) for mark in ("_", "__")}
+    assert present(home) == large
+    before = len(home.broker.published)
+    home.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, LARGE.frame(3).encode()))
+    assert not [on for on, *_ in home.broker.published[before:] if on.startswith("homeassistant")]
+    home.spool.close()
+    crl = own.authority.write_revocations(IdentityKind.NODE)
+    later = Inside(tmp_path, own, revocations=crl, homeassistant=True)
+    later.post_commit.run_periodic()
+    assert present(later) == large, "also of a node that sends nothing after a restart"
+    later.clock.seconds += 86_402
+    later.post_commit.run_periodic()
+    assert present(later) == set()
+    later.spool.close()
+
+
+def test_biometric_patches_and_those_of_other_controllers_are_not_announced(
+    home: Inside, own: Identities
+) -> None:
+    seal = Seal(own.node, own.site)
+    introduce(home, seal, 0, channels=())
+    describe(home, seal, MIXED, 1)
+    assert present(home) == {"p000c00-pressure", "p000c01-pressure", "p000c02-pressure"}
+    shared = SkinOf(*LARGE.patches, pages=(2, 2))
+    shared.layout = replace(
+        shared.layout, controllers=(Controller("fingertip", 1), Controller("palm", 1))
+    )
+    describe(home, seal, shared, 2)
+    assert present(home) == {"_pad000", "__pad000", "_pad001", "__pad001"}
+
+
+def test_home_assistant_accepts_patches_and_contacts() -> None:
+    skin = Skin.join(LARGE.layout, LARGE.patches)
+    announced = configs("homeassistant", "n", now_status(0), skin)
+    frame = LARGE.frame(0, {0: np.full(20, 3500.0), 1: np.full(20, 10.0)})
+    now = time.time_ns() - 5 * PERIOD
+    hulls = FrameHulls(senml=False)
+    said = [replace(frame, time=(now, now)).encode(), frame.encode()]
+    fresh, late = (
+        list(hulls.add(name, FrameSummary.decode(data), data, skin, now=1.0))
+        for name, data in zip("nm", said, strict=True)
+    )
+    states = [fresh[0][1], late[0][1]]
+    sides = json.loads(states[0])
+    states.append(json.dumps(sides | {"hull": sides["hull"] | {"hi": None}}).encode())
+    answers = judged(
+        *(
+            asked(
+                f"homeassistant/sensor/n/{leaf}/config", announced[on], states=states, statuses=[]
+            )
+            for leaf in ("_pad000", "__pad000")
+            for on in [f"homeassistant/sensor/n/{leaf}/config"]
+        )
+    )
+    patch, contact = answers
+    assert patch["states"] == ["3550.0", "None", "None"]
+    assert (patch["unit"], patch["device_class"]) == ("Pa", "pressure")
+    assert patch["attributes"][0] == ["coverage", "hi", "lo", "t0", "t1", "unit"]
+    assert patch["attributes"][1] == []
+    assert contact["states"] == ["certain", "None", "certain"]
+    assert contact["unit"] is None
+    assert (
+        json.loads(announced["homeassistant/sensor/n/_pad000/config"])["state_topic"] == fresh[0][0]
+    )
 
 
 def test_discovery_is_off_by_default(inside: Inside, identities: Identities) -> None:

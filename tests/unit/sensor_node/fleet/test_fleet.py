@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from eskin_cloud.store.damage import RowHeader
 from eskin_sensor_node.fleet.service import require_files
+from eskin_sensor_node.fleet.service import run as run_fleet
+from eskin_sensor_node.settings import FleetSection
 
 from eskin.demo.audit import audit
 from eskin.demo.layout import Layout
@@ -23,6 +25,7 @@ from tests.support.fleets import RunningFleet, enrol
 from tests.support.identities import Identities
 from tests.support.processes import wait_until
 from tests.support.stacks import RealStack
+from tests.unit.sensor_node.designs import settings
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -167,3 +170,11 @@ def test_too_many_nodes_for_the_system_are_refused(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("resource.getrlimit", lambda _: (100, 500))
     with pytest.raises(SettingsError, match=r"fleet\.count.*1000 nodes need 1064 open files"):
         require_files(1000)
+
+
+def test_skin_is_no_design_of_a_fleet(tmp_path: Path) -> None:
+    # As `eskin node --count` sets it.
+    alone = settings(tmp_path, "paper-hand")
+    skins = alone.model_copy(update={"fleet": FleetSection(count=3)})
+    with pytest.raises(SettingsError, match=r"fleet\.count.*skin runs alone"):
+        run_fleet(skins)

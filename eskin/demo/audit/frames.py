@@ -1,0 +1,348 @@
+"""Frames against the truth, all patches of many frames at once."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from cachetools import LRUCache
+from eskin_cloud.store.damage import FrameHeader, is_intact_frame, is_intact_patch_row
+from eskin_cloud.store.descriptions import find_layout, find_patch
+from eskin_cloud.store.frame_row import FrameRow, find_span
+from eskin_cloud.store.patch_rows import decode_runs
+from eskin_cloud.store.schema.frame_tables import frames, patch_rows
+from eskin_cloud.store.slot import slot_of
+from eskin_sensor_node.node.ground_truth import GroundTruth, TrueFrame
+from sqlalchemy import func, select, tuple_
+
+from eskin.demo.audit.channel import ChannelAudit
+from eskin.errors import AuditError
+from eskin.wire.frames import FrameSummary
+from eskin.wire.frames.frame_scan import Part, scan_frames
+from eskin.wire.messages import Position
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from eskin_cloud.store.descriptions import DescribedLayout
+    from eskin_cloud.store.patch_run import PatchRun
+    from numpy.typing import NDArray
+    from sqlalchemy import Connection, RowMapping
+
+    from eskin.interval import Floats
+    from eskin.wire.frames import Patch
+
+    Integers = NDArray[np.int64]
+
+_FRAMES: Final = 128
+"""Frames, or rows of patches, in memory at once."""
+_TRUTHS: Final = 2048
+"""Frames whose truth stays in memory for the rows of their other patches."""
+_COMPARED: Final = [c for c in FrameRow._fields if c not in {"cursor", "received", "data"}]
+
+
+class StoredFrames(NamedTuple):
+    """What the store holds of a node's frames.
+
+    Attributes:
+        patches: One entry a patch.
+        complete: Positions of frames of which all patches are stored.
+        doubled: Positions of frames of which a patch is stored twice.
+    """
+
+    patches: list[ChannelAudit]
+    complete: set[Position]
+    doubled: list[Position]
+
+
+def count_frames(connection: Connection) -> dict[str, int]:
+    """Rows of frames and of their patches, by node."""
+    found: Counter[str] = Counter()
+    for table in (frames, patch_rows):
+        query = select(table.c.node, func.count()).group_by(table.c.node)
+        found.update({node: int(count) for node, count in connection.execute(query)})
+    return dict(found)
+
+
+def audit_frames(
+    path: Path, connection: Connection, node: str, progress: Callable[[int], None]
+) -> StoredFrames:
+    """Compare all frames of a node with the truth.
+
+    Args:
+        path: Of the truth.
+        connection: Reads the store.
+        node: The node.
+        progress: Takes how many rows are done more.
+
+    Raises:
+        AuditError: There is no truth behind a frame, and there never was.
+    """
+    found = _Comparison(path, connection, node)
+    for rows in _frame_rows(connection, node):
+        found.compare_frames(rows)
+        progress(len(rows))
+    for rows in _patch_rows(connection, node):
+        found.compare_patches(rows)
+        progress(len(rows))
+    return found.result()
+
+
+@dataclass(slots=True)
+class _Sums:
+    """Sums over the samples of each patch of a layout."""
+
+    described: DescribedLayout
+    counts: dict[str, Integers] = field(default_factory=dict)
+    amounts: dict[str, Floats] = field(default_factory=dict)
+    coverage: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        patches = len(self.described.patches)
+        names = ("blocks", "samples", "violations", "late", "unbounded", "forgotten", "mislabelled")
+        self.counts = {name: np.zeros(patches, np.int64) for name in names}
+        self.amounts = {name: np.zeros(patches) for name in ("width", "magnitude")}
+        self.coverage = np.ones(patches)
+
+    def compare(
+        self, numbers: Integers, begins: Integers, lo: Floats, hi: Floats, truth: Floats
+    ) -> None:
+        """Add samples of patches.
+
+        Args:
+            numbers: Of the patches, ascending in no order, some of them several times.
+            begins: Where the samples of each begin.
+            lo: Lower bounds of all samples.
+            hi: Upper bounds.
+            truth: True values.
+        """
+        bounded = np.isfinite(lo) & np.isfinite(hi)
+        broken = ~((lo <= truth) & (truth <= hi))
+        width = np.where(bounded, hi, 0.0) - np.where(bounded, lo, 0.0)
+        magnitude = np.where(bounded, np.abs(truth), 0.0)
+        sizes = np.diff(begins, append=len(lo))
+        sums = {"violations": broken, "unbounded": ~bounded}
+        self.count("blocks", numbers)
+        np.add.at(self.counts["samples"], numbers, sizes)
+        for name, flags in sums.items():
+            np.add.at(self.counts[name], numbers, np.add.reduceat(flags, begins, dtype=np.int64))
+        for name, values in {"width": width, "magnitude": magnitude}.items():
+            np.add.at(self.amounts[name], numbers, np.add.reduceat(values, begins))
+
+    def count(self, name: str, numbers: Integers | Sequence[int]) -> None:
+        """Count one for each patch."""
+        np.add.at(self.counts[name], numbers, 1)
+
+    def entries(self, node: str) -> Iterator[ChannelAudit]:
+        """One entry for each patch with stored samples."""
+        for number, patch in enumerate(self.described.patches):
+            counts: dict[str, Any] = {name: int(each[number]) for name, each in self.counts.items()}
+            if any(counts.values()):
+                amounts: dict[str, Any] = {k: float(v[number]) for k, v in self.amounts.items()}
+                entry = ChannelAudit(node, _channel(patch), patch.unit, **counts, **amounts)
+                entry.coverage = float(self.coverage[number])
+                yield entry
+
+
+class _Comparison:
+    """Compares rows of one node."""
+
+    def __init__(self, path: Path, connection: Connection, node: str) -> None:
+        self._path, self._connection, self._node = path, connection, node
+        self._sums: dict[bytes, _Sums] = {}
+        self._truths: LRUCache[Position, TrueFrame | None] = LRUCache(_TRUTHS)
+        self._whole: set[Position] = set()
+        self._parts: Counter[Position] = Counter()
+        self._patches: dict[Position, int] = {}
+        self._forgotten: dict[str, ChannelAudit] = {}
+
+    def compare_frames(self, rows: Sequence[RowMapping]) -> None:
+        """Compare rows of frames."""
+        by_layout: dict[bytes, list[RowMapping]] = {}
+        for row in rows:
+            self._whole.add(_position(row))
+            if is_intact_frame(row["data"], FrameHeader.of(row), row["head"]):
+                by_layout.setdefault(bytes(row["layout"]), []).append(row)
+        for name, alike in by_layout.items():
+            self._compare_frames(self._sums_of(name), alike)
+
+    def compare_patches(self, rows: Sequence[RowMapping]) -> None:
+        """Compare rows into which frames were compacted."""
+        for row in rows:
+            if is_intact_patch_row(row):
+                self._compare_runs(row, decode_runs(row["data"]))
+
+    def result(self) -> StoredFrames:
+        """What was found."""
+        entries = self._forgotten
+        for sums in self._sums.values():
+            for entry in sums.entries(self._node):
+                known = entries.setdefault(entry.channel, entry)
+                if known is not entry:
+                    known.add(entry)
+        parts = self._parts.items()
+        complete = {place for place, count in parts if count >= self._patches[place]}
+        # Compaction moves a frame as a whole.
+        doubled = self._whole & self._parts.keys()
+        doubled |= {place for place, count in parts if count > self._patches[place]}
+        return StoredFrames(list(entries.values()), self._whole | complete, sorted(doubled))
+
+    def _sums_of(self, layout: bytes) -> _Sums:
+        if layout not in self._sums:
+            self._sums[layout] = _Sums(find_layout(self._connection, self._node, layout))
+        return self._sums[layout]
+
+    def _compare_frames(self, sums: _Sums, rows: Sequence[RowMapping]) -> None:
+        truths = self._find([_position(row) for row in rows])
+        known: list[tuple[RowMapping, TrueFrame]] = []
+        for row in rows:
+            summary = FrameSummary.decode(bytes(row["data"]))
+            numbers = summary.records["patch"]
+            truth = truths[_position(row)]
+            if truth is None:
+                sums.count("forgotten", numbers)
+            elif self._is_alike(row, summary, truth, sums.described):
+                known.append((row, truth))
+            else:
+                sums.count("mislabelled", numbers)
+        if not known:
+            return
+        wanted = np.ones(len(sums.described.patches), np.bool_)
+        records = scan_frames([row["data"] for row, _ in known], wanted)
+        whole = records.whole
+        values = np.concatenate([truth.values for _, truth in known])
+        numbers = whole[:, Part.PATCH]
+        sums.compare(numbers, whole[:, Part.BEGIN], records.lo, records.hi, values)
+        np.minimum.at(sums.coverage, numbers, records.coverage)
+        times = np.array([(truth.time, truth.end, truth.lasting) for _, truth in known])
+        time, end, lasting = times[whole[:, Part.FRAME]].T
+        earliest, latest = whole[:, Part.EARLIEST], whole[:, Part.LATEST]
+        inside = (earliest <= time) & (time <= latest)
+        inside &= (earliest + lasting <= end) & (end <= latest + lasting)
+        sums.count("late", numbers[~inside])
+
+    def _is_alike(
+        self, row: RowMapping, summary: FrameSummary, truth: TrueFrame, described: DescribedLayout
+    ) -> bool:
+        """Whether a row's columns are those of its frame, and this is the one that was made."""
+        data, digest = bytes(row["data"]), bytes(row["digest"])
+        span = find_span(summary, described, data)
+        own = FrameRow.of(self._node, summary, span, data, digest, cursor=0, now=0)
+        records = summary.records
+        sizes = np.stack([records["patch"], records["samples"]], axis=1)
+        return (
+            all(getattr(own, name) == row[name] for name in _COMPARED)
+            and (summary.position, summary.layout) == (truth.position, truth.layout)
+            and summary.ticks == truth.ticks
+            and np.array_equal(sizes, truth.sizes)
+        )
+
+    def _compare_runs(self, row: RowMapping, runs: Sequence[PatchRun]) -> None:
+        """Compare one row of a patch."""
+        truths = self._find([Position(run.boot, run.sequence) for run in runs])
+        samples = sum(run.lo.size for run in runs)
+        hull = min(float(run.lo.min()) for run in runs), max(float(run.hi.max()) for run in runs)
+        coverage = min(run.coverage for run in runs)
+        fits = (row["frames"], row["samples"], row["lo"], row["hi"], row["coverage"]) == (
+            *(len(runs), samples), *hull, coverage
+        )  # fmt: skip
+        for run in runs:
+            place = Position(run.boot, run.sequence)
+            truth = truths[place]
+            if truth is None:
+                self._forget(run.patch)
+                continue
+            sums = self._sums_of(truth.layout)
+            number = sums.described.layout.patches.index(run.patch)
+            self._parts[place] += 1
+            self._patches[place] = len(truth.sizes)
+            at = np.flatnonzero(truth.sizes[:, 0] == number)
+            if not fits or len(at) != 1 or truth.sizes[at[0], 1] != run.lo.size:
+                sums.count("mislabelled", [number])
+                continue
+            begin = int(truth.sizes[: at[0], 1].sum())
+            values = truth.values[begin : begin + run.lo.size]
+            one, start = np.array([number]), np.zeros(1, np.int64)
+            sums.compare(one, start, run.lo.ravel(), run.hi.ravel(), values)
+            sums.coverage[number] = min(sums.coverage[number], run.coverage)
+            since = run.ticks - truth.ticks
+            off = truth.time + since - run.t, truth.end - truth.lasting + since - run.t
+            if max(map(abs, off)) > run.error:
+                sums.count("late", [number])
+
+    def _forget(self, name: bytes) -> None:
+        """Count samples of a patch, by the hash of its description, whose truth was dropped."""
+        patch = find_patch(self._connection, self._node, name)
+        entry = ChannelAudit(self._node, _channel(patch), patch.unit)
+        self._forgotten.setdefault(entry.channel, entry).forgotten += 1
+
+    def _find(self, positions: Sequence[Position]) -> dict[Position, TrueFrame | None]:
+        """The truth behind frames; ``None`` where it was dropped.
+
+        Raises:
+            AuditError: There never was any.
+        """
+        missing = [each for each in dict.fromkeys(positions) if each not in self._truths]
+        found = GroundTruth.read_frames(self._path, missing, node=self._node)
+        result: dict[Position, TrueFrame | None] = {}
+        for position in dict.fromkeys(positions):
+            truth = found.get(position)
+            if position in self._truths:
+                truth = self._truths[position]
+            elif truth is None and not self._is_dropped(position):
+                raise AuditError(f"{self._path}: no truth behind {position} of {self._node!r}")
+            result[position] = truth
+        for position in missing:
+            self._truths[position] = result[position]
+        return result
+
+    def _is_dropped(self, position: Position) -> bool:
+        oldest = GroundTruth.oldest(self._path, node=self._node)
+        return oldest is not None and position < oldest
+
+
+def _channel(patch: Patch) -> str:
+    return f"{patch.patch_id}.{patch.quantity}"
+
+
+def _position(row: RowMapping) -> Position:
+    return Position(row["boot"], row["sequence"])
+
+
+def _frame_rows(connection: Connection, node: str) -> Iterator[Sequence[RowMapping]]:
+    """The node's frames in order."""
+    f, last = frames.c, (-1, -1)
+    while True:
+        query = (
+            select(frames)
+            .where(f.slot == slot_of(node), f.node == node, tuple_(f.boot, f.sequence) > last)
+            .order_by(f.boot, f.sequence)
+            .limit(_FRAMES)
+        )
+        rows = connection.execute(query).mappings().all()
+        if not rows:
+            return
+        yield rows
+        last = _position(rows[-1])
+
+
+def _patch_rows(connection: Connection, node: str) -> Iterator[Sequence[RowMapping]]:
+    """The node's rows of patches, in order of time: those of the same frames together."""
+    r = patch_rows.c
+    key = r.t, r.patch, r.boot, r.sequence
+    last: tuple[int | str, ...] = (-(2**63), "", -1, -1)
+    while True:
+        query = (
+            select(patch_rows)
+            .where(r.slot == slot_of(node), r.node == node, tuple_(*key) > last)
+            .order_by(*key)
+            .limit(_FRAMES)
+        )
+        rows = connection.execute(query).mappings().all()
+        if not rows:
+            return
+        yield rows
+        last = tuple(rows[-1][column.name] for column in key)

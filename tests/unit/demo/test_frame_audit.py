@@ -1,0 +1,207 @@
+"""The audit of frames finds what a store has lost, doubled or changed, compacted or not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import pytest
+from eskin_cloud.store import Store
+from eskin_cloud.store.damage import FrameHeader
+from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
+from eskin_cloud.store.schema.frame_tables import frames, patch_rows
+from eskin_sensor_node.node.ground_truth import GroundTruth
+from sqlalchemy import delete, insert, select, update
+
+from eskin.demo.audit import Audit, audit
+from eskin.demo.layout import Layout as Folder
+from eskin.wire.messages import Position
+from tests.unit.cloud.clouds import Clock
+from tests.unit.cloud.skins import bring_all, describe
+from tests.unit.sensor_node.designs import SECOND, START
+from tests.unit.sensor_node.skin_node.benches import LAYOUT, PATCHES, SkinBench
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from sqlalchemy import Connection
+
+NODE = "paper-hand"
+STRETCHES = 250
+WAITING = 6
+"""Messages that no gateway has acknowledged."""
+
+
+class Said(NamedTuple):
+    """A message as it waited in flash."""
+
+    body: bytes
+
+    def encode(self) -> bytes:
+        return self.body
+
+
+class Demo:
+    """What is left of a demo of one node."""
+
+    def __init__(self, root: Path, **sections: Any) -> None:
+        self.folder = Folder(root)
+        own = self.folder.node(NODE)
+        own.mkdir(parents=True)
+        self.folder.store.parent.mkdir()
+        bench = SkinBench(own, **sections)
+        bench.run_to(STRETCHES / 10)
+        self.store = Store(self.folder.store, clock=Clock(START + 3600 * SECOND))
+        describe(self.store, *PATCHES, LAYOUT, node=NODE)
+        messages = bench.waiting()[:-WAITING]
+        bring_all(self.store, *((NODE, Said(kept.body)) for kept in messages))
+        last = messages[-1].position
+        bench.outbox.acknowledge([(last[0], 0, last[1])])
+        self.made = GroundTruth.made(self.folder.truth(NODE))[NODE]
+        bench.close()
+
+    def change(self, work: Callable[[Connection], object]) -> None:
+        """Change the store behind its back."""
+        self.store.write(lambda connection: (work(connection), None)[1]).result(60)
+
+    def compact(self) -> None:
+        """Compact all frames."""
+        due = Due(2**62, 2**62)
+        for page in find_compactable_frames(self.store, due):
+            while compact_frames(self.store, page, due):
+                pass
+
+    def rewrite(self, **changes: Any) -> None:
+        """Change the truth behind the third frame."""
+        path = self.folder.truth(NODE)
+        place = self.made[2]
+        true = GroundTruth.read_frames(path, [place], node=NODE)[place]
+        truth = GroundTruth(path, limit=2**30)
+        truth.store({NODE: [replace(true, **changes)]})
+        truth.close()
+
+    def audit(self) -> Audit:
+        return audit(self.folder)
+
+
+@pytest.fixture
+def demo(tmp_path: Path) -> Iterator[Demo]:
+    made = Demo(tmp_path)
+    yield made
+    made.store.close()
+
+
+def totals(found: Audit) -> dict[str, tuple[int, int, int]]:
+    return {e.channel: (e.samples, e.violations, e.unbounded) for e in found.channels}
+
+
+def test_all_samples_are_compared_by_patch_also_when_compacted(demo: Demo) -> None:
+    found = demo.audit()
+    assert found.passes
+    stored = STRETCHES - WAITING // 2
+    samples = {name: counts[0] for name, counts in totals(found).items()}
+    assert samples == {
+        "air.temperature": stored,
+        "palm.pressure": 15 * stored,
+        "thumb.pressure": 5 * stored,
+    }
+    assert all(0 < entry.unbounded < entry.samples / 10 for entry in found.channels[1:])
+    (delivery,) = found.deliveries
+    assert (delivery.made, delivery.stored) == (2 * STRETCHES, 2 * STRETCHES - WAITING)
+    assert delivery.waiting == WAITING
+    demo.compact()
+    with demo.store.read() as connection:
+        assert connection.execute(select(frames)).all() == []
+    again = demo.audit()
+    assert again.passes
+    assert totals(again) == totals(found)
+    assert again.deliveries == found.deliveries
+    for one, other in zip(found.channels, again.channels, strict=True):
+        assert one.mean_width == pytest.approx(other.mean_width)
+        assert one.coverage == other.coverage
+
+
+@pytest.mark.parametrize("compacted", [False, True])
+def test_value_outside_its_interval_is_found(demo: Demo, *, compacted: bool) -> None:
+    if compacted:
+        demo.compact()
+    true = GroundTruth.read_frames(demo.folder.truth(NODE), [demo.made[2]], node=NODE)
+    values = true[demo.made[2]].values.copy()
+    values[0] += 1e5
+    demo.rewrite(values=values)
+    found = demo.audit()
+    assert not found.passes
+    assert {e.channel: e.violations for e in found.channels if e.violations} == {
+        "air.temperature": 1
+    }
+
+
+@pytest.mark.parametrize("compacted", [False, True])
+@pytest.mark.parametrize("moment", ["time", "end"])
+def test_moment_outside_its_enclosure_is_found(moment: str, demo: Demo, *, compacted: bool) -> None:
+    if compacted:
+        demo.compact()
+    true = GroundTruth.read_frames(demo.folder.truth(NODE), [demo.made[2]], node=NODE)
+    demo.rewrite(**{moment: getattr(true[demo.made[2]], moment) + SECOND})
+    found = demo.audit()
+    assert not found.passes
+    assert {e.channel: e.late for e in found.channels if e.late} == {
+        "air.temperature": 1,
+        "palm.pressure": 1,
+    }
+
+
+def test_missing_frame_is_found(demo: Demo) -> None:
+    demo.change(lambda db: db.execute(delete(frames).where(frames.c.sequence == 7)))
+    (delivery,) = demo.audit().deliveries
+    assert delivery.missing == (Position(1, 7),)
+
+
+def test_missing_row_of_one_patch_is_found(demo: Demo) -> None:
+    demo.compact()
+    rows = patch_rows.c
+    with demo.store.read() as connection:
+        query = select(rows.t, rows.frames).where(rows.patch == "palm").order_by(rows.t)
+        t, count = connection.execute(query).first() or (0, 0)
+    gone = delete(patch_rows).where(rows.patch == "palm", rows.t == t)
+    demo.change(lambda db: db.execute(gone))
+    found = demo.audit()
+    assert not found.passes
+    assert len(found.deliveries[0].missing) == count
+
+
+def test_frame_that_is_stored_twice_is_found(demo: Demo) -> None:
+    with demo.store.read() as connection:
+        rows = [dict(row) for row in connection.execute(select(frames).limit(3)).mappings()]
+    demo.compact()
+    demo.change(lambda db: db.execute(insert(frames), rows))
+    found = demo.audit()
+    assert found.doubled == {NODE: [Position(1, 0), Position(1, 1), Position(1, 2)]}
+    assert not found.passes
+
+
+def test_columns_that_are_not_those_of_the_frame_are_found(demo: Demo) -> None:
+    with demo.store.read() as connection:
+        row = dict(connection.execute(select(frames).limit(1)).mappings().one())
+    moved = row | {"t": row["t"] + 1}
+    new = {"t": moved["t"], "head": FrameHeader.of(moved).checksum()}
+    here = frames.c.sequence == row["sequence"]
+    demo.change(lambda db: db.execute(update(frames).where(here).values(new)))
+    found = demo.audit()
+    assert not found.passes
+    assert {e.channel: e.mislabelled for e in found.channels if e.mislabelled} == {
+        "air.temperature": 1,
+        "palm.pressure": 1,
+    }
+
+
+def test_frames_that_a_full_flash_gave_up_are_reported_as_lost(tmp_path: Path) -> None:
+    path = Folder(tmp_path).flash(NODE)
+    demo = Demo(tmp_path, flash={"path": path, "capacity_bytes": 2**16})
+    found = demo.audit()
+    demo.store.close()
+    (delivery,) = found.deliveries
+    assert delivery.lost > 50
+    assert delivery.stored + delivery.waiting + delivery.lost == delivery.made
+    assert found.passes
