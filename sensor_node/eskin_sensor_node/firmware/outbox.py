@@ -337,11 +337,6 @@ class Outbox:
         with self._lock:
             self._window.note_sent(position, now)
 
-    def has_in_flight(self, spans: "Sequence[tuple[int, int, int]]") -> bool:
-        """Whether something is under way of what ``(boot, first, last)`` name."""
-        with self._lock:
-            return bool(self._window.named(spans))
-
     def acknowledge(self, spans: "Sequence[tuple[int, int, int]]") -> None:
         """Delete what a gateway has made durable: ``(boot, first, last)``.
 

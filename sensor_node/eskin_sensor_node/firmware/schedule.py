@@ -106,6 +106,9 @@ class Schedule:
         number, inside = divmod(first, self.burst)
         n = min(n, self.burst - inside)
         trigger = self.origin + number * self.pause
+        if inside + n == self.burst:
+            # The next burst is on a grid of its own.
+            due = min(due, trigger + self.pause)
         return Frame(first, start, trigger, n, self.dt, due, closes=inside + n == self.burst)
 
     def following(self, frame: Frame) -> Frame:

@@ -230,7 +230,6 @@ class Shard:
             own.description or own.profile,
             max(ticks, 0),
             outbox.usage(),
-            (),
             int(ResetCause.POWER_ON),
             held=outbox.held(),
             ended=outbox.ended(),

@@ -31,6 +31,8 @@ MOST_COLUMNS: Final = 64
 WEARER: Final = "wearer"
 """The subject of biometric patches; the gateway maps it to a pseudonym."""
 _MICRO: Final = 1e6
+_NAME: Final = 31
+"""Characters of a patch's name, at most."""
 _CODES: Final = 4096
 """Readings of the converter at which the least width of an interval is looked for."""
 
@@ -177,7 +179,7 @@ def _describe(
     settings: NodeSettings, parts: Sequence[tuple[_Kind, list[int]]]
 ) -> tuple[Patch, ...]:
     places = {name: (x, y) for name, x, y in skin_map(settings.taxel)}
-    names = [f"{key.kind}-{key.quantity}" for key, _ in parts]
+    names = [f"{key.kind}-{key.quantity}"[:_NAME] for key, _ in parts]
     patches = []
     for place, (key, numbers) in enumerate(parts):
         taxels = [settings.taxel[k] for k in numbers]
@@ -191,7 +193,7 @@ def _describe(
         ]
         patches.append(
             Patch(
-                patch_id=f"{name}-{twin + 1}" if twin else name,
+                patch_id=_numbered(name, twin + 1) if twin else name,
                 quantity=key.quantity,
                 unit=key.unit,
                 taxels=tuple(taxel.id for taxel in taxels),
@@ -202,6 +204,12 @@ def _describe(
             )
         )
     return tuple(patches)
+
+
+def _numbered(name: str, number: int) -> str:
+    """A name with a number, as long as allowed."""
+    end = f"-{number}"
+    return name[: _NAME - len(end)] + end
 
 
 def least_widths(taxel: TaxelSection, companions: Mapping[str, Companion]) -> dict[str, float]:

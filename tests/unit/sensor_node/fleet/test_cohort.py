@@ -13,11 +13,11 @@ from eskin_sensor_node.fleet.roster import Roster, RosterEntry
 from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
-from eskin.wire.messages import Position
 from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
 
+from eskin.wire.messages import Position
 from tests.unit.sensor_node.designs import KINDS, SECOND, START, settings, table, waiting
 from tests.unit.sensor_node.flashes import open_flash
 

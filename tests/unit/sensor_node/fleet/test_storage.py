@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_sensor_node.firmware.message_writer import BLOCK, Record
-from eskin_sensor_node.fleet.report_kernels import Nodes
 from eskin_sensor_node.fleet.outbox import MemberOutbox
+from eskin_sensor_node.fleet.report_kernels import Nodes
 from eskin_sensor_node.machine.flash.file import FlashFile
 from eskin_sensor_node.machine.flash.flash import Partition
 from eskin_sensor_node.machine.flash.sealing import UNREADABLE
