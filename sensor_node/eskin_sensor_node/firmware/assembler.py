@@ -128,8 +128,8 @@ class Matrix:
     def bounds(self) -> "tuple[array[float], array[float]]":
         """Lower and upper bounds, row after row; what is not sent is unknown."""
         size = self.rows * self.patch.columns
-        lows = array("d", [-INFINITY]) * size
-        highs = array("d", [INFINITY]) * size
+        lows = array("d", [-INFINITY] * size)
+        highs = array("d", [INFINITY] * size)
         for part in self._parts:
             if part.lows is None or part.highs is None:
                 continue

@@ -58,7 +58,7 @@ class Delivery:
         message_writer = self.outbox.message_writer
         time = self.now, self.now + 5
         if kind == "frame":
-            codes = bytes(range(n))
+            codes = bytes([k & 0xFF for k in range(n)])
             patches = [[2, 0, 1, n, -4, 9, codes, {2: b"\1"}]]
             grids = [(0, 20000000, 9, 1, 0.5)]
             return message_writer.frame(

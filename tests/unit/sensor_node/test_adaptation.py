@@ -110,7 +110,7 @@ def test_adaptive_is_silent_at_rest_but_for_a_heartbeat(tmp_path: Path) -> None:
     bench.run_to(20.0)
     assert len(samples(bench, "t01.area")) == 10  # of 400: one in 40
     # A touch each 1.25 s leaves the rest of the others again and again.
-    assert len(samples(bench)) > 200
+    assert len(samples(bench)) > 100
     bench.close()
 
 
