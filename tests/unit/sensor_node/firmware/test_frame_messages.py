@@ -31,7 +31,7 @@ from eskin.wire.frames import (
     Seam,
     Statements,
 )
-from eskin.wire.messages import Kind, Position
+from eskin.wire.messages import Position
 from eskin.wire.messages.cbor_map import MOST_COUNT
 from eskin.wire.timestamp import MOST_MOMENT
 from tests.unit.eskin.wire.frames import examples

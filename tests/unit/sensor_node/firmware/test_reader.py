@@ -73,7 +73,6 @@ def test_command_of_another_shape_is_none() -> None:
 def test_each_code_of_a_gap_has_its_reason() -> None:
     message_writer = MessageWriter(1, Counter(), bytes(32))
 
-
     def reason(code: int, taxel: str = "") -> str:
         body = message_writer.gap(code, (0, 1), 2, taxel=taxel).body
         return Statements.decode(body).gaps[0].reason
