@@ -34,7 +34,9 @@ _MICRO: Final = 1e6
 _NAME: Final = 31
 """Characters of a patch's name, at most."""
 _CODES: Final = 4096
-"""Readings of the converter at which the least width of an interval is looked for."""
+"""Readings of the converter at which widths of intervals are looked for."""
+_NARROWER: Final = 0.1
+"""Share of these readings that may be narrower than the width that a patch states."""
 
 
 class Column(NamedTuple):
@@ -213,7 +215,11 @@ def _numbered(name: str, number: int) -> str:
 
 
 def least_widths(taxel: TaxelSection, companions: Mapping[str, Companion]) -> dict[str, float]:
-    """Least width of each quantity's intervals, over readings of the converter."""
+    """Width of each quantity's intervals that nine of ten readings of the converter have at least.
+
+    Next to the end of a quantity's range intervals become as narrow as one likes, because they are
+    cut there; the quantum need not follow. Sensors that are read along are in their middle.
+    """
     sheet = data_sheet(taxel, companions)
     bits = [taxel.adc_bits, *(each.taxel.adc_bits for each in companions.values())]
     firmware: Any = taxel.firmware
@@ -232,8 +238,8 @@ def _least_widths(
     random = np.random.default_rng(0)
     own = len(calibrated.inputs) - (len(bits) - 1)
     depths = [bits[0]] * own + list(bits[1:])
-    even = np.linspace(0.0, 1.0, _CODES)
-    shares = [even, *(random.random(_CODES) for _ in depths[1:])]
+    shares = [np.linspace(0.0, 1.0, _CODES), *(random.random(_CODES) for _ in range(own - 1))]
+    shares += [np.full(_CODES, 0.5) for _ in bits[1:]]
     codes = [
         (share * ((1 << depth) - 1)).astype(np.int64)
         for share, depth in zip(shares, depths, strict=True)
@@ -245,5 +251,5 @@ def _least_widths(
     for lows, highs in zip(bounds[::2], bounds[1::2], strict=True):
         span = highs - lows
         widths = span[np.isfinite(span) & (span > 0.0)]
-        found.append(float(widths.min()) if widths.size else 1.0)
+        found.append(float(np.quantile(widths, _NARROWER)) if widths.size else 1.0)
     return tuple(found)

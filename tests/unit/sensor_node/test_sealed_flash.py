@@ -8,14 +8,14 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_sensor_node.firmware.message_writer import PEAK, Record
+from eskin_sensor_node.firmware.message_writer import STATEMENTS, Record
 from eskin_sensor_node.machine.flash.sealing import UNREADABLE
 from eskin_sensor_node.node.factory import open_flash as open_as_set
 
 from eskin.errors import FlashError
 from tests.unit.sensor_node import designs
 from tests.unit.sensor_node.flashes import change, on_disk, open_flash
-from tests.unit.sensor_node.stores import CHANNEL, Store
+from tests.unit.sensor_node.stores import Store
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,7 +37,7 @@ def swap(path: Path) -> None:
 
 
 def test_no_file_shows_what_a_node_keeps(store: Store, path: Path) -> None:
-    said = Record(PEAK, 0, SECRET * 9, TIME, 3)
+    said = Record(STATEMENTS, 0, SECRET * 9, TIME, 3)
     store.flash.begin()
     store.flash.append(1, said, 0)
     store.flash.store_answer(SECRET + b"answer")
