@@ -141,6 +141,10 @@ class Matrix:
                 cell += step
         return lows, highs
 
+    def release(self) -> None:
+        """Free the samples, which are written."""
+        self._parts = ()
+
 
 class Assembler:
     """Collects samples and peaks until `flush` writes them.
@@ -154,7 +158,7 @@ class Assembler:
         encode: Encodes matrices.
 
     Attributes:
-        written: Of each frame that the latest `flush` wrote, its matrices.
+        written: Of each frame that the latest `flush` wrote, its matrices without their samples.
     """
 
     def __init__(
@@ -238,6 +242,7 @@ class Assembler:
             if grid not in grids:
                 grids.append(grid)
             patches.append(self._encoded(matrix, grids.index(grid)))
+            matrix.release()
         time = self._clock.enclosure(first, lasting)
         samples = sum(matrix.samples for matrix in matrices)
         return self._message_writer.frame(

@@ -41,8 +41,10 @@ _CHANNEL: Final = 768
 """Bytes of a channel's unit, rest and filter."""
 _DETECTOR: Final = 10 * 160
 """Bytes of a detector's stretches: two that grow and eight that wait."""
-_PART: Final = 192
+_PART: Final = 320
 """Bytes of what a channel has of a stretch, besides its bounds."""
+_ASSEMBLER: Final = 2048
+"""Bytes of what collects a stretch: its patches, and the matrices of the latest frames."""
 _CELL: Final = 48
 """Bytes of a sample while its matrix is encoded: its bounds, its place, its codes."""
 _PEAK: Final = 384
@@ -125,7 +127,7 @@ def ram_budget(settings: NodeSettings) -> Budget:
         codes=sum(codes),
         bounds=sum(bounds),
         waiting=sum(bounds) + _PART * sum(len(taxel.units) for taxel in settings.taxel),
-        objects=sum(map(taxel_objects, settings.taxel)),
+        objects=_ASSEMBLER + sum(map(taxel_objects, settings.taxel)),
         # All frames of a stretch, one more while it is sealed, a matrix while it is encoded.
         messages=sum(frames)
         + 2 * min(sum(frames), MOST_BYTES)

@@ -64,6 +64,33 @@ def test_member_after_a_command_equals_a_single_node(
     assert bench.cohort(0).members == [0, 2]
 
 
+def test_columns_with_a_part_of_the_rate_equal_a_single_node_s(
+    make: Callable[..., Bench], tmp_path: Path
+) -> None:
+    taxels = [table("capacitive", id=name, sampling_Hz=100.0) for name in ("t01", "t02", "t03")]
+    bench = make(taxel=taxels)
+    single = Single(bench, 1, tmp_path / "single")
+    member, alone = MemberControls(bench.shard, 1), NodeControls(single.node)
+    orders: list[tuple[float, str, dict[str, Any]]] = [
+        (1.3, "set", {"rate": 25.0, "taxel": "t02"}),
+        (2.1, "set", {"rate": 12.5, "taxel": "t01"}),
+        (9.3, "reset", {}),
+    ]
+    for moment, name, arguments in orders:
+        bench.run_to(moment)
+        single.run_to(moment)
+        assert name == "set" or not bench.shard.singles
+        assert member.apply(name, arguments) == alone.apply(name, arguments)
+    bench.run_to(11.1)
+    single.run_to(11.1)
+    frames = frames_of(body for _, body in bench.said(1))
+    assert {each.strides for frame in frames for each in frame.patches} >= {
+        b"", bytes([0, 2, 0]), bytes([3, 2, 0])
+    }  # fmt: skip
+    assert bench.said(1) == single.said()
+    single.close()
+
+
 def test_member_encloses_the_truth_before_and_after_a_command(
     make: Callable[..., Bench],
 ) -> None:
