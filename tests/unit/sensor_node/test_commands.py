@@ -267,7 +267,7 @@ def test_result_gives_way_last_in_a_full_flash(rig: Rig) -> None:
     with rig.outbox.batch() as batch:
         batch.take(rig.outbox.message_writer.gap(OVERRUN, (0, 1), 1) for _ in range(100))
     kinds = [kept.kind for kept in waiting(rig.flash)]
-    assert kinds == [Kind.RESULT, Kind.RESULT, Kind.GAP]
+    assert kinds == [Kind.RESULT, Kind.RESULT, Kind.STATEMENTS]
     assert rig.results() == results
 
 

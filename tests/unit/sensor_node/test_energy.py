@@ -12,17 +12,15 @@ from eskin_sensor_node.tools.budget.run import sent_for
 
 from eskin.interval import Verdict
 from eskin.wire.messages import (
-    Block,
     Energy,
-    Gap,
     ResetCause,
     Shedding,
     Status,
-    decode_message,
 )
 from eskin.wire.messages.header import Position
 from tests.unit.sensor_node.designs import SECOND, START, Bench, settings, waiting
 from tests.unit.sensor_node.flashes import open_flash
+from tests.unit.sensor_node.messages import decode, gaps_of, samples_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,7 +41,7 @@ def renewal_agent_of(bench: Bench) -> PowerManager:
 
 
 def statuses(bench: Bench) -> Iterator[Status]:
-    messages = map(decode_message, bench.bodies())
+    messages = map(decode, bench.bodies())
     return (message for message in messages if isinstance(message, Status))
 
 
@@ -74,7 +72,7 @@ def test_brown_out_loses_nothing_in_flash_and_records_a_gap(tmp_path: Path) -> N
     assert bench.flash.boot == first + 1
     held = {s.position: s.body for s in waiting(bench.flash)}
     assert before.items() <= held.items()
-    gaps = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Gap)]
+    gaps = gaps_of(bench)
     assert gaps[-1].reason == "brown-out reset"
     assert gaps[-1].samples > 0
     bench.node.record_status()
@@ -93,12 +91,11 @@ def test_load_is_shed_before_brown_out_and_sleep_is_a_gap(tmp_path: Path) -> Non
         assert bench.node.machine.on
     assert list(dict.fromkeys(stages))[:2] == [0, 1] or stages[0] > 0
     assert Shedding.SLEEP in stages
-    messages = [decode_message(body) for body in bench.bodies()]
-    assert "energy is scarce" in [m for m in messages if isinstance(m, Gap)][-1].reason
+    assert "energy is scarce" in gaps_of(bench)[-1].reason
     bench.close()
 
 
-def test_shedding_sends_no_blocks_and_spares_what_is_set(tmp_path: Path) -> None:
+def test_shedding_sends_no_samples_and_spares_what_is_set(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     unit = bench.node.taxels[0].control_unit
     modes = []
@@ -111,7 +108,7 @@ def test_shedding_sends_no_blocks_and_spares_what_is_set(tmp_path: Path) -> None
     for taxel in bench.node.taxels:
         taxel.control_unit.shed = Shedding.PEAKS
     bench.run_to(2.0)
-    assert not [m for m in map(decode_message, bench.bodies()) if isinstance(m, Block)]
+    assert samples_of(bench) == []
     bench.close()
 
 

@@ -15,7 +15,7 @@ from eskin_sensor_node.node.factory import open_flash as open_as_set
 from eskin.errors import FlashError
 from tests.unit.sensor_node import designs
 from tests.unit.sensor_node.flashes import change, on_disk, open_flash
-from tests.unit.sensor_node.stores import Store
+from tests.unit.sensor_node.stores import PATCH, Store
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,7 +45,7 @@ def test_no_file_shows_what_a_node_keeps(store: Store, path: Path) -> None:
     store.flash.commit()
     store.outbox._sequence = 1
     store.fill(3)
-    secrets = (SECRET, CHANNEL.name.encode(), *(moment.to_bytes(8, "big") for moment in TIME))
+    secrets = (SECRET, PATCH.quantity.encode(), *(moment.to_bytes(8, "big") for moment in TIME))
     assert not [secret for secret in secrets if secret in on_disk(path.parent)]
     kept = designs.waiting(store.flash)[0]
     assert (kept.body, kept.time) == (said.body, TIME)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from eskin_sensor_node.kinds.neighbours import measured_around
 from eskin_sensor_node.kinds.registry import KINDS
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.machine.prices import PRICES
 from eskin_sensor_node.machine.processor import Load, processor_load, require_speed
-from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 

@@ -7,11 +7,13 @@ import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.service import _serve
 
-from eskin.wire.messages import Gap, ResetCause, Result, Status
+from eskin.wire.frames import Statements
+from eskin.wire.messages import ResetCause, Result, Status
 from tests.support.processes import wait_until
 from tests.unit.sensor_node.designs import settings
 from tests.unit.sensor_node.flashes import open_flash
@@ -33,7 +35,8 @@ if TYPE_CHECKING:
 def serving(given: NodeSettings) -> Iterator[None]:
     """A node's service in a thread."""
     flash = open_flash(given.flash.path)
-    outbox = build_outbox(flash, capacity=10**8, broker=given.broker)
+    described = plan_layout(given).described
+    outbox = build_outbox(flash, capacity=10**8, broker=given.broker, described=described)
     truth = GroundTruth(given.truth.path, limit=10**8)
     stop = threading.Event()
     thread = threading.Thread(target=_serve, args=(given, outbox, truth, stop))
@@ -75,8 +78,9 @@ def test_service_goes_on_after_the_watchdog_and_stays_connected(
             "gap, result and status of boot 2",
         )
         said = list(second().values())
-    gap, result = said[:2]
-    assert isinstance(gap, Gap)
+    stated, result = said[:2]
+    assert isinstance(stated, Statements)
+    (gap,) = stated.gaps
     assert gap.reason == "watchdog reset"
     assert isinstance(result, Result)
     assert result.state["t01"]["mode"] == "samples"
