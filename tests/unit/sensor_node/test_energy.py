@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from eskin_sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.tools.budget.run import sent_for
@@ -83,7 +84,7 @@ def test_brown_out_loses_nothing_in_flash_and_records_a_gap(tmp_path: Path) -> N
 
 
 def test_load_is_shed_before_brown_out_and_sleep_is_a_gap(tmp_path: Path) -> None:
-    bench = bench_of(tmp_path, start_voltage=3.5, capacitance=0.1, **STRONG)
+    bench = bench_of(tmp_path, start_voltage=3.5, capacitance=0.03, active_current=3e-5, **STRONG)
     stages: list[int] = []
     while len(stages) < 400 and not (Shedding.SLEEP in stages and stages[-1] < Shedding.SLEEP):
         bench.run_to(bench.ticks / 1e9 + 0.25)
@@ -113,7 +114,7 @@ def test_shedding_sends_no_samples_and_spares_what_is_set(tmp_path: Path) -> Non
 
 
 def test_status_encloses_the_true_energy(tmp_path: Path) -> None:
-    bench = bench_of(tmp_path, capacitance=10.0)
+    bench = bench_of(tmp_path, capacitance=1.0)
     for _ in range(20):
         bench.run_to(bench.ticks / 1e9 + 0.25)
         bench.node.record_status()
@@ -141,7 +142,7 @@ def test_sole_short_of_energy_sends_peaks_only_and_certainly_sustains_itself(
             ledger.sent += sent_for(kept)
             bench.outbox.acknowledge([(*kept.position, kept.position[1])])
     manager = renewal_agent_of(bench).manager
-    assert ledger.sent > 10_000
+    assert ledger.sent > 5_000
     assert manager.stage == Shedding.PEAKS
     assert manager.verdict == Verdict.CERTAIN
     assert supply.energy > begin
@@ -161,7 +162,12 @@ class Lives:
     def begin(self) -> Node:
         self.flash = open_flash(self.settings.flash.path)
         self.truth = GroundTruth(self.settings.truth.path, limit=2**24)
-        outbox = build_outbox(self.flash, capacity=2**24, broker=self.settings.broker)
+        outbox = build_outbox(
+            self.flash,
+            capacity=2**24,
+            broker=self.settings.broker,
+            described=plan_layout(self.settings).described,
+        )
         node, _ = build_node(self.settings, outbox=outbox, truth=self.truth, start=self.start)
         self.start += 3600 * SECOND
         return node

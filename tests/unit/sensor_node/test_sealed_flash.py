@@ -13,9 +13,10 @@ from eskin_sensor_node.machine.flash.sealing import UNREADABLE
 from eskin_sensor_node.node.factory import open_flash as open_as_set
 
 from eskin.errors import FlashError
+from eskin.wire.frames import Statements
 from tests.unit.sensor_node import designs
 from tests.unit.sensor_node.flashes import change, on_disk, open_flash
-from tests.unit.sensor_node.stores import PATCH, Store
+from tests.unit.sensor_node.stores import PATCH, Store, plain
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,7 +86,8 @@ def test_exchanged_records_become_gaps_in_their_places(store: Store, path: Path)
     swap(path)
     assert store.positions() == said
     gaps = store.gaps()
-    assert [(gap.position, gap.reason) for gap in gaps] == [(p, UNREADABLE) for p in said[1:3]]
+    stated = [plain(each) for each in store.messages() if isinstance(each, Statements)]
+    assert (stated, [gap.reason for gap in gaps]) == (said[1:3], [UNREADABLE] * 2)
     assert [gap.lost for gap in gaps] == [((1, n, n),) for n in (1, 2)]
     assert [(gap.messages, gap.samples) for gap in gaps] == [(1, 250)] * 2
     for gap, kept in zip(gaps, lost, strict=True):
@@ -116,7 +118,7 @@ def test_radio_is_handed_the_gap_and_all_others(store: Store, path: Path) -> Non
 
 
 def test_lost_record_gives_way_like_another(path: Path) -> None:
-    small = Store(path, 100_000)
+    small = Store(path, 30_000)
     said = small.fill(20)
     change(path, "UPDATE message SET body = x'00' WHERE sequence = 0")
     said += small.fill(20)

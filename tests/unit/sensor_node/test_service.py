@@ -20,6 +20,7 @@ from eskin.runtime.settings import KeysSection
 from eskin.wire.frames import Frame, Statements
 from eskin.wire.messages import Position
 from tests.support.processes import ESKIN, Running, free_port, wait_until
+from tests.unit.sensor_node.messages import decode, frames_of
 from tests.unit.sensor_node.peer import Peer
 
 if TYPE_CHECKING:

@@ -7,10 +7,8 @@ import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from eskin_sensor_node.machine.node_layout import plan_layout
-from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
-from eskin_sensor_node.service import _serve
+from eskin_sensor_node.service import _assemble, _serve
 
 from eskin.wire.frames import Statements
 from eskin.wire.messages import ResetCause, Result, Status
@@ -35,11 +33,10 @@ if TYPE_CHECKING:
 def serving(given: NodeSettings) -> Iterator[None]:
     """A node's service in a thread."""
     flash = open_flash(given.flash.path)
-    described = plan_layout(given).described
-    outbox = build_outbox(flash, capacity=10**8, broker=given.broker, described=described)
     truth = GroundTruth(given.truth.path, limit=10**8)
     stop = threading.Event()
-    thread = threading.Thread(target=_serve, args=(given, outbox, truth, stop))
+    parts = _assemble(given, flash, truth)
+    thread = threading.Thread(target=_serve, args=(given, parts, truth, stop))
     thread.start()
     try:
         yield
