@@ -53,12 +53,12 @@ def test_packaged_profiles_fit_into_their_machine(profile: str, tmp_path: Path) 
 def test_a_node_that_its_processor_cannot_keep_up_with_is_refused_with_numbers_and_remedy(
     tmp_path: Path,
 ) -> None:
-    slow = settings(tmp_path, "hand", machine={"clock_hz": 160_000_000})
+    slow = settings(tmp_path, "hand", machine={"clock_hz": 100_000_000})
     need = load_of(slow).total
     flash, truth = open_flash(slow.flash.path), GroundTruth(slow.truth.path, limit=10**6)
     described = plan_layout(slow).described
     outbox = build_outbox(flash, capacity=10**6, broker=slow.broker, described=described)
-    with pytest.raises(SettingsError, match=r"machine\.clock_hz: 160000000 cycles") as error:
+    with pytest.raises(SettingsError, match=r"machine\.clock_hz: 100000000 cycles") as error:
         build_node(slow, outbox=outbox, truth=truth)
     assert f"up to {need} (inversion" in str(error.value)
     assert "fewer than its 19 taxels" in str(error.value)
