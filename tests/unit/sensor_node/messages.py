@@ -11,12 +11,14 @@ from eskin_sensor_node.node.ground_truth import GroundTruth
 
 from eskin.tube import Tube
 from eskin.wire.frames import Frame, Statements
+from eskin.wire.messages import Gap as LostRecord
 from eskin.wire.messages import Kind, decode_message
 from eskin.wire.messages.cbor_map import load
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from eskin_sensor_node.firmware.chip import StoredMessage
     from eskin_sensor_node.node.ground_truth import TrueFrame
 
     from eskin.interval import Floats, Verdict
@@ -144,6 +146,13 @@ def peaks_of(bench: Bench, channel: str | None = None) -> list[StatedPeak]:
             name = f"{patch.taxels[peak.column]}.{patch.quantity}"
             found.append(StatedPeak(statements.position, name, *peak[2:]))
     return [each for each in found if channel in (None, each.channel)]
+
+
+def stated_gaps(kept: StoredMessage) -> tuple[Gap | LostRecord, ...]:
+    """The gaps that a message of a flash states."""
+    if kept.kind == Kind.GAP:  # of a flash that has lost its layout
+        return (LostRecord.decode(kept.body),)
+    return Statements.decode(kept.body).gaps if kept.kind == Kind.STATEMENTS else ()
 
 
 def gaps_of(bench: Bench) -> list[Gap]:
