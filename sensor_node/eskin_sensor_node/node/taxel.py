@@ -186,7 +186,7 @@ class EmulatedTaxel:
         coverage: Probability that its intervals hold the truth.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - parts of one design
         self,
         taxel: TaxelSection,
         *,

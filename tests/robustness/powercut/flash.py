@@ -7,7 +7,6 @@ import sqlite3
 from contextlib import closing
 from typing import TYPE_CHECKING, Any, Final
 
-
 from eskin.privacy.subject import KEY_BYTES
 from tests.unit.sensor_node.designs import waiting
 from tests.unit.sensor_node.flashes import open_flash

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -115,11 +114,9 @@ def split(frame: Frame, patches: Sequence[Patch], truth: TrueFrame | None) -> It
         for column, taxel in enumerate(patch.taxels):
             step = 1 << encoded.strides[column] if encoded.strides else 1
             rows = np.flatnonzero(there[:, column])
-            # Equally spaced ones have one difference to their place among all.
-            runs = groupby(enumerate(rows.tolist()), lambda pair: pair[1] - pair[0] * step)
-            for _, run in runs:
-                own = [row for _, row in run]
-                since = grid.delay + own[0] * grid.period
+            cuts = np.flatnonzero(np.diff(rows) != step) + 1
+            for own in np.split(rows, cuts) if rows.size else ():
+                since = grid.delay + int(own[0]) * grid.period
                 yield Samples(
                     frame.position,
                     f"{taxel}.{patch.quantity}",

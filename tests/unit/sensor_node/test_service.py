@@ -17,7 +17,7 @@ from eskin_sensor_node.node.ground_truth import GroundTruth
 
 from eskin.privacy import open_key
 from eskin.runtime.settings import KeysSection
-from eskin.wire.frames import Frame, Statements
+from eskin.wire.frames import Frame, Gap, Statements
 from eskin.wire.messages import Position
 from tests.support.processes import ESKIN, Running, free_port, wait_until
 from tests.unit.sensor_node.messages import decode, frames_of

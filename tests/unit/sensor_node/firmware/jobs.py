@@ -146,7 +146,7 @@ class Recorder:
     def _watch_telling(self, monkeypatch: pytest.MonkeyPatch) -> None:
         gap, status = MessageWriter.gap, MessageWriter.status
 
-        def told_gap(
+        def told_gap(  # noqa: PLR0917 - as it is called
             message_writer: MessageWriter,
             reason: int,
             time: tuple[int, int],
