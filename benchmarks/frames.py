@@ -93,7 +93,7 @@ def main() -> None:
             with tempfile.TemporaryDirectory() as folder:
                 # Bursts are far faster than any stretch can be short.
                 taxels = [each for each in Profile.read(profile).taxels if "burst_s" not in each]
-                fastest = max(each["sampling_Hz"] for each in taxels)
+                fastest = max(each.get("sampling_Hz", 0.0) for each in taxels)
                 stretch = None if rows is None else 1000.0 * rows / fastest
                 found = sizes(Path(folder), profile, stretch)
             print(f"{profile:10}", *(f"{each:10.2f}" for each in found))

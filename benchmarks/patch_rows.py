@@ -1,23 +1,26 @@
 """Bytes and speed of compacted frames: `python -m benchmarks.patch_rows`.
 
-Runs the packaged hand's firmware on its scenario as fast as it goes, frames its samples, and joins
-the frames of each patch.
+Runs the packaged hand's firmware on its scenario as fast as it goes, frames its samples anew, and
+joins the frames of each patch.
 """
 
 from __future__ import annotations
 
 import tempfile
 import time
+from collections import defaultdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from eskin_cloud.store.patch_rows import decode_runs, encode_runs
 from eskin_cloud.store.patch_run import PatchRun
+from eskin_sensor_node.firmware.message_writer import FRAME
+from eskin_sensor_node.node.offline import offline_node
+from eskin_sensor_node.settings import NodeSettings
 
-from benchmarks.frames import Measured, measure
 from eskin.interval import Interval
-from eskin.wire.frames import Sampling, decode_samples, encode_samples
+from eskin.wire.frames import Frame, Sampling, decode_samples, encode_samples
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,6 +33,52 @@ _PERIODS: Final = (20_000_000, 4_000_000)
 _LENGTHS: Final = (10, 60)
 _REPEATS: Final = 7
 _START: Final = 1_790_000_000_000_000_000
+
+
+class Measured(NamedTuple):
+    """What one patch has measured.
+
+    Attributes:
+        period: ns.
+        unit: UCUM code.
+        values: Shape ``(samples, channels)``.
+        least_width: As its description states it.
+    """
+
+    period: int
+    unit: str
+    values: Interval
+    least_width: float
+
+
+def measure(folder: Path, seconds: int) -> list[Measured]:
+    """What the hand measures in so many seconds."""
+    given: dict[str, Any] = {
+        "node": {"name": "hand", "profile": "hand", "seed": 7},
+        "identity": {"directory": folder, "site": folder},
+        "flash": {"path": folder / "flash"},
+        "truth": {"path": folder / "truth"},
+    }
+    values: dict[int, list[Interval]] = defaultdict(list)
+    periods: dict[int, int] = {}
+    with offline_node(NodeSettings(**given)) as offline:
+        offline.run_until(seconds * _BILLION)
+        for kept in offline.flash.after((-1, -1), 1_000_000):
+            if kept.kind == FRAME:
+                frame = Frame.decode(kept.body)
+                for samples, found in zip(frame.patches, frame.values, strict=True):
+                    values[samples.patch].append(found)
+                    periods[samples.patch] = frame.grids[samples.grid].period
+        patches = offline.layout.patches
+    return [
+        Measured(
+            periods[number],
+            patches[number].unit,
+            Interval.concatenate(each, axis=0),
+            patches[number].least_width,
+        )
+        for number, each in sorted(values.items())
+    ]
 
 
 def runs_of(patch: Measured, seconds: int, period: int | None = None) -> list[PatchRun]:

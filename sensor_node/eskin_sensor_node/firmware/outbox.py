@@ -159,7 +159,7 @@ class Outbox:
         window: int,
         resend_after: int,
         status_every: int,
-        message_writer: "Callable[[int, Numbers], MessageWriter]" = MessageWriter,
+        message_writer: "Callable[[int, Numbers], MessageWriter]",
         lock: "Lock | None" = None,
     ) -> None:
         self._chip = chip

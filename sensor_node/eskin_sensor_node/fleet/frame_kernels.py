@@ -161,7 +161,7 @@ def _write_matrices(
         if page.samples[k, row] and place[grid] == written:
             at = _write_grid(out, at, page, page.heads[k, 2] - first, grid, room)
             written += 1
-    at = head(out, integer(out, at, 9), ARRAY, np.count_nonzero(page.samples[:, row]))
+    at = head(out, integer(out, at, 9), ARRAY, int(np.count_nonzero(page.samples[:, row])))
     for k in range(len(page.heads)):
         if page.samples[k, row]:
             at = _write_patch(out, at, page, row, k, place[page.heads[k, 4]])

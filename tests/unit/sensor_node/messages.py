@@ -70,9 +70,10 @@ class StatedPeak:
 def decode(body: bytes) -> Message | Frame | Statements:
     """Read any message of a node."""
     fields = load(body)
-    kinds = {Kind.FRAME: Frame, Kind.STATEMENTS: Statements}
-    found = kinds.get(fields.integer(1, 0, max(Kind)))
-    return decode_message(body) if found is None else found.read(fields)
+    kind = fields.integer(1, 0, max(Kind))
+    if kind == Kind.FRAME:
+        return Frame.read(fields)
+    return Statements.read(fields) if kind == Kind.STATEMENTS else decode_message(body)
 
 
 def frames_of(bodies: Iterable[bytes]) -> list[Frame]:

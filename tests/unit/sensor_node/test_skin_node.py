@@ -52,7 +52,7 @@ def test_layout_has_the_positions_of_taxels(
     tmp_path: Path, profile: str, taxel: str, place: tuple[int, int], number: int
 ) -> None:
     bench = Bench(tmp_path, profile)
-    found = {}
+    found: dict[str, tuple[int, ...]] = {}
     for patch in bench.node.layout.patches:
         if patch.positions:
             found |= dict(zip(patch.taxels, zip(*patch.positions, strict=True), strict=True))
