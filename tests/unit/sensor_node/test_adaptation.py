@@ -90,12 +90,12 @@ def test_peaks_only_sends_the_same_peaks_and_a_small_part_of_the_bytes(tmp_path:
         if name == "peaks":
             first(bench).control_unit.mode = PEAKS
         bench.run_to(10.0)
-        told = [(peak.time, peak.height, peak.verdict) for peak in peaks_of(bench)]
-        said.append((told, sum(map(len, bench.bodies())), samples(bench)))
+        found = [(peak.time, peak.height, peak.verdict) for peak in peaks_of(bench)]
+        said.append((found, sum(map(len, bench.bodies())), samples(bench)))
         bench.close()
-    (told, size, _), (only, small, none) = said
-    assert only == told
-    assert len(told) > 15
+    (found, size, _), (only, small, none) = said
+    assert only == found
+    assert len(found) > 15
     assert none == []
     assert small < size / 8
 

@@ -161,11 +161,13 @@ def test_outbox_decides_and_writes_the_same(tmp_path: Path) -> None:
     assert under_micropython(job, tmp_path) == expected
     sent = [m for step in expected[:-1:2] if type(step) is list for m in step if type(m) is list]
     assert {kind for _, kind, _ in sent} == {FRAME, STATEMENTS, Kind.STATUS, Kind.RESULT}
-    told = [Statements.decode(bytes.fromhex(body)) for _, kind, body in sent if kind == STATEMENTS]
-    assert {gap.reason for each in told for gap in each.gaps} == {TEXTS[FULL], TEXTS[FAILED]}
-    assert any(each.peaks and each.verdicts for each in told)
+    stated = [
+        Statements.decode(bytes.fromhex(body)) for _, kind, body in sent if kind == STATEMENTS
+    ]
+    assert {gap.reason for each in stated for gap in each.gaps} == {TEXTS[FULL], TEXTS[FAILED]}
+    assert any(each.peaks and each.verdicts for each in stated)
     assert max(Counter(tuple(position) for position, _, _ in sent).values()) > 2
-    assert max(len(gap.lost) for each in told for gap in each.gaps) > 1
+    assert max(len(gap.lost) for each in stated for gap in each.gaps) > 1
 
 
 def test_same_bytes_of_every_taxel_in_a_scenario(
