@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from eskin_sensor_node.firmware.message_writer import FRAME
 from eskin_sensor_node.machine.flash.flash import Flash
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.factory import build_node, build_outbox, chip_key
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.profile import Profile
 from eskin_sensor_node.settings import NodeSettings
 
-from eskin.wire.messages import Block, decode_message
+from eskin.wire.frames import Frame
 
 if TYPE_CHECKING:
     from eskin.interval import Floats, Interval
@@ -35,7 +37,7 @@ _SHOWN: Final = (("pressure", 1e-3, "kPa"), ("contact_area", 1e4, "cm2"))
 
 
 def measured(folder: Path, changes: dict[str, Any]) -> dict[str, list[tuple[Interval, Floats]]]:
-    """Intervals and truth by quantity, block by block, of all pads."""
+    """Intervals and truth by quantity, frame by frame, of all pads."""
     tables = [
         {key: value for key, value in (each | changes).items() if value is not None}
         if each["kind"] == "pad"
@@ -52,16 +54,24 @@ def measured(folder: Path, changes: dict[str, Any]) -> dict[str, list[tuple[Inte
     settings = NodeSettings(**given)
     flash = Flash(settings.flash.path, node="hand", key=chip_key(settings), epoch=1)
     truth = GroundTruth(settings.truth.path, limit=2**31)
-    outbox = build_outbox(flash, capacity=2**30, broker=settings.broker)
+    layout = plan_layout(settings)
+    outbox = build_outbox(flash, capacity=2**30, broker=settings.broker, described=layout.described)
     node, _ = build_node(settings, outbox=outbox, truth=truth, start=0)
     node.run_until(_SECONDS * _BILLION)
     found: dict[str, list[tuple[Interval, Floats]]] = {}
-    for kept in flash.after((-1, -1), 1_000_000):
-        block = decode_message(kept.body)
-        if isinstance(block, Block) and block.channel.startswith("t"):
-            true = GroundTruth.read(settings.truth.path, [block.position])[block.position].values
-            quantity = block.channel.partition(".")[2]
-            found.setdefault(quantity, []).append((block.tube.values, true))
+    kept = [each.body for each in flash.after((-1, -1), 1_000_000) if each.kind == FRAME]
+    frames = [Frame.decode(body) for body in kept]
+    truths = GroundTruth.read_frames(
+        settings.truth.path, [frame.position for frame in frames], node="hand"
+    )
+    for frame in frames:
+        true, begin = truths[frame.position].values, 0
+        for samples, values in zip(frame.patches, frame.values, strict=True):
+            patch, size = layout.patches[samples.patch], values.size
+            if patch.patch_id.startswith("pad-"):
+                pair = values, true[begin : begin + size].reshape(values.shape)
+                found.setdefault(patch.quantity, []).append(pair)
+            begin += size
     flash.close()
     truth.close()
     return found

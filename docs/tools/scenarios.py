@@ -157,7 +157,7 @@ next one is measured; [settings](settings.md) has the keys.
 Each setting has its tolerance, belongs to a frame, and is part of the calculation: intervals
 enclose the truth through every change, and a contact that stays is never trimmed away.
 
-Frames (`sampling.block_samples`) are what it reacts in. Within one, a sudden touch is caught
+Stretches (`sampling.stretch_ms`) are what it reacts in. Within one, a sudden touch is caught
 sample by sample: a sample-and-hold before the amplifier keeps what was sampled, and where its code
 is at an end of the range, the firmware converts the same value again at once, up to three times,
 with the gain and the step of the trimmer whose range goes on at that end and reaches farthest.

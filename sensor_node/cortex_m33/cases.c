@@ -225,43 +225,25 @@ static void peaks(void)
     }
 }
 
-static void encode(written_t (*write)(const double *, const double *, int, uint8_t *, uint8_t *))
+static void encode_frame(void)
 {
+    int rows = integer(), columns = integer(), finest = integer();
     buffer_t x = buffer();
-    uint8_t *lo = bytes(), *hi = bytes();
+    uint8_t *codes = bytes();
     double *told = reals();
-    written_t written;
-    COUNT(written = write(x.lo, x.hi, length(x.lo), lo, hi));
-    told[0] = written.lowest, told[1] = written.highest, told[2] = written.widening;
-    told[3] = written.exponent, told[4] = (double)written.offset;
+    encoded_t found;
+    COUNT(found = encode_samples(x.lo, x.hi, rows, columns, finest, codes));
+    told[0] = found.exponent, told[1] = (double)found.offset, told[2] = found.length;
 }
-
-static void encode_f64(void) { encode(write_f64); }
-
-static void encode_f32(void) { encode(write_f32); }
-
-static void encode_q16(void) { encode(write_q16); }
 
 static head_t head(void)
 {
-    head_t found = {.name = (char *)bytes()};
-    found.unit = (char *)bytes();
+    head_t found = {.layout = bytes()};
     const int64_t *numbers = (int64_t *)bytes();
-    found.boot = numbers[0], found.sequence = numbers[1], found.ticks = numbers[2];
-    found.earliest = numbers[3], found.latest = numbers[4], found.dt = numbers[5];
-    found.n = integer(), found.encoding = integer(), found.coverage = real();
+    found.boot = numbers[0], found.sequence = numbers[1];
+    found.earliest = numbers[2], found.latest = numbers[3];
+    found.coverage = real();
     return found;
-}
-
-static void block(void)
-{
-    head_t told = head();
-    buffer_t x = buffer();
-    uint8_t *lo = bytes(), *hi = bytes(), *message = bytes();
-    written_t (*const WRITES[])(const double *, const double *, int, uint8_t *, uint8_t *) = {
-        write_f64, write_f32, write_q16};
-    written_t written = WRITES[told.encoding](x.lo, x.hi, told.n, lo, hi);
-    COUNT(write_block(message, &told, &written, lo, hi));
 }
 
 static void peak(void)
@@ -300,9 +282,8 @@ static const struct {
     {"unknown", unknown},         {"neighbour", neighbour},
     {"pressure", pressure},       {"rest", rest},
     {"smoothing", smoothing},     {"peaks", peaks},
-    {"encode_f64", encode_f64},   {"encode_f32", encode_f32},
-    {"encode_q16", encode_q16},   {"block", block},
-    {"peak", peak},               {"sealing", sealing},
+    {"encode_frame", encode_frame}, {"peak", peak},
+    {"sealing", sealing},
 };
 
 void run_case(const char *name)

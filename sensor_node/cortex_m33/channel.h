@@ -52,13 +52,12 @@ void feed(detector_t *detector, const double *lows, const double *highs, int n);
 void end_detector(detector_t *detector);
 
 typedef struct {
-    double lowest, highest, widening;
-    int32_t exponent;
+    int exponent, length;
     int64_t offset;
-} written_t;
+} encoded_t;
 
-written_t write_f64(const double *lows, const double *highs, int n, uint8_t *lo, uint8_t *hi);
-written_t write_f32(const double *lows, const double *highs, int n, uint8_t *lo, uint8_t *hi);
-written_t write_q16(const double *lows, const double *highs, int n, uint8_t *lo, uint8_t *hi);
+/* Writes samples of a patch in which each row has all columns; gives their scale and their bytes. */
+encoded_t encode_samples(const double *lows, const double *highs, int rows, int columns, int finest,
+                         uint8_t *out);
 
 #endif

@@ -1,87 +1,11 @@
-/* How a block's bounds are written: sensor_node/eskin_sensor_node/firmware/encoding.py. */
+/* How a patch's samples are written: sensor_node/eskin_sensor_node/firmware/sample_codec.py. */
 #include "channel.h"
 
-enum { UNBOUNDED = 65535, MOST_CODE = 65534 };
-static const double FAR = 0x1p+1000, MOST_F32 = 0x1.fffffep+127;
-
-/* A difference of infinities is no number, and widens nothing. */
-static double wider(double widening, double more)
-{
-    return less(widening, more) && !less(INFINITY, more) ? more : widening;
-}
-
-static void note(written_t *written, double lo, double hi, double low, double high)
-{
-    written->lowest = least_of(written->lowest, low);
-    written->highest = most_of(written->highest, high);
-    if (less(-INFINITY, low))
-        written->widening = wider(written->widening, lo - low);
-    if (less(high, INFINITY))
-        written->widening = wider(written->widening, high - hi);
-}
-
-static written_t nothing(void) { return (written_t){INFINITY, -INFINITY, 0.0, 0, 0}; }
-
-written_t write_f64(const double *lows, const double *highs, int n, uint8_t *lo, uint8_t *hi)
-{
-    written_t written = nothing();
-    for (int k = 0; k < n; k++) {
-        memcpy(lo + 8 * k, lows + k, 8);
-        memcpy(hi + 8 * k, highs + k, 8);
-        note(&written, lows[k], highs[k], lows[k], highs[k]);
-    }
-    return written;
-}
-
-static float single_of(uint32_t bits)
-{
-    float x;
-    memcpy(&x, &bits, 4);
-    return x;
-}
-
-static float single_up_by_steps(double value)
-{
-    if (value > MOST_F32)
-        return INFINITY;
-    if (value < -MOST_F32)
-        return value == -INFINITY ? -INFINITY : (float)-MOST_F32;
-    float single = (float)value;
-    if (single < value) {
-        int32_t bits;
-        memcpy(&bits, &single, 4);
-        single = single_of(single == 0.0f ? 1 : bits + (bits >= 0 ? 1 : -1));
-    }
-    return single;
-}
-
-/* The least binary32 that is not below a value: where both are normal, what is cut off tells. */
-static float single_up(double value)
-{
-    uint64_t bits = bits_of(value);
-    uint32_t exponent = (uint32_t)(bits >> 52) & 0x7ff, sign = (uint32_t)(bits >> 63);
-    if (exponent - 897 >= 1150 - 897)
-        return single_up_by_steps(value);
-    uint32_t single = sign << 31 | (exponent - 896) << 23 | ((uint32_t)(bits >> 29) & 0x7fffff);
-    return single_of(single + (!sign && ((uint32_t)bits & 0x1fffffff) != 0));
-}
-
-written_t write_f32(const double *lows, const double *highs, int n, uint8_t *lo, uint8_t *hi)
-{
-    float lowest = INFINITY, highest = -INFINITY;
-    double widening = 0.0;
-    for (int k = 0; k < n; k++) {
-        float low = -single_up(-lows[k]), high = single_up(highs[k]);
-        memcpy(lo + 4 * k, &low, 4);
-        memcpy(hi + 4 * k, &high, 4);
-        lowest = low < lowest ? low : lowest, highest = high > highest ? high : highest;
-        if (low > -INFINITY)
-            widening = wider(widening, lows[k] - low);
-        if (high < INFINITY)
-            widening = wider(widening, high - highs[k]);
-    }
-    return (written_t){lowest, highest, widening, 0, 0};
-}
+enum { MOST_CELLS = 4096, GROUP = 64, MODULUS = 1 << 24, HALF = MODULUS / 2 };
+enum { UNKNOWN, NO_LOWER, NO_UPPER, BOUNDED };
+enum { FINEST = -1000, MOST_SPAN = MODULUS - 1 - BOUNDED };
+static const double FAR = 0x1p+950;
+static const uint64_t HIDDEN = 1ULL << 52;
 
 static bounds_t within_reach(double lo, double hi)
 {
@@ -93,41 +17,32 @@ static int exponent_of(double x) { return (int)(bits_of(x) >> 52) & 0x7ff; }
 
 static int is_finite(double x) { return exponent_of(x) != 0x7ff; }
 
-static const uint64_t HIDDEN = 1ULL << 52;
-
-/* floor(x * 2^-exponent), by a shift where x is normal and the result has less than 63 bits. */
-static int64_t scaled_floor(double x, int exponent)
+/* The greatest number of quanta that is not above x: a shift, where x is normal. */
+static int64_t quanta_down(double x, int exponent)
 {
     uint64_t bits = bits_of(x);
     int shift = exponent - exponent_of(x) + 1075;
-    if (exponent_of(x) == 0 || shift < -9)
-        return (int64_t)floor(ldexp(x, -exponent));
+    if (exponent_of(x) == 0 || shift < -9) {
+        int64_t quanta = (int64_t)floor(ldexp(x, -exponent));
+        return less(x, ldexp((double)quanta, exponent)) ? quanta - 1 : quanta;
+    }
     int64_t whole = (int64_t)((bits & (HIDDEN - 1)) | HIDDEN);
     whole = (int64_t)bits < 0 ? -whole : whole;
     return shift < 0 ? whole * (1 << -shift) : whole >> (shift < 63 ? shift : 63);
 }
 
-static int64_t scaled_ceil(double x, int exponent) { return -scaled_floor(-x, exponent); }
-
-/* A whole number times 2^exponent, by its digits where both it and the result are normal. */
-static double scaled_back(int64_t whole, int exponent)
+static int exponent_for(double size, int bits)
 {
-    uint64_t size = whole < 0 ? -(uint64_t)whole : (uint64_t)whole;
-    if (size - 1 >= 2 * HIDDEN - 1)
-        return ldexp((double)whole, exponent);
-    int up_by = __builtin_clzll(size) - 11, field = exponent - up_by + 1075;
-    if (field < 1 || field > 2046)
-        return ldexp((double)whole, exponent);
-    uint64_t bits = ((size << up_by) & (HIDDEN - 1)) | (uint64_t)field << 52;
-    return real_of(whole < 0 ? bits | 1ULL << 63 : bits);
+    int exponent;
+    if (!less(0.0, size))
+        return FINEST;
+    frexp(size, &exponent);
+    return exponent - bits;
 }
 
-static int64_t span(double lowest, double highest, int exponent)
-{
-    return scaled_ceil(highest, exponent) + 1 - (scaled_floor(lowest, exponent) - 1);
-}
+static int greater(int a, int b) { return a > b ? a : b; }
 
-static void find_scale(written_t *written, const double *lows, const double *highs, int n)
+static void find_scale(encoded_t *encoded, const double *lows, const double *highs, int n, int finest)
 {
     double lowest = INFINITY, highest = -INFINITY;
     for (int k = 0; k < n; k++) {
@@ -137,52 +52,64 @@ static void find_scale(written_t *written, const double *lows, const double *hig
         if (is_finite(x.hi))
             lowest = least_of(lowest, x.hi), highest = most_of(highest, x.hi);
     }
-    if (lowest > highest)
+    encoded->exponent = finest, encoded->offset = 0;
+    if (less(highest, lowest))
         return;
-    int exponent;
-    frexp(most_of(fabs(lowest), fabs(highest)), &exponent);
-    exponent = exponent - 53 < -1074 ? -1074 : exponent - 53;
-    while (span(lowest, highest, exponent) > MOST_CODE)
+    int exponent = greater(finest, exponent_for(most_of(fabs(lowest), fabs(highest)), 52));
+    exponent = greater(exponent, exponent_for(highest - lowest, 24));
+    while (-quanta_down(-highest, exponent) - quanta_down(lowest, exponent) > MOST_SPAN)
         exponent += 1;
-    written->exponent = exponent;
-    written->offset = scaled_floor(lowest, exponent) - 1;
+    encoded->exponent = exponent, encoded->offset = quanta_down(lowest, exponent);
 }
 
-static void put(uint8_t *buffer, int k, int64_t code)
+/* Cells from a first one on, each predicted by the one so many cells before it. */
+static uint8_t *pack(const int32_t *codes, int first, int cells, int before, uint8_t *out)
 {
-    buffer[2 * k] = (uint8_t)code;
-    buffer[2 * k + 1] = (uint8_t)(code >> 8);
-}
-
-written_t write_q16(const double *lows, const double *highs, int n, uint8_t *lo, uint8_t *hi)
-{
-    written_t written = nothing();
-    find_scale(&written, lows, highs, n);
-    int exponent = written.exponent;
-    int64_t offset = written.offset;
-    for (int k = 0; k < n; k++) {
-        bounds_t x = within_reach(lows[k], highs[k]);
-        double low = -INFINITY, high = INFINITY;
-        int64_t below = UNBOUNDED, above = UNBOUNDED;
-        if (is_finite(x.lo)) {
-            below = scaled_floor(x.lo, exponent) - offset;
-            low = scaled_back(below + offset, exponent);
-            if (less(x.lo, low)) {
-                below -= 1;
-                low = scaled_back(below + offset, exponent);
-            }
+    for (int begin = first; begin < cells; begin += GROUP) {
+        uint32_t folded[GROUP], bits = 0;
+        int size = cells - begin < GROUP ? cells - begin : GROUP;
+        for (int k = 0; k < size; k++) {
+            int cell = begin + k;
+            int32_t step = codes[cell] - (cell < before ? 0 : codes[cell - before]);
+            step = (int32_t)(((uint32_t)step + HALF) & (MODULUS - 1)) - HALF;
+            folded[k] = (uint32_t)(step >= 0 ? 2 * step : -2 * step - 1);
+            bits |= folded[k];
         }
-        if (is_finite(x.hi)) {
-            above = scaled_ceil(x.hi, exponent) - offset;
-            high = scaled_back(above + offset, exponent);
-            if (less(high, x.hi)) {
-                above += 1;
-                high = scaled_back(above + offset, exponent);
-            }
+        int width = bits ? 32 - __builtin_clz(bits) : 0, filled = 0;
+        uint32_t held = 0;
+        *out++ = (uint8_t)width;
+        for (int k = 0; k < size; k++) {
+            held |= folded[k] << filled;
+            for (filled += width; filled >= 8; filled -= 8, held >>= 8)
+                *out++ = (uint8_t)held;
         }
-        put(lo, k, below);
-        put(hi, k, above);
-        note(&written, lows[k], highs[k], low, high);
+        if (filled)
+            *out++ = (uint8_t)held;
     }
-    return written;
+    return out;
+}
+
+encoded_t encode_samples(const double *lows, const double *highs, int rows, int columns, int finest,
+                         uint8_t *out)
+{
+    static int32_t bases[MOST_CELLS], widths[MOST_CELLS];
+    int cells = rows * columns;
+    encoded_t encoded;
+    find_scale(&encoded, lows, highs, cells, finest);
+    for (int k = 0; k < cells; k++) {
+        bounds_t x = within_reach(lows[k], highs[k]);
+        int has_lower = is_finite(x.lo), has_upper = is_finite(x.hi);
+        int before = k < columns ? 1 : columns;
+        int64_t low = has_lower ? quanta_down(x.lo, encoded.exponent) - encoded.offset : 0;
+        int64_t high = has_upper ? -quanta_down(-x.hi, encoded.exponent) - encoded.offset : 0;
+        bases[k] = has_lower ? low : has_upper ? high : k < before ? 0 : bases[k - before];
+        widths[k] = !has_lower ? (has_upper ? NO_LOWER : UNKNOWN)
+                               : has_upper ? BOUNDED + high - low : NO_UPPER;
+    }
+    uint8_t *end = pack(bases, 0, columns, 1, out);
+    end = pack(bases, columns, cells, columns, end);
+    end = pack(widths, 0, columns, 1, end);
+    end = pack(widths, columns, cells, columns, end);
+    encoded.length = end - out;
+    return encoded;
 }

@@ -1,19 +1,16 @@
-/* A block's message in CBOR, and its sealing with AES-256-GCM. */
+/* A statement in CBOR, and its sealing with AES-256-GCM. */
 #ifndef MESSAGE_H
 #define MESSAGE_H
 
 #include "channel.h"
 
 typedef struct {
-    const char *name, *unit;
-    int64_t boot, sequence, ticks, earliest, latest, dt;
-    int n, encoding;
+    const uint8_t *layout;
+    int64_t boot, sequence, earliest, latest;
     double coverage;
 } head_t;
 
-/* Gives the message's bytes: all but the arrays' contents are counted as a block's price. */
-int write_block(uint8_t *out, const head_t *head, const written_t *written, const uint8_t *lo,
-                const uint8_t *hi);
+/* Gives the message's bytes. */
 int write_peak(uint8_t *out, const head_t *head, const event_t *event);
 
 typedef struct {

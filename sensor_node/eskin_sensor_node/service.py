@@ -13,7 +13,7 @@ from eskin.identity import Identity
 from eskin.runtime.memory import freeze_gc
 from eskin_sensor_node.link.publisher import Publisher
 from eskin_sensor_node.machine.compilation import compiled_inversion
-from eskin_sensor_node.machine.compiled_writer import CompiledWriter
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.machine.radio import Radio
 from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.controls import NodeControls
@@ -86,7 +86,7 @@ def _assemble(settings: NodeSettings, flash: Flash, truth: GroundTruth) -> _Part
         flash,
         capacity=settings.flash.capacity_bytes,
         broker=settings.broker,
-        message_writer=CompiledWriter,
+        described=plan_layout(settings).described,
     )
     warm_up(settings)
     node, clock = build_node(settings, outbox=outbox, truth=truth, functions=compiled_inversion())
@@ -124,7 +124,6 @@ def serve(settings: NodeSettings, flash: Flash, truth: GroundTruth, stop: thread
         identity=settings.identity,
         record_status=node.record_status,
         take_command=take_command,
-        attend=node.attend,
         is_running=lambda: node.machine.running,
     )
     publisher.start()

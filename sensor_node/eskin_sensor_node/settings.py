@@ -67,22 +67,24 @@ class NodeSection(Section):
 
 
 class SamplingSection(Section):
-    """Blocks of samples."""
+    """Stretches of time."""
 
-    block_samples: int = Field(default=250, ge=1, le=1000, description="samples in a block")
-    watched_block_ms: float = Field(
-        default=50.0,
-        ge=0,
-        le=10_000,
-        description="a block's length while a viewer watches the node, if its own is longer; 0: "
-        "never shorter",
-    )
-    encoding: Literal["f64", "f32", "q16"] = Field(
-        default="q16", description="how a block writes its bounds: f64, f32 or q16"
+    stretch_ms: float = Field(
+        default=100.0,
+        ge=1,
+        le=60_000,
+        description="length of a stretch of time: the node writes its samples as frames at its "
+        "end, and viewers see them no sooner; 50 where a robot reacts, 1000 and more in fleets and "
+        "on batteries",
     )
     overrun_s: float = Field(
         default=1.0, gt=0, description="real seconds behind after which samples count as lost"
     )
+
+    @property
+    def stretch(self) -> int:
+        """Length of a stretch, ns."""
+        return round(self.stretch_ms * 1e6)
 
 
 class FleetSection(Section):

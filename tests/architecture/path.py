@@ -440,7 +440,7 @@ class Stack:
         folder = self._folder / name
         config = write_settings(folder / "node.toml", {
             "node": {"name": name, "profile": "patch", "seed": 11},
-            "sampling": {"watched_block_ms": 0, "overrun_s": 60.0},
+            "sampling": {"overrun_s": 60.0},
             "broker": {"port": port, "status_s": 3600, "keepalive_s": 60, "drain_s": 0},
             "identity": {"directory": pki / name, "site": pki / "site.main" / "chain.pem"},
             "flash": {"path": folder / "flash.sqlite"},

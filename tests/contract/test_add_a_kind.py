@@ -27,24 +27,20 @@ import sys
 from pathlib import Path
 
 import eskin_sensor_node
-import numpy as np
-from eskin_sensor_node.node.ground_truth import GroundTruth
 
-from eskin.wire.messages import Block, decode_message
-from tests.unit.sensor_node import designs
+from tests.unit.sensor_node import designs, messages
 from tests.unit.sensor_node.fleet import shards
 
 copy, folder = map(Path, sys.argv[1:])
 assert Path(eskin_sensor_node.__file__).is_relative_to(copy)
 table = {"kind": "strain_gauge", "id": "t01", "noise": {"kind": "uniform", "bound": 1e-6}}
-fields = {"taxel": [table | {"strain_prominence": 1e-3}], "sampling": {"block_samples": 25}}
+fields = {"taxel": [table | {"strain_prominence": 1e-3}], "sampling": {"stretch_ms": 250.0}}
 
 bench = designs.Bench(folder / "node", "custom", **fields)
 bench.run_to(3.0)
-blocks = [found for found in map(decode_message, bench.bodies()) if isinstance(found, Block)]
-truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in blocks])
-assert len(truth) == len(blocks) == 12
-assert all(np.all(b.tube.values.contains(truth[b.position].values)) for b in blocks)
+found = messages.samples_of(bench)
+assert len(found) == 12
+messages.assert_truth_is_inside(found)
 
 fleet = shards.Bench(folder / "fleet", **fields)
 single = shards.Single(fleet, 1, folder / "single")

@@ -24,8 +24,6 @@ class RunningDemo(Running):
     Args:
         data: The folder; made.
         options: Of the command.
-        watched: Whether blocks are short where somebody looks on. It takes a processor of its own
-            on two, which tests that look at something else leave to those beside them.
         env: More of the environment.
     """
 
@@ -33,13 +31,12 @@ class RunningDemo(Running):
         self,
         data: Path,
         *options: str,
-        watched: bool = False,
         env: Mapping[str, str] | None = None,
     ) -> None:
         self.data = data
         self.port = free_port()
         argv = [ESKIN, "demo", "--data", str(data), "--port", str(self.port), *options]
-        more = {"COLUMNS": "200"} | ({} if watched else {"ESKIN_SAMPLING_WATCHED_BLOCK_MS": "0"})
+        more = {"COLUMNS": "200"}
         super().__init__(argv, log=data.with_suffix(".log"), env=more | dict(env or {}))
 
     def start(self) -> None:

@@ -35,7 +35,7 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> Path:
     data = tmp_path_factory.mktemp("ended") / "data"
     # What is left out because it comes too late would end a block early.
     never_late = {"ESKIN_SAMPLING_OVERRUN_S": "600"}
-    with RunningDemo(data, *SLOWLY, watched=True, env=never_late) as demo:
+    with RunningDemo(data, *SLOWLY, env=never_late) as demo:
         demo.wait_for_more(NODES)
         with (
             demo.client() as client,

@@ -30,7 +30,7 @@ def stack(tmp_path: Path) -> Iterator[RealStack]:
 def sensor_node(stack: RealStack) -> Running:
     config = write_settings(stack.folder / "node.toml", {
         "node": {"name": "fingertip", "profile": "fingertip"},
-        "sampling": {"block_samples": 50},
+        "sampling": {"stretch_ms": 50.0},
         "broker": {"host": "127.0.0.1", "port": stack.broker.node_port, "drain_s": 90.0},
         "identity": {"directory": stack.identities.node.directory,
                      "site": stack.identities.site.directory / CHAIN_FILE},

@@ -41,7 +41,7 @@ def sensor_node(stack: RealStack) -> Running:
     """A node as it comes, but for its short blocks: it sends some 80 a second."""
     config = write_settings(stack.folder / "node.toml", {
         "node": {"name": "fingertip", "profile": "fingertip"},
-        "sampling": {"block_samples": 50},
+        "sampling": {"stretch_ms": 50.0},
         "broker": {"host": "127.0.0.1", "port": stack.broker.node_port, "drain_s": 90.0},
         "identity": {"directory": stack.identities.node.directory,
                      "site": stack.identities.site.directory / CHAIN_FILE},

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from eskin.wire.frames.content_hash import content_hash
 from eskin.wire.frames.described_layout import DescribedLayout
-from eskin.wire.frames.frame import Frame, Grid, PatchSamples
+from eskin.wire.frames.frame import Frame, Grid, PatchSamples, frame_limit
 from eskin.wire.frames.frame_summary import FrameSummary
 from eskin.wire.frames.layout import Controller, Layout, Seam
 from eskin.wire.frames.patch import Patch, Privacy
-from eskin.wire.frames.sample_codec import SampleCodes, Sampling, decode_samples, encode_samples
+from eskin.wire.frames.sample_codec import (
+    SampleCodes,
+    Sampling,
+    decode_samples,
+    encode_matrices,
+    encode_samples,
+)
 from eskin.wire.frames.statements import (
     Because,
     Contact,
@@ -41,5 +47,7 @@ __all__ = [
     "Statements",
     "content_hash",
     "decode_samples",
+    "encode_matrices",
     "encode_samples",
+    "frame_limit",
 ]

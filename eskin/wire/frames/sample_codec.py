@@ -142,6 +142,40 @@ def encode_samples(values: Interval, sampling: Sampling, least_width: float) -> 
     return SampleCodes(exponent, offset, out[:size].tobytes())
 
 
+class EncodedMatrices(NamedTuple):
+    """Several matrices of samples, encoded.
+
+    Attributes:
+        exponents: Of each.
+        offsets: Of each.
+        ends: Where the codes of each begin, and where the last ones end.
+        codes: Differences, packed, one matrix after the other.
+    """
+
+    exponents: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    codes: NDArray[np.uint8]
+
+
+def encode_matrices(
+    lo: Floats, hi: Floats, sampling: Sampling, least_width: float
+) -> EncodedMatrices:
+    """Encode matrices that are sampled alike, each as `encode_samples` does.
+
+    Args:
+        lo: Lower bounds, shape ``(matrices, rows·columns)``; no sample is an empty interval.
+        hi: Upper bounds.
+        sampling: Which cells hold a sample.
+        least_width: As their patch states it.
+    """
+    numbers = np.empty((3, len(lo) + 1), np.int64)
+    out = np.empty(sampling.limit * len(lo) + PADDING, np.uint8)
+    _encode_all(lo, hi, _cells(*sampling), finest_exponent(least_width), numbers, out)
+    exponents, offsets, ends = numbers
+    return EncodedMatrices(exponents[:-1], offsets[:-1], ends, out[: ends[-1]])
+
+
 def decode_samples(encoded: SampleCodes, sampling: Sampling) -> Interval:
     """Decode samples; cells that hold none are unbounded on both sides.
 
@@ -275,6 +309,23 @@ def _encode(
     place = _pack(bases, order[starts:], out, place)
     place = _pack(widths, order[:starts], out, place)
     return _pack(widths, order[starts:], out, place)
+
+
+@kernel
+def _encode_all(
+    lo: Floats,
+    hi: Floats,
+    cells: tuple[NDArray[np.int32], int],
+    finest: int,
+    numbers: NDArray[np.int64],
+    out: NDArray[np.uint8],
+) -> None:
+    """Write the codes of all matrices; exponents, offsets and ends go into the rows of numbers."""
+    numbers[2, 0] = 0
+    for k in range(len(lo)):
+        exponent, offset = _scale(lo[k], hi[k], cells[0], finest)
+        size = _encode(lo[k], hi[k], cells, exponent, offset, _FAR, out[numbers[2, k] :])
+        numbers[0, k], numbers[1, k], numbers[2, k + 1] = exponent, offset, numbers[2, k] + size
 
 
 @part

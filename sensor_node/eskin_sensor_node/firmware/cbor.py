@@ -177,11 +177,6 @@ class Writer:
             for each in value:
                 self.item(each)
 
-    def typed_array(self, tag: int, content: "bytes | bytearray") -> None:
-        """A typed array (RFC 8746)."""
-        self._head(_TAG, tag)
-        self.octets(content)
-
     def array(self, n: int) -> None:
         """Begin an array of n items."""
         self._head(_ARRAY, n)
@@ -215,20 +210,6 @@ def put_integers(out: Writer, key: int, values: "Sequence[int]") -> None:
     out.array(len(values))
     for value in values:
         out.integer(value)
-
-
-def put_real(out: Writer, key: int, value: float) -> None:
-    """A float."""
-    out.integer(key)
-    out.real(value)
-
-
-def put_reals(out: Writer, key: int, values: "Sequence[float]") -> None:
-    """An array of floats."""
-    out.integer(key)
-    out.array(len(values))
-    for value in values:
-        out.real(value)
 
 
 def put_text(out: Writer, key: int, value: str) -> None:

@@ -1,4 +1,4 @@
-"""One quantity of one taxel: samples, baseline, smoothing, peaks and their messages."""
+"""One quantity of one taxel: samples, baseline, smoothing and peaks."""
 
 from array import array
 
@@ -9,9 +9,10 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from eskin_sensor_node.firmware.assembler import Assembler, Patch
     from eskin_sensor_node.firmware.clock import Clock
     from eskin_sensor_node.firmware.inversion import Buffer
-    from eskin_sensor_node.firmware.message_writer import Channel, MessageWriter, Record
+    from eskin_sensor_node.firmware.message_writer import Channel
     from eskin_sensor_node.firmware.peaks import PeakEvent
     from eskin_sensor_node.firmware.schedule import Frame, Schedule
 
@@ -21,7 +22,7 @@ PEAKS = "peaks"
 ADAPTIVE = "adaptive"
 """Modes: every sample is sent; none, only peaks; or those that may lie away from the rest."""
 HEARTBEAT = 40
-"""Frames of which an adaptive channel sends one at least."""
+"""Stretches of which an adaptive channel sends one at least."""
 PACE = 1.0 / 64
 """Share of the way to a frame's mean that the baseline goes with each frame."""
 
@@ -150,7 +151,9 @@ class ChannelUnit:
             has no peaks.
         longest: ns after which undecided peaks are reported.
         clock: What the node knows of time.
-        message_writer: Writes its messages.
+        patch: What its samples are a column of.
+        column: Which one.
+        assembler: Takes its samples and peaks.
     """
 
     def __init__(
@@ -161,15 +164,19 @@ class ChannelUnit:
         threshold: float,
         longest: int,
         clock: "Clock",
-        message_writer: "MessageWriter",
+        patch: "Patch",
+        column: int,
+        assembler: "Assembler",
     ) -> None:
         self.channel = channel
         self.baseline = Baseline()
-        self.lows = array("d", bytes(8 * schedule.block))
-        self.highs = array("d", bytes(8 * schedule.block))
+        self.lows = array("d", bytes(8 * schedule.capacity))
+        self.highs = array("d", bytes(8 * schedule.capacity))
         self._longest = longest
         self._clock = clock
-        self._message_writer = message_writer
+        self.patch = patch
+        self.column = column
+        self._assembler = assembler
         self.silent = 0
         self.calibrating = False
         self.maybe_touched = False
@@ -192,54 +199,51 @@ class ChannelUnit:
         """Take the next frame that is bounded as the rest."""
         self.calibrating = True
 
-    def report(self, frame: "Frame", mode: str, encoding: int) -> "list[Record]":
-        """Messages of the frame in the buffers: its block, then its peaks."""
+    def report(self, frame: "Frame", mode: str) -> bool:
+        """Hand on the frame in the buffers, then its peaks; gives whether its samples are sent."""
         if self.calibrating:
             self.calibrating = not self.baseline.calibrate(self.lows, self.highs, frame.n)
         self.filled, self.first = frame.n, frame.first + frame.n
         at_rest = self.baseline.track(self.lows, self.highs, frame.n, self.threshold)
         self.maybe_touched = self.baseline.known and self.threshold > 0.0 and not at_rest
-        records = []
-        if mode == SAMPLES or (mode == ADAPTIVE and self._is_block_due(at_rest=at_rest)):
-            time = self._clock.enclosure(frame.start, frame.n * frame.dt)
-            records.append(
-                self._message_writer.block(
-                    self.channel, frame.start, time, encoding, self.lows, self.highs, frame.n
-                )
-            )
+        sent = mode == SAMPLES or (mode == ADAPTIVE and self._is_due(at_rest=at_rest))
+        bounds = (self.lows, self.highs) if sent else None
+        self._assembler.add(self.patch, self.column, frame, self.channel.coverage, bounds)
         if self.detector is not None:
             if self.smoothing.weight > 0.0:
                 self.smoothing.smooth(self.lows, self.highs, frame.n)
-            self._append_peaks(records, self.detector.feed(self.lows, self.highs, frame.n))
+            self._state_peaks(self.detector.feed(self.lows, self.highs, frame.n))
             if frame.closes:
-                self._append_peaks(records, self.detector.gap(0))
-        return records
+                self._state_peaks(self.detector.gap(0))
+        return sent
 
-    def skip(self, samples: int) -> "list[Record]":
-        """Skip missing samples; gives the peaks that stay undecided."""
-        records: list[Record] = []
+    def omit(self, frame: "Frame") -> None:
+        """Skip a frame that was sampled, and is not sent because the taxel is broken."""
+        self.skip(frame.n)
+        self._assembler.add(self.patch, self.column, frame, self.channel.coverage, None)
+
+    def skip(self, samples: int) -> None:
+        """Skip missing samples; hands on the peaks that stay undecided."""
         self.filled = 0 if samples else self.filled
         self.first += samples
         if self.detector is not None:
-            self._append_peaks(records, self.detector.gap(samples))
+            self._state_peaks(self.detector.gap(samples))
         self.smoothing.reset()
         self.since = self.first
-        return records
 
-    def _is_block_due(self, *, at_rest: bool) -> bool:
+    def _is_due(self, *, at_rest: bool) -> bool:
         self.silent = self.silent + 1 if at_rest and self.silent + 1 < HEARTBEAT else 0
         return self.silent == 0
 
-    def _append_peaks(self, records: "list[Record]", events: "list[PeakEvent]") -> None:
+    def _state_peaks(self, events: "list[PeakEvent]") -> None:
         for event in events:
             earliest, _ = self._clock.enclosure(self._schedule.ticks(event.first))
             _, latest = self._clock.enclosure(self._schedule.ticks(event.last))
             # A smoothed sample holds only if all of those that it remembers do.
             first = self.since if self.smoothing.weight > 0.0 else event.first
             coverage = union_coverage(self.channel.coverage, event.last - first + 1)
-            records.append(
-                self._message_writer.peak(self.channel, event, (earliest, latest), coverage)
-            )
+            time = earliest, latest
+            self._assembler.state_peak(self.patch, self.column, event, time, coverage)
 
 
 def union_coverage(coverage: float, samples: int) -> float:

@@ -1,4 +1,4 @@
-"""The control unit of Fig. 3: from codes to intervals, peaks and messages."""
+"""The control unit of Fig. 3: from codes to intervals and peaks."""
 
 from array import array
 
@@ -11,10 +11,10 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from eskin_sensor_node.firmware.assembler import Assembler, Patch
     from eskin_sensor_node.firmware.autoranging import Hold, Readings
     from eskin_sensor_node.firmware.clock import Clock
     from eskin_sensor_node.firmware.inversion import Buffer, Codes
-    from eskin_sensor_node.firmware.message_writer import MessageWriter, Record
     from eskin_sensor_node.firmware.schedule import Frame, Schedule
     from eskin_sensor_node.firmware.taxel.taxel import Taxel
 
@@ -33,10 +33,10 @@ class ControlUnit:
         coverage: Probability that the noise stays within the calibration's reach.
         prominences: Quantity to the least prominence of its peaks; others have none.
         longest: ns after which undecided peaks are reported.
-        encoding: How blocks write their bounds.
+        columns: Of each quantity, its patch, and its column there.
         repeats: How often a sample can be converted again before the next one comes.
         clock: What the node knows of time.
-        message_writer: Writes its messages.
+        assembler: Takes samples and peaks of its channels.
 
     Attributes:
         broken: Whether the taxel is certainly stuck or dead: it reports no derived quantity then.
@@ -54,10 +54,10 @@ class ControlUnit:
         coverage: float,
         prominences: "Mapping[str, float]",
         longest: int,
-        encoding: int,
+        columns: "Sequence[tuple[Patch, int]]",
         repeats: int,
         clock: "Clock",
-        message_writer: "MessageWriter",
+        assembler: "Assembler",
     ) -> None:
         self.name = name
         self.mode = SAMPLES
@@ -75,17 +75,18 @@ class ControlUnit:
         self.ranging = Autoranging(taxel, self.adaptation, repeats)
         self._taxel = taxel
         self._prominences = prominences
-        self._encoding = encoding
         self.units: list[ChannelUnit] = []
         self._bounds = []
-        for quantity, unit in taxel.quantities:
+        for (quantity, unit), (patch, column) in zip(taxel.quantities, columns):  # noqa: B905 - MicroPython's zip
             made = ChannelUnit(
                 Channel(name + "." + quantity, unit, schedule.dt, coverage),
                 schedule=schedule,
                 threshold=prominences.get(quantity, 0.0),
                 longest=longest,
                 clock=clock,
-                message_writer=message_writer,
+                patch=patch,
+                column=column,
+                assembler=assembler,
             )
             self.units.append(made)
             self._bounds += [made.lows, made.highs]
@@ -102,8 +103,8 @@ class ControlUnit:
 
     def process(
         self, frame: "Frame", readings: "Readings", other: "Readings | None" = None
-    ) -> "list[Record]":
-        """Measure one frame: each channel's block, and the peaks that are decided now.
+    ) -> "list[ChannelUnit]":
+        """Measure one frame; gives the channels whose samples are sent.
 
         Taxels that are sampled at the same instants do its three steps together, one by one.
         """
@@ -152,78 +153,71 @@ class ControlUnit:
         """What it hands on a share of, at its frame's instants."""
         return self._taxel.felt(self._bounds)
 
-    def report(self) -> "list[Record]":
-        """Messages of the frame that was measured."""
-        records: list[Record] = []
+    def report(self) -> "list[ChannelUnit]":
+        """Hand on the frame that was measured; gives the channels whose samples are sent."""
+        sent: list[ChannelUnit] = []
         frame, self._frame = self._frame, None
         if frame is None:
-            return records
+            return sent
         for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
             if self.broken and quantity in self._taxel.derived:
-                records += unit.skip(frame.n)
+                unit.omit(frame)
                 self.omitted_samples += frame.n
-            else:
-                records += unit.report(frame, self.effective_mode, self._encoding)
+            elif unit.report(frame, self.effective_mode):
+                sent.append(unit)
         if self.adaptive:
             plate = self.adaptation.plate
             self.adaptation.adapt(self._adjustable, frame.n, rests=self._is_untouched())
-            records += self._adjust(plate)
-        return records
+            self._adjust(plate)
+        return sent
 
-    def skip(self, samples: int) -> "list[Record]":
-        """Skip missing samples; gives the peaks that stay undecided."""
-        records: list[Record] = []
+    def skip(self, samples: int) -> None:
+        """Skip missing samples; hands on the peaks that stay undecided."""
         for unit in self.units:
-            records += unit.skip(samples)
-        return records
+            unit.skip(samples)
 
     def calibrate(self) -> None:
         """Take the next frame as the rest of each channel."""
         for unit in self.units:
             unit.calibrate()
 
-    def amplify(self, gain: float) -> "list[Record]":
-        """Calculate with another gain of the amplifier; gives the peaks that stay undecided."""
+    def amplify(self, gain: float) -> None:
+        """Calculate with another gain of the amplifier; hands on undecided peaks."""
         self.adaptation.amplify(gain)
         self._adjust(self.adaptation.plate)
-        return self._restart(self.smoothing)
+        self._restart(self.smoothing)
 
-    def adapt(self, on: int) -> "list[Record]":
-        """Let gain, trimmer and plates be set here, or go back to the designed ones.
-
-        Gives the peaks that stay undecided.
-        """
+    def adapt(self, on: int) -> None:
+        """Let gain, trimmer and plates be set here, or go back to the designed ones."""
         self.adaptive = on != 0
         plate = self.adaptation.plate
         self.adaptation.reset()
-        return self._adjust(plate)
+        self._adjust(plate)
 
-    def smooth(self, weight: float) -> "list[Record]":
-        """Seek peaks in smoothed samples; gives those that stay undecided."""
-        return self._restart(weight)
+    def smooth(self, weight: float) -> None:
+        """Seek peaks in smoothed samples; hands on undecided ones."""
+        self._restart(weight)
 
-    def set_threshold(self, k: int, threshold: float) -> "list[Record]":
-        """Seek other peaks on the k-th channel; gives those that stay undecided."""
-        records = self.units[k].skip(0)
+    def set_threshold(self, k: int, threshold: float) -> None:
+        """Seek other peaks on the k-th channel; hands on undecided ones."""
+        self.units[k].skip(0)
         self.units[k].restart(self.schedule, threshold, self.smoothing)
-        return records
 
-    def sample_every(self, dt: int, origin: int) -> "list[Record]":
-        """Sample with another period, ns, from a moment on; gives undecided peaks."""
-        self.schedule = self.designed.at_period(dt, origin)
-        return self._restart(self.smoothing)
+    def sample_every(self, dt: int, ticks: int) -> None:
+        """Sample with another period, ns, from a moment on; hands on undecided peaks."""
+        self.schedule = self.designed.at_period(dt, ticks)
+        self._restart(self.smoothing)
 
-    def reset(self, origin: int) -> "list[Record]":
-        """Go back to the design, from a moment on; gives undecided peaks."""
-        records = self.skip(0)
+    def reset(self, ticks: int) -> None:
+        """Go back to the design, from a moment on; hands on undecided peaks."""
+        self.skip(0)
         self.mode = SAMPLES
         self.smoothing = 0.0
-        records += self.adapt(self._designed_adaptive)
-        self.schedule = self.designed.at_period(self.designed.dt, origin)
+        self.adapt(self._designed_adaptive)
+        self.schedule = self.designed.at_period(self.designed.dt, ticks)
         for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
             unit.baseline.forget()
             unit.restart(self.schedule, self._prominences.get(quantity, 0.0), 0.0)
-        return records
 
     def _enclose(self, readings: "Readings", n: int) -> None:
         """Widen what is measured, so that it encloses other readings."""
@@ -239,21 +233,19 @@ class ControlUnit:
         """Whether nothing touches, as far as is known."""
         return not any(unit.maybe_touched for unit in self.units)
 
-    def _adjust(self, plate: int) -> "list[Record]":
+    def _adjust(self, plate: int) -> None:
         """Calculate with the chosen settings; peaks end where plates move from another step."""
-        settings, records = self.adaptation, []
+        settings = self.adaptation
         self._taxel.adjust(settings.gain, settings.trim)
         if settings.plate != plate:
             ratios = self._taxel.move(plate, settings.plate)
             for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
                 if quantity in ratios:
-                    records += unit.skip(0)
+                    unit.skip(0)
                     unit.baseline.scale(ratios[quantity])
-        return records
 
-    def _restart(self, smoothing: float) -> "list[Record]":
-        records = self.skip(0)
+    def _restart(self, smoothing: float) -> None:
+        self.skip(0)
         self.smoothing = smoothing
         for unit in self.units:
             unit.restart(self.schedule, unit.threshold, smoothing)
-        return records

@@ -1,7 +1,7 @@
 """Evicts messages from a full storage, and collects losses until a gap names them."""
 
 from eskin_sensor_node.firmware.gap_reasons import FULL
-from eskin_sensor_node.firmware.message_writer import BLOCK, FRAME, GAP, RESULT
+from eskin_sensor_node.firmware.message_writer import FRAME, RESULT
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -11,14 +11,21 @@ if TYPE_CHECKING:
 
 _GAP_RESERVE = 2048
 """Bytes reserved for the gap that names what was evicted."""
-_EVENT = 1
-_PRIORITIES = {BLOCK: 0, FRAME: 0, RESULT: 2, GAP: 3}
-"""Of a message, by its kind; others are events. One that states a gap counts as a gap."""
-_EVICTION_ORDER = (_PRIORITIES[BLOCK], _EVENT, _PRIORITIES[GAP], _PRIORITIES[RESULT])
+_SAMPLES, _EVENT, _RESULT, _GAP = 0, 1, 2, 3
+"""Priorities of messages, as the flash keeps them."""
+_EVICTION_ORDER = (_SAMPLES, _EVENT, _GAP, _RESULT)
 """Samples first, then statements and status. An evicted gap would need another gap; a result has
 the node's state."""
 MOST_SPANS = 64
 """Ranges of positions that one gap can name."""
+
+
+def _priority(record: "Record") -> int:
+    if record.kind == FRAME:
+        return _SAMPLES
+    if record.kind == RESULT:
+        return _RESULT
+    return _GAP if record.gaps else _EVENT
 
 
 class Loss:
@@ -138,8 +145,7 @@ class Change:
 
     def insert(self, record: "Record") -> None:
         """Keep a message."""
-        kind = GAP if record.gaps else record.kind
-        self._chip.append(self._chip.boot, record, _PRIORITIES.get(kind, _EVENT))
+        self._chip.append(self._chip.boot, record, _priority(record))
         if record.kind == RESULT:
             self._chip.store_answer(record.body)
         self.level.messages += 1

@@ -1,16 +1,7 @@
 """Writes messages as bytes, for `eskin.wire.messages` and `eskin.wire.frames` to read."""
 
-from eskin_sensor_node.firmware.cbor import (
-    Writer,
-    put_integer,
-    put_integers,
-    put_real,
-    put_reals,
-    put_text,
-)
-from eskin_sensor_node.firmware.encoding import Q16, TAGS, write
+from eskin_sensor_node.firmware.cbor import Writer, put_integer, put_integers, put_text
 from eskin_sensor_node.firmware.gap_reasons import reason_text
-from eskin_sensor_node.firmware.rounding import up
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -18,7 +9,6 @@ if TYPE_CHECKING:
     from typing import Any, Protocol
 
     from eskin_sensor_node.firmware.energy import Energy
-    from eskin_sensor_node.firmware.peaks import PeakEvent
 
     State = Mapping[str, Mapping[str, float | str]]
     """Settings of each place: a channel, a taxel, or ``*``."""
@@ -42,9 +32,6 @@ if TYPE_CHECKING:
             """The next number; never given out again."""
 
 
-BLOCK = 1
-PEAK = 2
-GAP = 3
 STATUS = 4
 RESULT = 5
 FRAME = 7
@@ -74,20 +61,18 @@ class Record:
     """A message with what flash must know of it.
 
     Attributes:
-        kind: `BLOCK`, `PEAK`, `GAP`, `STATUS`, `RESULT`, `FRAME` or `STATEMENTS`.
+        kind: `STATUS`, `RESULT`, `FRAME` or `STATEMENTS`.
         sequence: Its number in this boot.
         body: Its bytes.
         earliest: UTC ns of its begin.
         latest: The same, at the end.
         samples: How many samples it holds, or for a gap: how many were lost.
         named: How many lost messages it names.
-        channel: Name of its channel, or empty.
         gaps: How many gaps it states.
     """
 
     __slots__ = (
         "body",
-        "channel",
         "earliest",
         "gaps",
         "kind",
@@ -105,7 +90,6 @@ class Record:
         time: "tuple[int, int]",
         samples: int,
         named: int = 0,
-        channel: str = "",
         gaps: int = 0,
     ) -> None:
         self.kind = kind
@@ -114,7 +98,6 @@ class Record:
         self.earliest, self.latest = time
         self.samples = samples
         self.named = named
-        self.channel = channel
         self.gaps = gaps
 
 
@@ -124,7 +107,7 @@ class MessageWriter:
     Args:
         boot: Number of this start.
         numbers: Gives the sequence numbers.
-        layout: Hash of the layout by which the node's frames are read; empty where it has none.
+        layout: Hash of the layout by which the node's frames are read.
 
     Attributes:
         gateway_time: Latest time of a gateway's clock in an acknowledgement, UTC ns; ``None``
@@ -132,7 +115,7 @@ class MessageWriter:
             received a time was not written before that time.
     """
 
-    def __init__(self, boot: int, numbers: "Numbers", layout: bytes = b"") -> None:
+    def __init__(self, boot: int, numbers: "Numbers", layout: bytes) -> None:
         self._boot = boot
         self._numbers = numbers
         self._layout = layout
@@ -142,53 +125,6 @@ class MessageWriter:
         """Remember the time in an acknowledgement, UTC ns, if it is the latest."""
         if self.gateway_time is None or time > self.gateway_time:
             self.gateway_time = time
-
-    def block(
-        self,
-        channel: Channel,
-        ticks: int,
-        time: "tuple[int, int]",
-        encoding: int,
-        lows: "Sequence[float]",
-        highs: "Sequence[float]",
-        n: int,
-    ) -> Record:
-        """Samples of one channel."""
-        written = write(encoding, lows, highs, n)
-        out, sequence = self._begin(BLOCK, 17 if encoding == Q16 else 15)
-        put_text(out, 4, channel.name)
-        put_text(out, 5, channel.unit)
-        put_integer(out, 6, ticks)
-        put_integers(out, 7, time)
-        put_integer(out, 8, channel.dt)
-        put_integer(out, 9, n)
-        put_real(out, 10, channel.coverage)
-        put_integer(out, 11, encoding)
-        for key, content in ((12, written.lo), (13, written.hi)):
-            out.integer(key)
-            out.typed_array(TAGS[encoding], content)
-        put_reals(out, 14, (written.lowest, written.highest))
-        if encoding == Q16:
-            put_integer(out, 15, written.exponent)
-            put_integer(out, 16, written.offset)
-        put_real(out, 17, up(written.widening) if written.widening > 0.0 else 0.0)
-        until = time[0], time[1] + channel.dt * (n - 1)
-        return Record(BLOCK, sequence, bytes(out.buffer), until, n, 0, channel.name)
-
-    def peak(
-        self, channel: Channel, event: "PeakEvent", time: "tuple[int, int]", coverage: float
-    ) -> Record:
-        """A peak, or a region of possible ones."""
-        out, sequence = self._begin(PEAK, 11)
-        put_text(out, 4, channel.name)
-        put_text(out, 5, channel.unit)
-        put_integers(out, 6, time)
-        put_integer(out, 7, event.verdict)
-        put_integers(out, 8, event.count)
-        put_reals(out, 9, event.height)
-        put_reals(out, 10, event.prominence)
-        put_real(out, 11, coverage)
-        return Record(PEAK, sequence, bytes(out.buffer), time, 0)
 
     def frame(
         self,
@@ -252,7 +188,7 @@ class MessageWriter:
             messages += gap[2]
             samples += gap[3]
         body = bytes(out.buffer)
-        return Record(STATEMENTS, sequence, body, time, samples, messages, "", len(gaps))
+        return Record(STATEMENTS, sequence, body, time, samples, messages, len(gaps))
 
     def gap(
         self,
@@ -265,9 +201,7 @@ class MessageWriter:
         taxel: str = "",
         patches: "Sequence[int]" = (),
     ) -> Record:
-        """Samples that were never taken, or messages that were lost.
-
-        A node that writes frames writes it as a statement.
+        """State samples that were never taken, or messages that were lost.
 
         Args:
             reason: Why, as a code of `eskin_sensor_node.firmware.gap_reasons`.
@@ -279,22 +213,8 @@ class MessageWriter:
             taxel: Which one is broken, where this is why.
             patches: Numbers of the patches that are affected; none: all.
         """
-        text = reason_text(reason, taxel)
-        if self._layout:
-            stated = text, time, messages, samples, lost, patches
-            return self.statements(time, gaps=[stated], sequence=sequence)
-        out, sequence = self._begin(GAP, 8, sequence)
-        put_text(out, 4, text)
-        put_integers(out, 5, time)
-        put_integer(out, 6, messages)
-        put_integer(out, 7, samples)
-        out.integer(8)
-        out.array(len(lost))
-        for span in lost:
-            out.array(3)
-            for number in span:
-                out.integer(number)
-        return Record(GAP, sequence, bytes(out.buffer), time, samples, messages, "", 1)
+        stated = reason_text(reason, taxel), time, messages, samples, lost, patches
+        return self.statements(time, gaps=[stated], sequence=sequence)
 
     def status(
         self,
@@ -303,12 +223,10 @@ class MessageWriter:
         description: str,
         uptime: int,
         storage: "tuple[int, int, int, int]",
-        channels: "Sequence[Channel]",
         cause: int,
         *,
         energy: "Energy | None" = None,
         faults: "Sequence[tuple[str, int, int]] | None" = None,
-        places: "Sequence[tuple[str, float, float]]" = (),
         held: "tuple[int, int] | None" = None,
         ended: "Sequence[tuple[int, int]] | None" = None,
     ) -> Record:
@@ -316,12 +234,11 @@ class MessageWriter:
 
         ``storage``: messages, bytes, capacity in bytes, gaps ever. ``energy``: bounds of what is
         stored in J, bounds of the state of charge, verdict, stage of shedding. ``faults``: taxels
-        that may be broken, whether they are dead and whether they are stuck. ``places``: taxels
-        with x and y in m on a flat map of the skin. ``held``: below it nothing waits or will come.
-        ``ended``: former boots, and the last number of each.
+        that may be broken, whether they are dead and whether they are stuck. ``held``: below it
+        nothing waits or will come. ``ended``: former boots, and the last number of each.
         """
         gateway_time = self.gateway_time
-        parts = 13 + (energy is not None) + (faults is not None) + bool(places)
+        parts = 13 + (energy is not None) + (faults is not None)
         parts += (gateway_time is not None) + (held is not None) + (ended is not None)
         out, sequence = self._begin(STATUS, parts)
         put_integers(out, 4, time)
@@ -330,7 +247,9 @@ class MessageWriter:
         put_integer(out, 7, uptime)
         for key in (8, 9, 10, 11):
             put_integer(out, key, storage[key - 8])
-        _channels(out, channels)
+        # Channels stand in the layout.
+        out.integer(12)
+        out.array(0)
         put_integer(out, 13, cause)
         if energy is not None:
             stored, charge, verdict, stage = energy
@@ -342,8 +261,6 @@ class MessageWriter:
             out.integer(stage)
         if faults is not None:
             _faults(out, faults)
-        if places:
-            _places(out, places)
         if gateway_time is not None:
             put_integer(out, 20, gateway_time)
         if held is not None:
@@ -385,27 +302,6 @@ class MessageWriter:
         put_integer(out, 2, self._boot)
         put_integer(out, 3, sequence)
         return out, sequence
-
-
-def _channels(out: Writer, channels: "Sequence[Channel]") -> None:
-    out.integer(12)
-    out.array(len(channels))
-    for channel in channels:
-        out.array(4)
-        out.text(channel.name)
-        out.text(channel.unit)
-        out.integer(channel.dt)
-        out.real(channel.coverage)
-
-
-def _places(out: Writer, places: "Sequence[tuple[str, float, float]]") -> None:
-    out.integer(18)
-    out.array(len(places))
-    for taxel, x, y in places:
-        out.array(3)
-        out.text(taxel)
-        out.real(x)
-        out.real(y)
 
 
 def _faults(out: Writer, faults: "Sequence[tuple[str, int, int]]") -> None:

@@ -159,7 +159,7 @@ class Outbox:
         window: int,
         resend_after: int,
         status_every: int,
-        message_writer: "Callable[[int, Numbers], MessageWriter]" = MessageWriter,
+        message_writer: "Callable[[int, Numbers], MessageWriter]",
         lock: "Lock | None" = None,
     ) -> None:
         self._chip = chip
@@ -336,11 +336,6 @@ class Outbox:
         """The radio has sent or dropped a message; its acknowledgement is awaited."""
         with self._lock:
             self._window.note_sent(position, now)
-
-    def has_in_flight(self, spans: "Sequence[tuple[int, int, int]]") -> bool:
-        """Whether something is under way of what ``(boot, first, last)`` name."""
-        with self._lock:
-            return bool(self._window.named(spans))
 
     def acknowledge(self, spans: "Sequence[tuple[int, int, int]]") -> None:
         """Delete what a gateway has made durable: ``(boot, first, last)``.

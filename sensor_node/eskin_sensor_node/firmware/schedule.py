@@ -1,70 +1,44 @@
-"""When a taxel's samples are taken, and which make a block: fewer while a viewer watches."""
+"""When a taxel's samples are taken, and which of them lie in one stretch of time."""
 
-_BILLION = 1000000000
-MOST = 60 * _BILLION
-"""ns for which one acknowledgement shortens blocks, at most."""
-
-
-class Attention:
-    """For how long, and how far, a node cuts its blocks.
-
-    Args:
-        length: ns of a block while a viewer watches; 0: blocks stay as they are designed.
-
-    Attributes:
-        until: Ticks at which it ends.
-    """
-
-    def __init__(self, length: int) -> None:
-        self._length = length
-        self.until = 0
-
-    def hold(self, ticks: int, span: int) -> None:
-        """A viewer watches for some ns more."""
-        self.until = max(self.until, ticks + min(span, MOST))
-
-    def most(self, ticks: int, dt: int) -> int:
-        """Samples of a block that begins at some ticks; 0: as many as it is designed for."""
-        if self._length == 0 or ticks >= self.until:
-            return 0
-        return max(1, self._length // dt)
+MOST_ROWS = 1000
+"""Samples of a channel in one frame."""
 
 
 class Frame:
-    """The samples of one block.
+    """The samples of one taxel in one stretch.
 
     Attributes:
-        number: Counts the taxel's frames.
         first: Number of the first sample.
         start: Ticks of the first sample.
         trigger: Ticks of the burst's trigger; 0 where sampling never pauses.
         n: Samples.
         dt: Sampling period in ns.
+        due: Ticks at which it can be processed: at the end of the stretch.
         closes: Whether sampling pauses after it.
     """
 
-    __slots__ = ("closes", "dt", "first", "n", "number", "start", "trigger")
+    __slots__ = ("closes", "dt", "due", "first", "n", "start", "trigger")
 
     def __init__(
-        self, number: int, first: int, start: int, trigger: int, n: int, dt: int, *, closes: bool
+        self, first: int, start: int, trigger: int, n: int, dt: int, due: int, *, closes: bool
     ) -> None:
-        self.number = number
         self.first = first
         self.start = start
         self.trigger = trigger
         self.n = n
         self.dt = dt
+        self.due = due
         self.closes = closes
 
     def part(self, begin: int, end: int) -> "Frame":
         """Some of its samples; it closes with the last."""
         return Frame(
-            self.number,
             self.first + begin,
             self.start + begin * self.dt,
             self.trigger,
             end - begin,
             self.dt,
+            self.due,
             closes=self.closes and end == self.n,
         )
 
@@ -74,66 +48,72 @@ class Frame:
 
     @property
     def end(self) -> int:
-        """Ticks at which the frame is complete."""
+        """Ticks until which its last sample holds."""
         return self.start + self.n * self.dt
 
 
 class Schedule:
-    """Equally spaced samples, without end or in bursts.
+    """Equally spaced samples, without end or in bursts, cut into stretches.
+
+    All taxels of a node have the same stretches, which begin at whole multiples of their length.
 
     Args:
         dt: Sampling period in ns.
-        block: Samples in a block.
+        stretch: Length of a stretch, ns.
+        most: Samples in a frame, at most.
         burst: Samples in a burst; 0 where sampling never pauses.
         pause: ns from trigger to trigger.
-        origin: Ticks of the first sample.
+        origin: Ticks of the first sample, a whole multiple of the period.
     """
 
+    __slots__ = ("burst", "dt", "most", "origin", "pause", "stretch")
+
     def __init__(
-        self, dt: int, block: int, burst: int = 0, pause: int = 0, origin: int = 0
+        self, dt: int, stretch: int, most: int, burst: int = 0, pause: int = 0, origin: int = 0
     ) -> None:
         self.dt = dt
-        self.block = block
+        self.stretch = stretch
+        self.most = most
         self.burst = burst
         self.pause = max(pause, burst * dt)
         self.origin = origin
 
-    def at_period(self, dt: int, origin: int) -> "Schedule":
-        """As long blocks and bursts with another sampling period, from a moment on."""
-        block = max(1, self.block * self.dt // dt)
-        burst = max(1, self.burst * self.dt // dt) if self.burst else 0
-        return Schedule(dt, block, burst, self.pause, origin)
+    def at_period(self, dt: int, ticks: int) -> "Schedule":
+        """As long bursts with another sampling period, from a moment on.
 
-    def frame(self, number: int) -> Frame:
-        """The frame of a number."""
-        if self.burst == 0:
-            first = number * self.block
-            start = self.origin + first * self.dt
-            return Frame(number, first, start, 0, self.block, self.dt, closes=False)
-        a_burst = -(-self.burst // self.block)
-        burst, part = divmod(number, a_burst)
-        trigger, before = self.origin + burst * self.pause, part * self.block
-        n = min(self.block, self.burst - before)
-        first, start = burst * self.burst + before, trigger + before * self.dt
-        return Frame(number, first, start, trigger, n, self.dt, closes=part == a_burst - 1)
-
-    def following(self, frame: Frame, most: int = 0) -> Frame:
-        """The frame behind another one, or what is left of it: so many samples of it at most.
-
-        Args:
-            frame: The one before, whole or a part.
-            most: Samples; 0: all that there are.
+        The first sample is taken at a whole multiple of the period, so that taxels with a half,
+        a quarter, … of the rate are sampled together with the others.
         """
-        whole = self.frame(frame.number)
-        begin = frame.first + frame.n - whole.first
-        if begin >= whole.n:
-            whole, begin = self.frame(frame.number + 1), 0
-        end = whole.n if most == 0 else min(whole.n, begin + most)
-        return whole.part(begin, end)
+        burst = max(1, self.burst * self.dt // dt) if self.burst else 0
+        origin = -(-ticks // dt) * dt
+        return Schedule(dt, self.stretch, self.most, burst, self.pause, origin)
 
-    def is_whole(self, frame: Frame) -> bool:
-        """Whether a frame is all that its number stands for."""
-        return frame.n == self.frame(frame.number).n
+    @property
+    def capacity(self) -> int:
+        """Samples that a frame has at most."""
+        return min(self.most, -(-self.stretch // self.dt))
+
+    def frame(self, first: int) -> Frame:
+        """The samples from a number on, to the end of their stretch or burst."""
+        start = self.ticks(first)
+        due = (start // self.stretch + 1) * self.stretch
+        n = -((start - due) // self.dt)
+        if n > self.most:
+            n = self.most
+            due = start + n * self.dt
+        if self.burst == 0:
+            return Frame(first, start, 0, n, self.dt, due, closes=False)
+        number, inside = divmod(first, self.burst)
+        n = min(n, self.burst - inside)
+        trigger = self.origin + number * self.pause
+        if inside + n == self.burst:
+            # The next burst is on a grid of its own.
+            due = min(due, trigger + self.pause)
+        return Frame(first, start, trigger, n, self.dt, due, closes=inside + n == self.burst)
+
+    def following(self, frame: Frame) -> Frame:
+        """The frame behind another one."""
+        return self.frame(frame.first + frame.n)
 
     def before(self, ticks: int) -> int:
         """How many samples are due before a moment."""

@@ -55,8 +55,8 @@ def track(lows: Floats, highs: Floats, threshold: float, rest: Any) -> bool:
 
 
 @part
-def is_block_due(lows: Floats, highs: Floats, threshold: float, mode: int, rest: Any) -> bool:
-    """Return whether a frame's block is sent, as `firmware.channel` does."""
+def is_due(lows: Floats, highs: Floats, threshold: float, mode: int, rest: Any) -> bool:
+    """Return whether the samples of a frame are sent, as `firmware.channel` does."""
     if rest.calibrating != 0:
         calibrate(lows, highs, rest)
     at_rest = track(lows, highs, threshold, rest)

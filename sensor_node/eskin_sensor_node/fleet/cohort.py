@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from eskin_sensor_node.firmware.message_writer import Channel
+from eskin_sensor_node.fleet.assembler import CohortAssembler
 from eskin_sensor_node.fleet.columns import concatenate
-from eskin_sensor_node.fleet.message_kernels import GONE
+from eskin_sensor_node.fleet.report_kernels import GONE, Group
 from eskin_sensor_node.fleet.self_test import CohortSelfTest
 from eskin_sensor_node.fleet.taxel import TaxelRows, TaxelState
 
@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from eskin_sensor_node.firmware.schedule import Frame
+    from eskin_sensor_node.fleet.assembler import Written
     from eskin_sensor_node.fleet.roster import Roster
     from eskin_sensor_node.fleet.setting import Setting
-    from eskin_sensor_node.fleet.taxel import FrameMessages
+    from eskin_sensor_node.fleet.taxel import FrameReport
 
 
 class Key(NamedTuple):
@@ -28,7 +29,7 @@ class Key(NamedTuple):
 
     Attributes:
         settings: Of each taxel, how it is set and which frame is next.
-        order: Taxels as their next frames will be complete.
+        order: Taxels as their next frames will be due.
     """
 
     settings: tuple[Setting, ...]
@@ -77,6 +78,8 @@ class Cohort:
             TaxelRows(roster, number, self.numbers, clocks=self._clocks, standing=standing)
             for number, standing in enumerate(standings)
         ]
+        error, drift = roster.clocks.error, roster.clocks.drift
+        self.assembler = CohortAssembler(roster.layout, error=error, drift=drift)
         self._patches = roster.patches
         for number, patch in self._patches.items():
             self.taxels[number].surround(patch.neighbours)
@@ -119,21 +122,29 @@ class Cohort:
 
     @property
     def next_due(self) -> int:
-        """Ticks at which the next frame is complete."""
+        """Ticks at which the next frame is due."""
         return self._due[0][0]
 
-    def advance(self, ticks: int) -> Iterator[FrameMessages]:
-        """Take all frames that are complete by now."""
+    def advance(self, ticks: int) -> Iterator[tuple[int, FrameReport]]:
+        """Take all frames that are due by now, each with its taxel; the caller writes them."""
         while self.next_due <= ticks:
             number = self._due[0][2]
             if number in self._patches:
                 yield from self._sample_skin(self.taxels[number].next)
                 continue
             taxel = self.taxels[number]
-            yield taxel.sample()
-            heapq.heapreplace(self._due, (taxel.next.end, next(self._order), number))
+            yield number, self._take(taxel.sample())
+            heapq.heapreplace(self._due, (taxel.next.due, next(self._order), number))
 
-    def _sample_skin(self, frame: Frame) -> list[FrameMessages]:
+    def flush(self) -> Iterator[Written]:
+        """Messages of what was taken."""
+        return self.assembler.flush(Group(self._roster.nodes, self.numbers))
+
+    def _take(self, found: FrameReport) -> FrameReport:
+        self.assembler.add(found.parts, found.peaks)
+        return found
+
+    def _sample_skin(self, frame: Frame) -> list[tuple[int, FrameReport]]:
         """Take the frames of all pads at the same instants, as `node.sampling_group` does."""
         together = [k for k in self._patches if self.taxels[k].next.meets(frame)]
         for k in together:
@@ -141,41 +152,39 @@ class Cohort:
         for k in together:
             around = [each for each in self._patches[k].around if each in together]
             self.taxels[k].separate([self.taxels[each] for each in around])
-        found = [self.taxels[k].report() for k in together]
+        found = [(k, self._take(self.taxels[k].report())) for k in together]
         self._due = [each for each in self._due if each[2] not in together]
-        self._due += [(self.taxels[k].next.end, next(self._order), k) for k in together]
+        self._due += [(self.taxels[k].next.due, next(self._order), k) for k in together]
         heapq.heapify(self._due)
         return found
 
-    def pass_over(self, ticks: int) -> tuple[list[FrameMessages], int, tuple[int, int]]:
-        """Skip all frames that begin before a moment.
+    def pass_over(self, ticks: int) -> tuple[int, tuple[int, int]]:
+        """Skip all frames that begin before a moment; takes the peaks that stay undecided.
 
         Returns:
-            The peaks that stay undecided; how many samples each node lost; from which tick to which
-            nothing was sampled.
+            How many samples each node lost; from which tick to which nothing was sampled.
         """
-        begin = min(taxel.next.start for taxel in self.taxels)
-        passed = [taxel.skip(ticks) for taxel in self.taxels]
+        begin, total = min(taxel.next.start for taxel in self.taxels), 0
+        for taxel in self.taxels:
+            found, lost = taxel.skip(ticks)
+            self._take(found)
+            total += lost
         self._arm_all(range(len(self.taxels)))
         again = max(taxel.next.start for taxel in self.taxels)
-        return [messages for messages, _ in passed], sum(lost for _, lost in passed), (begin, again)
+        return total, (begin, again)
 
-    def finish(self) -> list[FrameMessages]:
-        """The peaks that stay undecided at the end."""
-        return [taxel.skip(0)[0] for taxel in self.taxels]
+    def finish(self) -> None:
+        """Take the peaks that stay undecided at the end."""
+        for taxel in self.taxels:
+            self._take(taxel.skip(0)[0])
 
     def true_times(self, ticks: int) -> list[int]:
         """True UTC of a moment at each node, row by row, ns."""
         return self._clocks.true_times(ticks)
 
-    @property
-    def channels(self) -> list[Channel]:
-        """What each node measures."""
-        return [Channel(*given) for taxel in self.taxels for given in taxel.described]
-
     def _arm_all(self, order: Sequence[int]) -> None:
         # As in a machine's queue of events: what is armed first comes first.
-        self._due = [(self.taxels[k].next.end, next(self._order), k) for k in order]
+        self._due = [(self.taxels[k].next.due, next(self._order), k) for k in order]
         heapq.heapify(self._due)
 
 

@@ -46,9 +46,9 @@ class Connection:
     Attributes:
         keys: As given.
         spans: What gateways acknowledged since the last turn.
-        looks: Those acknowledgements that report a viewer.
         time: Latest time of a gateway's clock in them, UTC ns.
         commands: Signed commands that came since.
+        descriptions: Hashes of layouts and patches that are to be sent, in order.
         fresh: Whether it is connected and the outbox does not know it yet.
         online: Whether it is connected.
         attempts: To connect, since it last was.
@@ -57,17 +57,18 @@ class Connection:
     """
 
     __slots__ = (
-        "_client", "_name", "attempts", "commands", "fresh", "keys", "looks", "online", "received",
-        "sent", "spans", "time",
+        "_client", "_introduced", "_name", "attempts", "commands", "descriptions", "fresh", "keys",
+        "online", "received", "sent", "spans", "time",
     )  # fmt: skip
 
     def __init__(self, keys: NodeKeys, broker: BrokerSection) -> None:
         self.keys = keys
         self._name = keys.own.name
         self.spans: list[tuple[int, int, int]] = []
-        self.looks: list[Acknowledgement] = []
         self.time: int | None = None
         self.commands: list[bytes] = []
+        self.descriptions: dict[bytes, None] = {}
+        self._introduced = False
         self.fresh = self.online = False
         self.attempts = self.sent = self.received = 0
         self._client = BundlingClient(
@@ -120,17 +121,33 @@ class Connection:
 
     def send_due(self, outbox: Outbox, now: int, most: int) -> int:
         """Send what is due; gives how many messages went."""
-        due = outbox.due(now, most)
-        if not due:
-            return 0
         held = Position(*outbox.held())
+        # With a status a gateway knows the node, with descriptions it can read frames.
+        due = outbox.due(now, 1 if self.descriptions and not self._introduced else most)
         newest = outbox.newest_status
         sealed = [self._sealed(kept, held, newest=kept.position == newest) for kept in due]
+        self._introduced = self._introduced or bool(due)
+        if self._introduced:
+            sealed += self._described(outbox, held)
         self._client.publish_together(sealed)
         for kept in due:
             # At QoS 0 it is gone at once.
             outbox.mark_sent(kept.position, now)
         return len(due)
+
+    def _described(self, outbox: Outbox, held: Position) -> list[tuple[str, bytes, bool]]:
+        """Topic and envelope of each description that is to be sent."""
+        topic, found = node_topic(self._name, Stream.LAYOUTS), []
+        for name in self.descriptions:
+            body = outbox.description(name)
+            if body is None:
+                log.warning("description not sent, unknown: hash=%s", name.hex())
+                continue
+            envelope = self.keys.sealer.seal(body, topic=topic, held=held)
+            self.sent += publish_size(topic, envelope, qos=0)
+            found.append((topic, envelope, False))
+        self.descriptions = {}
+        return found
 
     def close(self) -> None:
         """Disconnect."""
@@ -155,6 +172,7 @@ class Connection:
             return
         self.attempts = 0
         self.online = self.fresh = True
+        self._introduced = False
         # The gateway repeats a command that is lost.
         client.subscribe([(node_topic(self._name, each), 0) for each in _SUBSCRIBED])
 
@@ -173,8 +191,7 @@ class Connection:
                 self.spans.extend(received.spans)
                 time = received.time
                 self.time = time if self.time is None else max(self.time, time)
-                if received.watched:
-                    self.looks.append(received)
+                self.descriptions |= dict.fromkeys(received.want)
         except (EnvelopeError, MessageError) as error:
             log.warning("message rejected: topic=%s reason=%s", message.topic, error)
 

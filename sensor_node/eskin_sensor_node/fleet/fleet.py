@@ -274,6 +274,7 @@ class Fleet:
             if connection.fresh:
                 connection.fresh = False
                 member.outbox.connect(now)
+                connection.descriptions = dict.fromkeys(member.outbox.descriptions())
             elif not begin <= number < end:
                 continue
             member.follow_keys(now)

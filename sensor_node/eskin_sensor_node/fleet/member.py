@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.controls import NodeControls
@@ -14,9 +14,6 @@ if TYPE_CHECKING:
     from eskin_sensor_node.fleet.outbox import MemberOutbox
     from eskin_sensor_node.fleet.shard import Shard
     from eskin_sensor_node.fleet.single_node import SingleNode
-
-
-_MS: Final = 1000
 
 
 class Member:
@@ -36,10 +33,9 @@ class Member:
         outbox: Where its messages wait.
         commander: Executes the cloud's commands.
         more: Whether it has something to send.
-        watched: ms for which a viewer watches, by the last acknowledgements.
     """
 
-    __slots__ = ("commander", "connection", "more", "name", "outbox", "row", "shard", "watched")
+    __slots__ = ("commander", "connection", "more", "name", "outbox", "row", "shard")
 
     def __init__(self, shard: Shard, row: int, connection: Connection, *, cloud: str) -> None:
         self.name = shard.names[row]
@@ -55,7 +51,6 @@ class Member:
             enclosure=lambda: shard.enclosure(row),
         )
         self.more = False
-        self.watched = 0
 
     @property
     def alone(self) -> SingleNode | None:
@@ -88,19 +83,14 @@ class Member:
 
     def acknowledge(self) -> None:
         """Delete what gateways acknowledged, within the flash file's transaction."""
-        # A replayed copy, of which nothing is in flight, reports no viewer.
-        looks = [each for each in self.connection.looks if self.outbox.has_in_flight(each.spans)]
-        self.watched = max((each.watched for each in looks), default=0)
         self.outbox.acknowledge(self.connection.spans)
         if self.connection.time is not None:
             self.outbox.message_writer.observe_time(self.connection.time)
 
     def finish_acknowledging(self) -> None:
-        """Clear them, and shorten blocks where a viewer watches."""
-        self.connection.spans, self.connection.looks = [], []
+        """Clear what was acknowledged."""
+        self.connection.spans = []
         self.more = True
-        if self.watched:
-            self.shard.attend(self.row, self.watched / _MS)
 
     def take_commands(self) -> None:
         """Execute its commands.

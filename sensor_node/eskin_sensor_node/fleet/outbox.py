@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from eskin_sensor_node.firmware.message_writer import Record
-    from eskin_sensor_node.fleet.message_kernels import Nodes
+    from eskin_sensor_node.fleet.report_kernels import Nodes
     from eskin_sensor_node.machine.flash.flash import Partition
 
 

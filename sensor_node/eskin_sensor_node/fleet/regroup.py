@@ -46,7 +46,7 @@ class Regroup:
         """Change cohorts so that each key has one, of which half are there at least.
 
         Where something changed it tries again: a node from another cohort may stand a frame apart
-        until both have sampled. It also tries again while a viewer watches one of them.
+        until both have sampled.
 
         Args:
             cohorts: All of the roster; changed.
@@ -72,7 +72,7 @@ class Regroup:
                 shares[key] = [each.share() for each in found] + shares.get(key, [])
         cohorts[:] = [cohort for cohort in cohorts if cohort.key not in shares]
         cohorts += [Cohort(self._roster, each, key.order) for key, each in shares.items()]
-        if shares or any(node.looked_at for node in singles.values()):
+        if shares:
             self.postpone(now)
         return joined
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin_sensor_node.fleet.clocks import Clocks
-from eskin_sensor_node.fleet.message_kernels import Nodes
+from eskin_sensor_node.fleet.report_kernels import Nodes
 from eskin_sensor_node.kinds.neighbours import patches
-from eskin_sensor_node.kinds.skin_map import skin_map
 from eskin_sensor_node.machine.data_sheet import taxel_coverages
+from eskin_sensor_node.machine.node_layout import plan_layout
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,7 +48,7 @@ class Roster:
         clocks: Their clocks.
         coverages: Of each taxel, the probability that its intervals hold the truth.
         patches: Where pads sit in their skin.
-        map: Where taxels sit, for statuses.
+        layout: How their channels are described.
         dead: Which taxels of which nodes are known to be dead, taxels × nodes.
     """
 
@@ -65,7 +65,7 @@ class Roster:
         self.nodes = Nodes(self.clocks.readings, boots, np.zeros(len(entries), np.int64))
         self.coverages = taxel_coverages(settings)
         self.patches = patches(settings.taxel)
-        self.map = skin_map(settings.taxel)
+        self.layout = plan_layout(settings)
         self.dead = np.zeros((len(settings.taxel), len(entries)), np.bool_)
 
     def __len__(self) -> int:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eskin_sensor_node.fleet.message_kernels import GONE
+from eskin_sensor_node.fleet.report_kernels import GONE
 from eskin_sensor_node.node.self_test import SELF_TEST_WINDOW
 
 if TYPE_CHECKING:

@@ -24,7 +24,6 @@ from eskin_sensor_node.link.keys import NodeKeys
 from eskin_sensor_node.machine.budget import require_ram
 from eskin_sensor_node.machine.flash.file import FlashFile
 from eskin_sensor_node.machine.processor import require_speed
-from eskin_sensor_node.machine.schedule import build_schedule
 from eskin_sensor_node.node.factory import REBOOT, chip_key
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.settings import RadioSection
@@ -107,15 +106,14 @@ def require_files(count: int) -> None:
 def build_shards(
     settings: NodeSettings, names: list[str], storage: FlashFile, truth: GroundTruth
 ) -> list[Shard]:
-    """Put a fleet's nodes together, spread over the time of one frame."""
+    """Put a fleet's nodes together, spread over the time of one stretch."""
     seed = truth.seed(settings.node.seed)
     size = max(1, min(_MOST_PER_SHARD, -(-len(names) // _FEWEST_SHARDS)))
-    frame = build_schedule(settings.taxel[0], settings.sampling.block_samples).frame(0)
     parts = -(-len(names) // size)
     now, begin = time.monotonic_ns(), _begin(truth, time.time_ns())
     shards = []
     for part in range(parts):
-        delay = int(frame.end * part / parts / settings.node.speed)
+        delay = int(settings.sampling.stretch * part / parts / settings.node.speed)
         numbers = range(part * size, min(len(names), (part + 1) * size))
         shards.append(
             Shard(
@@ -155,7 +153,7 @@ def _build_connections(settings: NodeSettings, names: list[str]) -> dict[str, Co
 def warm_up(settings: NodeSettings) -> None:
     """Compile all kernels before the fleet starts."""
     alone = Cohort(Roster(settings, [RosterEntry(seed=0, boot=1, start=time.time_ns())]))
-    latest = max(taxel.next.end for taxel in alone.taxels)
+    latest = max(taxel.next.due for taxel in alone.taxels)
     for _ in alone.advance(latest):
         pass
     alone.finish()

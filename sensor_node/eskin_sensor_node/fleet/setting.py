@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.control_unit import ControlUnit
     from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.kinds.settings import TaxelSection
+    from eskin_sensor_node.settings import SamplingSection
 
 
 class Setting(NamedTuple):
@@ -23,17 +24,17 @@ class Setting(NamedTuple):
         smoothing: Weight of the past in the samples in which peaks are sought.
         mode: What is sent, see `eskin_sensor_node.firmware.channel`.
         thresholds: Least prominence of each channel's peaks; 0 where there are none.
-        timing: Period, block, burst, pause and origin of its schedule, the first origin that has
-            the same samples.
-        number: Its next frame's.
+        timing: Period, stretch, most samples of a frame, burst, pause and origin of its schedule,
+            the first origin that has the same samples.
+        first: Number of its next sample.
     """
 
     gain: float
     smoothing: float
     mode: str
     thresholds: tuple[float, ...]
-    timing: tuple[int, int, int, int, int]
-    number: int
+    timing: tuple[int, int, int, int, int, int]
+    first: int
 
     @property
     def schedule(self) -> Schedule:
@@ -41,13 +42,11 @@ class Setting(NamedTuple):
         return Schedule(*self.timing)
 
 
-def designed(taxel: TaxelSection, block: int) -> Setting:
-    """The setting of the design; ``block``: samples in a block."""
-    schedule = build_schedule(taxel, block)
-    timing = schedule.dt, schedule.block, schedule.burst, schedule.pause, schedule.origin
-    return Setting(
-        1.0, 0.0, SAMPLES, tuple(taxel.prominence(name) or 0.0 for name in taxel.units), timing, 0
-    )
+def designed(taxel: TaxelSection, sampling: SamplingSection, most: int) -> Setting:
+    """The setting of the design; ``most``: samples of a channel in a frame, at most."""
+    schedule = build_schedule(taxel, sampling, most)
+    thresholds = tuple(taxel.prominence(name) or 0.0 for name in taxel.units)
+    return Setting(1.0, 0.0, SAMPLES, thresholds, _timing(schedule, schedule.origin), 0)
 
 
 def setting_of(unit: ControlUnit, following: Frame) -> tuple[Setting, int]:
@@ -61,20 +60,28 @@ def setting_of(unit: ControlUnit, following: Frame) -> tuple[Setting, int]:
         Its setting, and how many samples its schedule has before the unit's first one.
     """
     schedule = unit.schedule
-    a_lap, step = schedule.block, schedule.block * schedule.dt
-    frames = 1
-    if schedule.burst:
-        a_lap, step, frames = schedule.burst, schedule.pause, -(-schedule.burst // schedule.block)
+    step, a_lap = (schedule.pause, schedule.burst) if schedule.burst else (schedule.dt, 1)
     laps, origin = divmod(schedule.origin, step)
     setting = Setting(
         unit.adaptation.gain,
         unit.smoothing,
         unit.mode,
         tuple(channel.threshold for channel in unit.units),
-        (schedule.dt, schedule.block, schedule.burst, schedule.pause, origin),
-        following.number + laps * frames,
+        _timing(schedule, origin),
+        following.first + laps * a_lap,
     )
     return setting, laps * a_lap
+
+
+def _timing(schedule: Schedule, origin: int) -> tuple[int, int, int, int, int, int]:
+    return (
+        schedule.dt,
+        schedule.stretch,
+        schedule.most,
+        schedule.burst,
+        schedule.pause,
+        origin,
+    )
 
 
 def longest_region(taxel: TaxelSection, dt: int) -> int:

@@ -2,34 +2,34 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 import time
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from eskin.wire.messages import Position, ResetCause
 from eskin_sensor_node.firmware.gap_reasons import DEAD, OVERRUN, TEXTS
-from eskin_sensor_node.firmware.message_writer import BLOCK, Record
+from eskin_sensor_node.firmware.message_writer import FRAME, MessageWriter, Record
 from eskin_sensor_node.fleet.cohort import Cohort
 from eskin_sensor_node.fleet.outbox import MemberOutbox
 from eskin_sensor_node.fleet.regroup import Regroup
 from eskin_sensor_node.fleet.roster import Roster, RosterEntry
 from eskin_sensor_node.fleet.single_node import SingleNode, reason_to_sample_alone
-from eskin_sensor_node.machine.compiled_writer import CompiledWriter
 from eskin_sensor_node.machine.flash.flash import Partition
 from eskin_sensor_node.machine.machine import NEVER
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.node.factory import build_clock
-from eskin_sensor_node.node.ground_truth import TrueBlock
+from eskin_sensor_node.node.ground_truth import TrueFrame
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from eskin.wire.messages.command_schema import State
-    from eskin_sensor_node.fleet.taxel import FrameMessages
+    from eskin_sensor_node.fleet.taxel import FrameReport
     from eskin_sensor_node.machine.flash.file import FlashFile
     from eskin_sensor_node.node.ground_truth import GroundTruth
     from eskin_sensor_node.settings import NodeSettings
@@ -90,7 +90,9 @@ class Shard:
         self._roster = Roster(settings, entries)
         self.cohorts = [Cohort(self._roster)]
         self._regroup = Regroup(self._roster)
-        broker = settings.broker
+        broker, described = settings.broker, self._roster.layout.described
+        self._layout = described.layout
+        writer = partial(MessageWriter, layout=self._layout)
         self.outboxes = [
             MemberOutbox(
                 chip,
@@ -100,12 +102,14 @@ class Shard:
                 window=broker.window,
                 resend_after=round(broker.resend_s * BILLION),
                 status_every=round(broker.status_s * BILLION),
-                message_writer=CompiledWriter,
+                message_writer=writer,
             )
             for row, chip in enumerate(chips)
         ]
+        with storage.commit():
+            for outbox in self.outboxes:
+                outbox.describe(*described)
         self._alone = reason_to_sample_alone(settings) is not None
-        self._cuts = settings.sampling.watched_block_ms > 0.0
         if self._alone:
             for row in range(len(names)):
                 self.part(row, self.make_single(row))
@@ -130,15 +134,6 @@ class Shard:
             self.cohorts = [cohort for cohort in self.cohorts if len(cohort)]
         self.singles[row] = node
         node.at_start = lambda: self.restarted(row)
-        self._regroup.postpone(self._monotonic())
-
-    def attend(self, row: int, seconds: float) -> None:
-        """Shorten a member's blocks for some seconds: a viewer watches; it samples alone."""
-        if not self._cuts:
-            return
-        if row not in self.singles:
-            self.part(row, self.make_single(row))
-        self.singles[row].attend(seconds)
         self._regroup.postpone(self._monotonic())
 
     def regroup(self, *, at_once: bool = False) -> None:
@@ -182,31 +177,36 @@ class Shard:
         due = min((cohort.next_due for cohort in self.cohorts), default=NEVER)
         return due if due == NEVER else self._origin + int(due / self._settings.node.speed)
 
-    def sample(self, now: int) -> tuple[dict[int, list[Record]], dict[str, list[TrueBlock]]]:
-        """Sample the frames that are complete; a gap reports those that were missed.
+    def sample(self, now: int) -> tuple[dict[int, list[Record]], dict[str, list[TrueFrame]]]:
+        """Sample the frames that are due; a gap reports those that were missed.
 
         Returns:
-            Messages by the member's row, and the truth behind the blocks.
+            Messages by the member's row, and the truth behind frames.
         """
         ticks = self.ticks(now)
         records: dict[int, list[Record]] = {}
-        truth: dict[str, list[TrueBlock]] = {}
+        truth: dict[str, list[TrueFrame]] = {}
         for cohort in self.cohorts:
             if ticks - cohort.next_due > self._overrun:
-                self._skip_overrun(cohort, ticks, records)
-            for number, found in enumerate(cohort.advance(ticks), start=1):
-                self._take(cohort, found, records, truth)
-                self._examine(cohort, found, records)
-                if number == _MOST_FRAMES:
-                    break
+                self._skip_overrun(cohort, ticks, records, truth)
+            taken = 0
+            while cohort.next_due <= ticks and taken < _MOST_FRAMES:
+                broken: set[int] = set()
+                for number, found in cohort.advance(cohort.next_due):
+                    broken |= self._examine(cohort, number, found, records)
+                    taken += 1
+                self._take(cohort, records, truth)
+                for row in broken - self.singles.keys():
+                    # From now on its taxel reports no derived quantity.
+                    self.part(row, self.make_single(row))
         return records, truth
 
     def finish(self) -> dict[int, list[Record]]:
         """What stays undecided at the end."""
         records: dict[int, list[Record]] = {}
         for cohort in self.cohorts:
-            for found in cohort.finish():
-                self._take(cohort, found, records, {})
+            cohort.finish()
+            self._take(cohort, records, {})
         return records
 
     def enclosure(self, row: int) -> tuple[int, int]:
@@ -230,50 +230,63 @@ class Shard:
             own.description or own.profile,
             max(ticks, 0),
             outbox.usage(),
-            self._cohort(row).channels,
             int(ResetCause.POWER_ON),
-            places=self._roster.map,
             held=outbox.held(),
             ended=outbox.ended(),
         )
 
     def _take(
-        self,
-        cohort: Cohort,
-        found: FrameMessages,
-        records: dict[int, list[Record]],
-        truth: dict[str, list[TrueBlock]],
+        self, cohort: Cohort, records: dict[int, list[Record]], truth: dict[str, list[TrueFrame]]
     ) -> None:
-        times = cohort.true_times(found.frame.start)
+        """Write what a cohort has taken."""
         boots, numbers = self._roster.nodes.boots.tolist(), cohort.numbers.tolist()
-        for row, k, kind, sequence, earliest, latest, samples, begin, end in found.records.tolist():
-            channel, body, number = found.taxel.channels[k], found.content[begin:end], numbers[row]
-            record = Record(kind, sequence, body, (earliest, latest), samples, 0, channel)
+        times = functools.cache(cohort.true_times)
+        for written in cohort.flush():
+            number = numbers[written.row]
+            record = Record(
+                written.kind, written.sequence, written.body, written.time, written.samples
+            )
             records.setdefault(number, []).append(record)
-            if kind == BLOCK:
-                position = Position(boots[number], sequence)
-                values = found.truth[k][row]
-                true = TrueBlock(position, channel, times[row], found.frame.dt, values)
-                truth.setdefault(self.names[number], []).append(true)
+            if written.kind == FRAME:
+                begin, end = (times(each)[written.row] for each in (written.begin, written.end))
+                position = Position(boots[number], written.sequence)
+                lasting = written.end - written.begin
+                frame = TrueFrame(
+                    position,
+                    self._layout,
+                    written.begin,
+                    lasting,
+                    begin,
+                    end,
+                    written.sizes,
+                    written.values,
+                )
+                truth.setdefault(self.names[number], []).append(frame)
 
     def _examine(
-        self, cohort: Cohort, found: FrameMessages, records: dict[int, list[Record]]
-    ) -> None:
-        """Report taxels that a window has shown to be dead."""
-        begin, end = cohort.self_test.tested, found.frame.end
-        cohort.self_test.take(found.taxel.number, found.bounded)
+        self, cohort: Cohort, number: int, found: FrameReport, records: dict[int, list[Record]]
+    ) -> set[int]:
+        """Report taxels that a window has shown to be dead; gives nodes that must sample alone."""
+        begin, end = cohort.self_test.tested, found.frame.due
+        cohort.self_test.take(number, found.bounded)
+        broken = set()
         for row, k in cohort.self_test.examine(end):
             taxel = self._settings.taxel[k]
             gap = self._gap(row, DEAD, begin, end, 0, taxel=taxel.id)
             records.setdefault(row, []).append(gap)
-            if taxel.firmware.derived and row not in self.singles:
-                # From now on it reports no derived quantity.
-                self.part(row, self.make_single(row))
+            if taxel.firmware.derived:
+                broken.add(row)
+        return broken
 
-    def _skip_overrun(self, cohort: Cohort, ticks: int, records: dict[int, list[Record]]) -> None:
-        passed, lost, (begin, again) = cohort.pass_over(ticks)
-        for found in passed:
-            self._take(cohort, found, records, {})
+    def _skip_overrun(
+        self,
+        cohort: Cohort,
+        ticks: int,
+        records: dict[int, list[Record]],
+        truth: dict[str, list[TrueFrame]],
+    ) -> None:
+        lost, (begin, again) = cohort.pass_over(ticks)
+        self._take(cohort, records, truth)
         together = cohort.members
         for row in together:
             records.setdefault(row, []).append(self._gap(row, OVERRUN, begin, again, lost))

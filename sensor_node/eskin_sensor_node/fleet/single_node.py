@@ -103,19 +103,12 @@ class SingleNode(Node):
         units = [taxel.control_unit for taxel in self.taxels]
         if self.machine.booted or self.machine.starting or self.states.state != states.SLEEP:
             return None
-        if self.looked_at or any(
-            unit.adaptive or unit.broken or unit.omitted_samples for unit in units
-        ):
+        if any(unit.adaptive or unit.broken or unit.omitted_samples for unit in units):
+            return None
+        if self._assembler.begin is not None:
             return None
         found = [setting_of(taxel.control_unit, taxel.next)[0] for taxel in self.taxels]
         return Key(tuple(found), tuple(self.sampling.order))
-
-    @property
-    def looked_at(self) -> bool:
-        """Whether its blocks are short, or its frames not whole yet since they were."""
-        return self._attention.until > self._clock.ticks() or not all(
-            taxel.control_unit.schedule.is_whole(taxel.next) for taxel in self.taxels
-        )
 
     def share(self, number: int) -> CohortPart:
         """Its state, in a column of one."""

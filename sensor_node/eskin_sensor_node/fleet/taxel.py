@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from eskin.peaks.certain_possible_peaks import MOST_AT_ONCE
 from eskin.peaks.table import EVENT
-from eskin.wire.messages import Encoding
+from eskin_sensor_node.fleet.assembler import Part
 from eskin_sensor_node.fleet.baseline_kernels import MODES
 from eskin_sensor_node.fleet.columns import fresh
-from eskin_sensor_node.fleet.message_kernels import (
+from eskin_sensor_node.fleet.report_kernels import (
     GONE,
-    RECORD,
+    PEAK,
     Design,
     Group,
-    Output,
     Timing,
+    report,
     skip,
-    write_frame,
 )
 from eskin_sensor_node.fleet.self_test import bounded
 from eskin_sensor_node.fleet.sensing import SensingRows
 from eskin_sensor_node.fleet.setting import designed, longest_region
 from eskin_sensor_node.fleet.stacking import StackedGenerator
 from eskin_sensor_node.machine.compilation import compiled_inversion
-from eskin_sensor_node.machine.compiled_writer import BLOCK_BYTES, described
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.timebase import BILLION
 
@@ -40,14 +37,10 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.fleet.clocks import ClockColumn
     from eskin_sensor_node.fleet.columns import Columns
-    from eskin_sensor_node.fleet.message_kernels import Place
     from eskin_sensor_node.fleet.roster import Roster
     from eskin_sensor_node.fleet.setting import Setting
     from eskin_sensor_node.kinds.converter import Codes
     from eskin_sensor_node.node.taxel import SignalChain
-
-_PEAK_BYTES: Final = 300
-"""More than a peak takes."""
 
 
 class TaxelState(NamedTuple):
@@ -64,24 +57,19 @@ class TaxelState(NamedTuple):
     drawn: Sequence[SignalChain] | None
 
 
-@dataclass(frozen=True, slots=True)
-class FrameMessages:
-    """Messages of some nodes of one frame.
+class FrameReport(NamedTuple):
+    """What some nodes report of one frame of one taxel.
 
     Attributes:
-        taxel: Which taxel's it is.
-        records: One row a message, see `eskin_sensor_node.fleet.message_kernels.RECORD`.
-        content: The messages' bytes, one after the other.
-        truth: One array of nodes × samples for each channel; empty where no block is sent.
-        frame: Of which frame.
+        frame: Which frame.
+        parts: Of each channel; none where nothing was sampled.
+        peaks: Decided peaks, see `eskin_sensor_node.fleet.report_kernels.PEAK`.
         bounded: At which nodes a sample of the first quantity was bounded.
     """
 
-    taxel: TaxelRows
-    records: Any
-    content: bytes
-    truth: tuple[Floats, ...]
     frame: Frame
+    parts: Sequence[Part]
+    peaks: Any
     bounded: NDArray[np.bool_]
 
 
@@ -118,7 +106,8 @@ class TaxelRows:
         entries = [roster.entries[each] for each in numbers.tolist()]
         seeds = [each.seed for each in entries]
         companions = [roster.settings.companions(taxel, seed) for seed in seeds]
-        setting = designed(taxel, sampling.block_samples) if standing is None else standing.setting
+        self._columns, most = roster.layout.columns[number], roster.layout.most[number]
+        setting = designed(taxel, sampling, most) if standing is None else standing.setting
         drawn = None if standing is None else standing.drawn
         self._sensing = SensingRows(taxel, number, seeds, companions, drawn)
         self._sensing.amplify(setting.gain)
@@ -133,25 +122,21 @@ class TaxelRows:
         quantities = self._calibrated.quantities
         self.quantities = [quantity for quantity, _ in quantities]
         self.channels = [f"{taxel.id}.{quantity}" for quantity in self.quantities]
-        self._units = [unit for _, unit in quantities]
         clock = roster.clocks.error, roster.clocks.drift
-        self._design = self._designed(roster.coverages[number], sampling.encoding, clock)
+        self._design = self._designed(roster.coverages[number], clock)
         longest = longest_region(taxel, self._schedule.dt)
         self.columns = (
             fresh(len(quantities), len(seeds), longest) if standing is None else standing.columns
         )
-        self.next = self._schedule.frame(setting.number)
+        self.next = self._schedule.frame(setting.first)
 
-    def _designed(self, coverage: float, encoding: str, clock: tuple[int, int]) -> Design:
+    def _designed(self, coverage: float, clock: tuple[int, int]) -> Design:
         setting, schedule = self._setting, self._schedule
-        channels = zip(self.channels, self._units, strict=True)
-        names = [described(*each) for each in channels]
         return Design(
-            np.concatenate(names),
-            np.cumsum([0, *(name.size for name in names)]),
+            np.array([patch.number for patch, _ in self._columns], np.int64),
+            np.array([column for _, column in self._columns], np.int64),
             np.array(setting.thresholds),
             coverage,
-            int(Encoding[encoding.upper()]),
             MODES.index(setting.mode),
             setting.smoothing,
             Timing(schedule.origin, schedule.dt, schedule.burst, schedule.pause, *clock),
@@ -160,22 +145,13 @@ class TaxelRows:
     @property
     def setting(self) -> Setting:
         """How it is set now, and which frame is next."""
-        return self._setting._replace(number=self.next.number)
+        return self._setting._replace(first=self.next.first)
 
     def standing(self, rows: Sequence[int]) -> TaxelState:
         """Where it stands in some of its nodes."""
         return TaxelState(self.setting, self.columns.of(rows), self._sensing.drawn(rows))
 
-    @property
-    def described(self) -> list[tuple[str, str, int, float]]:
-        """Name, unit, period and coverage of each channel."""
-        dt, coverage = self._schedule.dt, self._design.coverage
-        return [
-            (name, unit, dt, coverage)
-            for name, unit in zip(self.channels, self._units, strict=True)
-        ]
-
-    def sample(self) -> FrameMessages:
+    def sample(self) -> FrameReport:
         """Take the next frame of all nodes."""
         self.measure()
         self.separate(())
@@ -202,20 +178,37 @@ class TaxelRows:
         """What it hands on a share of, at the instants of the frame that is measured."""
         return self._calibrated.felt(self._bounds)
 
-    def report(self) -> FrameMessages:
-        """Messages of all nodes of the frame that was measured."""
+    def report(self) -> FrameReport:
+        """What all nodes report of the frame that was measured."""
         frame = self.next
         shape = len(self._seeds), frame.n
         lows, highs = (np.stack([b.reshape(shape) for b in self._bounds[k::2]]) for k in (0, 1))
-        output = self._room(frame.n, blocks=True)
-        given = self._design, self._group, self.columns, output
-        written = write_frame(frame.start, frame.closes, lows, highs, *given)
-        self.next = self._schedule.frame(frame.number + 1)
-        columns = tuple(np.asarray(self._truth[quantity]) for quantity in self.quantities)
-        return self._messages(frame, output, written, columns, bounded(lows[0], highs[0]))
+        # Smoothing changes the bounds in which peaks are sought.
+        given = (lows.copy(), highs.copy()) if self._design.smoothing > 0.0 else (lows, highs)
+        sent = np.zeros(lows.shape[:2], np.bool_)
+        peaks, events = self._room(frame.n)
+        count = report(
+            frame.closes,
+            given[0],
+            given[1],
+            self._design,
+            self._group,
+            self.columns,
+            sent,
+            peaks,
+            events,
+        )
+        self.next = self._schedule.following(frame)
+        parts = [
+            Part(patch, column, frame, self._design.coverage, lows[k], highs[k], truth, sent[k])
+            for k, ((patch, column), truth) in enumerate(
+                zip(self._columns, map(self._truth.__getitem__, self.quantities), strict=True)
+            )
+        ]
+        return FrameReport(frame, parts, peaks[:count].copy(), bounded(lows[0], highs[0]))
 
-    def skip(self, ticks: int) -> tuple[FrameMessages, int]:
-        """Pass over all frames that begin before a moment.
+    def skip(self, ticks: int) -> tuple[FrameReport, int]:
+        """Skip all frames that begin before a moment.
 
         Returns:
             The peaks that stay undecided, and how many samples each node lost, over all channels.
@@ -223,11 +216,11 @@ class TaxelRows:
         frame, lost = self.next, 0
         while self.next.start < ticks:
             lost += self.next.n
-            self.next = self._schedule.frame(self.next.number + 1)
-        output = self._room(1, blocks=False)
-        written = skip(lost, self._design, self._group, self.columns, output)
-        messages = self._messages(frame, output, written, (), np.zeros(0, bool))
-        return messages, lost * len(self.channels)
+            self.next = self._schedule.following(self.next)
+        peaks, events = self._room(1)
+        count = skip(lost, self._design, self._group, self.columns, peaks, events)
+        found = FrameReport(frame, (), peaks[:count].copy(), np.zeros(0, np.bool_))
+        return found, lost * len(self.channels)
 
     def leave(self, row: int) -> None:
         """A node is no more one of these."""
@@ -240,26 +233,11 @@ class TaxelRows:
         self._bounds: list[Any] = [np.empty(size) for _ in range(2 * len(self.quantities))]
         self._calibrated.measure(given, size, self._bounds)
 
-    def _room(self, n: int, *, blocks: bool) -> Output:
-        """Room for the most that a frame can bring; what is not used costs no memory."""
+    def _room(self, n: int) -> tuple[Any, Any]:
+        """Room for the most peaks of a frame, and of one piece; unused room costs no memory."""
         most = n // 2 + 2 * MOST_AT_ONCE
-        each = len(self.quantities) * len(self._seeds)
-        messages = each * (most + blocks)
-        size = each * (most * _PEAK_BYTES + blocks * (BLOCK_BYTES + 16 * n))
-        return Output(np.empty(size, np.uint8), np.empty(messages, RECORD), np.empty(most, EVENT))
-
-    def _messages(
-        self,
-        frame: Frame,
-        output: Output,
-        written: Place,
-        truth: tuple[Floats, ...],
-        bounded: NDArray[np.bool_],
-    ) -> FrameMessages:
-        records = output.records[: written.messages].copy()
-        return FrameMessages(
-            self, records, output.content[: written.at].tobytes(), truth, frame, bounded
-        )
+        peaks = np.empty(len(self.quantities) * len(self._seeds) * most, PEAK)
+        return peaks, np.empty(most, EVENT)
 
     def _seconds(self, frame: Frame) -> Floats:
         """True seconds since the start, or since the burst's trigger: nodes × samples."""

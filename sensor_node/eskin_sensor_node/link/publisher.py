@@ -38,7 +38,6 @@ _MOST_ACKNOWLEDGEMENTS: Final = 1000
 _MOST_COMMANDS: Final = 16
 _TURN_S: Final = 0.1
 _PAUSE_S: Final = 1.0
-_MS: Final = 1000
 _LONGEST: Final = 16
 """Greatest factor of the patience: without a gateway, reconnects become rare."""
 
@@ -98,7 +97,6 @@ class Publisher:
         identity: The node's identity, and its site.
         record_status: Puts a fresh status into the outbox.
         take_command: Takes a command that was sealed to this node; ``None``: it takes none.
-        attend: Takes the seconds for which a viewer is expected to watch.
         is_running: Whether the firmware runs; while it does not, nothing is sent or taken.
 
     Raises:
@@ -114,13 +112,12 @@ class Publisher:
         identity: IdentitySection,
         record_status: Callable[[], object],
         take_command: Callable[[bytes], None] | None = None,
-        attend: Callable[[float], None] = lambda _: None,
         is_running: Callable[[], bool] = lambda: True,
     ) -> None:
         self._keys = NodeKeys(identity.directory, identity.site)
         self._outbox = outbox
         self._record_status, self._take_command = record_status, take_command
-        self._attend, self._is_running = attend, is_running
+        self._is_running = is_running
         self._broker = broker
         name = self._keys.own.name
         self._acks_topic = node_topic(name, Stream.ACKS)
@@ -294,7 +291,6 @@ class Publisher:
 
     def _take_acknowledgements(self) -> None:
         durable: dict[int, SequenceRanges] = {}
-        watched = 0
         for plaintext in self._opened(self._acks_topic, "acknowledgement"):
             try:
                 received = Acknowledgement.decode(plaintext)
@@ -302,17 +298,12 @@ class Publisher:
                 for boot, first, last in received.spans:
                     durable.setdefault(boot, SequenceRanges()).add(first, last)
                 self._uplink.describe(received.want, time.monotonic_ns())
-                # A replayed copy must not keep a node awake.
-                if received.watched > watched and self._outbox.has_in_flight(received.spans):
-                    watched = received.watched
             except MessageError as error:
                 log.warning("acknowledgement rejected: reason=%s", error)
         if durable:
             self._outbox.acknowledge(
                 [(boot, first, last) for boot, ranges in durable.items() for first, last in ranges]
             )
-            if watched:
-                self._attend(watched / _MS)
             self._reconnect_timer.answered(time.monotonic())
 
     def _update_status(self, now: int) -> None:

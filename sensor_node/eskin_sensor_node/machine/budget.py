@@ -13,9 +13,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
+from eskin.wire.frames import frame_limit
 from eskin.wire.messages.cbor_map import MOST_BYTES
 from eskin_sensor_node.firmware.autoranging import MOST
 from eskin_sensor_node.firmware.taxel.pad import SLOTS
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.machine.processor import greatest_frames
 from eskin_sensor_node.machine.schedule import build_schedule
 
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.settings import NodeSettings
 
-FIRMWARE: Final = 66_429
+FIRMWARE: Final = 66_399
 """Bytes of all modules of the firmware, compiled by mpy-cross 1.27 as they stand."""
 INTERPRETER: Final = 256 * 1024
 """Bytes kept for MicroPython, which "fits and runs within just 256k of code space"."""
@@ -39,8 +41,14 @@ _CHANNEL: Final = 768
 """Bytes of a channel's unit, rest and filter."""
 _DETECTOR: Final = 10 * 160
 """Bytes of a detector's stretches: two that grow and eight that wait."""
-_RECORD: Final = 384
-"""Bytes of a message besides a block's bounds: its head, and the object that holds it."""
+_PART: Final = 320
+"""Bytes of what a channel has of a stretch, besides its bounds."""
+_ASSEMBLER: Final = 2048
+"""Bytes of what collects a stretch: its patches, and the matrices of the latest frames."""
+_CELL: Final = 48
+"""Bytes of a sample while its matrix is encoded: its bounds, its place, its codes."""
+_PEAK: Final = 384
+"""Bytes of a peak until it is written."""
 _PEAKS: Final = 16
 """Peaks of one frame that wait to be stored, of each channel."""
 _FLIGHT: Final = 32
@@ -54,7 +62,6 @@ _COLUMN: Final = 4 * 2 + 7 * _BOUND + 2 * 2
 """Bytes of a skin's taxel: its neighbours, its window of the self-test, its place and verdict."""
 _DESCRIBED: Final = 24
 """Bytes of a taxel in the description of its patch, at most."""
-_WIDTHS: Final = {"f64": 8, "f32": 4, "q16": 2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +74,9 @@ class Budget:
         codes: Two buffers of codes for each input: one fills while the other is worked off; and of
             the ranges that an amplified input's samples were converted with.
         bounds: A lower and an upper bound of each sample of a frame, for each channel.
+        waiting: Bounds that wait until the stretch is complete.
         objects: Calibrations, schedules, rests, filters, detectors.
-        messages: A frame's messages while they are written, and the one that is being sealed.
+        messages: A stretch's messages while they are written, and the one that is being sealed.
         window: The index of messages under way.
     """
 
@@ -76,6 +84,7 @@ class Budget:
     connection: int
     codes: int
     bounds: int
+    waiting: int
     objects: int
     messages: int
     window: int
@@ -94,20 +103,36 @@ def ram_budget(settings: NodeSettings) -> Budget:
     """What a node needs."""
     if settings.skin.present:
         return _skin_budget(settings)
-    sampling = settings.sampling
-    blocks = [build_schedule(taxel, sampling.block_samples).block for taxel in settings.taxel]
-    width = _WIDTHS[sampling.encoding]
-    shapes = [
-        (n, _CODE * _inputs(taxel) + _RANGE * taxel.firmware.amplified, len(taxel.units))
-        for n, taxel in zip(blocks, settings.taxel, strict=True)
+    layout = plan_layout(settings)
+    schedules = [
+        build_schedule(taxel, settings.sampling, most)
+        for taxel, most in zip(settings.taxel, layout.most, strict=True)
     ]
+    each = list(zip(schedules, settings.taxel, strict=True))
+    codes = [
+        2 * schedule.capacity * (_CODE * _inputs(taxel) + _RANGE * taxel.firmware.amplified)
+        for schedule, taxel in each
+    ]
+    bounds = [2 * _BOUND * schedule.capacity * len(taxel.units) for schedule, taxel in each]
+    rows: dict[int, list[int]] = {}
+    for schedule, columns in zip(schedules, layout.columns, strict=True):
+        for patch, _ in columns:
+            rows.setdefault(patch.number, []).append(schedule.capacity)
+    cells = [max(found) * len(found) for found in rows.values()]
+    frames = [frame_limit([len(found)], max(found)) for found in rows.values()]
+    peaks = sum(len(taxel.prominences) for taxel in settings.taxel)
     return Budget(
         program=PROGRAM,
         connection=CONNECTION,
-        codes=sum(2 * n * size for n, size, _ in shapes),
-        bounds=sum(2 * _BOUND * n * channels for n, _, channels in shapes),
-        objects=sum(map(taxel_objects, settings.taxel)),
-        messages=max(_messages(n, channels, width) for n, _, channels in shapes),
+        codes=sum(codes),
+        bounds=sum(bounds),
+        waiting=sum(bounds) + _PART * sum(len(taxel.units) for taxel in settings.taxel),
+        objects=_ASSEMBLER + sum(map(taxel_objects, settings.taxel)),
+        # All frames of a stretch, one more while it is sealed, a matrix while it is encoded.
+        messages=sum(frames)
+        + 2 * min(sum(frames), MOST_BYTES)
+        + max(cells) * _CELL
+        + peaks * _PEAKS * _PEAK,
         window=_FLIGHT * settings.broker.window,
     )
 
@@ -123,6 +148,7 @@ def _skin_budget(settings: NodeSettings) -> Budget:
         connection=CONNECTION,
         codes=2 * samples * _CODE * inputs,
         bounds=2 * _BOUND * samples * quantities,
+        waiting=0,
         objects=_TAXEL + _MEMORY * len(skin.air) + taxels * _COLUMN,
         # One frame more while it is sealed, and the layout, which waits for who asks for it.
         messages=frames + 2 * MOST_BYTES + taxels * _DESCRIBED,
@@ -141,13 +167,6 @@ def taxel_objects(taxel: TaxelSection) -> int:
 def _inputs(taxel: TaxelSection) -> int:
     """Of the converter; those that a taxel reads along besides its own."""
     return max(1, len(taxel.firmware.inputs)) + len(taxel.companions)
-
-
-def _messages(n: int, channels: int, width: int) -> int:
-    """All of a frame; of one, its bounds as written and its growing buffer; one in an envelope."""
-    bounds = 2 * n * width
-    block = bounds + _RECORD
-    return channels * (block + _PEAKS * _RECORD) + bounds + 2 * block + 2 * block
 
 
 def require_ram(settings: NodeSettings) -> None:
@@ -169,8 +188,8 @@ def require_ram(settings: NodeSettings) -> None:
         )
     raise SettingsError(
         "machine.ram_bytes",
-        f"{limit} bytes do not hold this node, which needs {budget.total} ({parts}); use fewer "
-        f"sampling.block_samples than {settings.sampling.block_samples}, fewer of its "
+        f"{limit} bytes do not hold this node, which needs {budget.total} ({parts}); use a shorter "
+        f"sampling.stretch_ms than {settings.sampling.stretch_ms:g}, fewer of its "
         f"{len(settings.taxel)} taxels, or a machine with more RAM",
     )
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 _UNSIGNED: Final = 0x00
 _NEGATIVE: Final = 0x20
 BYTES: Final = 0x40
-_ARRAY: Final = 0x80
-_MAP: Final = 0xA0
+ARRAY: Final = 0x80
+MAP: Final = 0xA0
 TAG: Final = 0xC0
 """Major types."""
 
@@ -92,7 +92,7 @@ def copied(out: Bytes, at: int, piece: Bytes) -> int:
 @part
 def begun(out: Bytes, at: int, kind: int, fields: int, boot: int, sequence: int) -> int:
     """Begin a message."""
-    at = head(out, at, _MAP, fields)
+    at = head(out, at, MAP, fields)
     at = integer(out, integer(out, at, 1), kind)
     at = integer(out, integer(out, at, 2), boot)
     return integer(out, integer(out, at, 3), sequence)
@@ -101,12 +101,12 @@ def begun(out: Bytes, at: int, kind: int, fields: int, boot: int, sequence: int)
 @part
 def pair(out: Bytes, at: int, key: int, first: int, second: int) -> int:
     """A field with two integers."""
-    at = head(out, integer(out, at, key), _ARRAY, 2)
+    at = head(out, integer(out, at, key), ARRAY, 2)
     return integer(out, integer(out, at, first), second)
 
 
 @part
 def reals(out: Bytes, at: int, key: int, first: float, second: float, room: Scratch) -> int:
     """A field with two floats."""
-    at = head(out, integer(out, at, key), _ARRAY, 2)
+    at = head(out, integer(out, at, key), ARRAY, 2)
     return real(out, real(out, at, first, room), second, room)

@@ -65,12 +65,11 @@ PRICES: Final[Mapping[str, Cycles]] = _counted() | {
     "frame": Cycles(2_000, 10_000),
     "message": Cycles(20_000, 60_000),
     "self_test": Cycles(150, 900),
-    "encode_frame": Cycles(450, 1_000),
     **{kind.chain: Cycles(*kind.cycles) for kind in KINDS.values() if kind.cycles is not None},
 }
 """Of each operation; assumed are an interrupt (entry, taking codes out of a buffer, exit), a frame
 (schedule, states), a message (flash driver, MQTT, TLS records, IP), a sample of a skin in its
-self-test and in a frame (as one of a q16 block), and kinds without a count."""
+self-test, and kinds without a count."""
 CORTEX_A53: Final[Mapping[str, Cycles]] = {
     "pad": Cycles(250, 1_700),
     "neighbour": Cycles(15, 130),
@@ -120,20 +119,18 @@ def passes(*, rest: bool, peaks: bool, smoothed: bool = False) -> Cycles:
     return total
 
 
-def message(size: int, encoding: str | None = None, samples: int = 0) -> Cycles:
+def message(size: int, samples: int = 0) -> Cycles:
     """Of a message of so many bytes that is written, kept, and sent.
 
     Args:
         size: Its bytes, without its envelope.
-        encoding: Of its samples; ``None``: it has none.
-        samples: How many.
+        samples: How many samples it holds; 0: it states something.
     """
     sealed = PRICES["seal_byte"].times(size + ENVELOPE).plus(PRICES["seal_message"]).times(_SEALED)
     total = PRICES["message"].plus(sealed)
-    if encoding is None:
+    if not samples:
         return total.plus(PRICES["peak"])
-    written = PRICES[f"encode_{encoding}"].times(samples).plus(PRICES[f"block_{encoding}"])
-    return total.plus(written)
+    return total.plus(PRICES["encode_frame"].times(samples))
 
 
 class StretchCycles(NamedTuple):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 from eskin.errors import SettingsError
 from eskin.wire.messages.cbor_map import MOST_BYTES
 from eskin_sensor_node.kinds.registry import KINDS
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.machine.prices import BILLION, PRICES, inversion, message, passes, stretch
 from eskin_sensor_node.machine.schedule import build_schedule
 
@@ -18,15 +19,14 @@ if TYPE_CHECKING:
     from eskin_sensor_node.settings import NodeSettings
 
 _HEAD: Final = 192
-"""Bytes of a block besides its bounds, at most."""
-_WIDTHS: Final = {"f64": 8, "f32": 4, "q16": 2}
+"""Bytes of a frame besides its samples, at most."""
 _SAMPLE: Final = 7
 """Bytes of a sample in a frame at most: two codes of three bytes, and a share of the rest."""
 
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """Cycles a second by purpose, at most, in mode ``samples`` while a viewer watches.
+    """Cycles a second by purpose, at most, in mode ``samples``.
 
     Attributes:
         inversion: From codes to quantities, with neighbours and the air.
@@ -63,7 +63,11 @@ def processor_load(settings: NodeSettings, around: Mapping[int, int]) -> Load:
         _taxel_load(settings, taxel, around.get(number, 0))
         for number, taxel in enumerate(settings.taxel)
     ]
-    return Load(*(round(sum(part)) for part in zip(*each, strict=True)))
+    # A frame a page and stretch; the samples are counted above.
+    pages = len(plan_layout(settings).layout.pages)
+    frames = pages * message(_HEAD, 1).most * BILLION / settings.sampling.stretch
+    inverted, channels, messages, handled = (sum(part) for part in zip(*each, strict=True))
+    return Load(round(inverted), round(channels), round(messages + frames), round(handled))
 
 
 def _taxel_load(
@@ -75,11 +79,12 @@ def _taxel_load(
     sample += sum(PRICES[f"new_{role}"].most / KINDS[role].samples_per_code for role in new)
     sought = [taxel.prominence(quantity) is not None for quantity in taxel.units]
     channels = sum(passes(rest=True, peaks=each).most for each in sought)
-    size = 2 * frame * _WIDTHS[settings.sampling.encoding] + _HEAD
-    block = message(size, settings.sampling.encoding, frame).most * len(sought)
+    written = (message(_SAMPLE, 1).most - message(0, 1).most + PRICES["encode_frame"].most) * len(
+        sought
+    )
     depth = settings.machine.dma_samples or frame
     handled = PRICES["frame"].most / frame + PRICES["interrupt"].most / min(depth, frame)
-    return rate * sample, rate * channels, rate * block / frame, rate * handled
+    return rate * sample, rate * channels, rate * written, rate * handled
 
 
 def _skin_load(settings: NodeSettings) -> Load:
@@ -106,14 +111,10 @@ def greatest_frames(taxels: int, rows: int) -> list[int]:
 
 def _sampled(settings: NodeSettings, taxel: TaxelSection) -> tuple[int, float]:
     """Samples of a frame at least, and of a second; over its pauses, where it has some."""
-    sampling = settings.sampling
-    schedule = build_schedule(taxel, sampling.block_samples)
-    most = schedule.block
-    if sampling.watched_block_ms > 0.0:
-        most = min(most, max(1, round(sampling.watched_block_ms * 1e6) // schedule.dt))
+    schedule = build_schedule(taxel, settings.sampling)
     if schedule.burst == 0:
-        return most, BILLION / schedule.dt
-    return min(most, schedule.burst), schedule.burst * BILLION / schedule.pause
+        return schedule.capacity, BILLION / schedule.dt
+    return min(schedule.capacity, schedule.burst), schedule.burst * BILLION / schedule.pause
 
 
 def require_speed(settings: NodeSettings, around: Mapping[int, int]) -> None:
@@ -138,5 +139,5 @@ def require_speed(settings: NodeSettings, around: Mapping[int, int]) -> None:
         "machine.clock_hz",
         f"{clock} cycles a second do not suffice for this node, which needs up to {load.total} "
         f"({parts}); use fewer than its {len(settings.taxel)} taxels, a lower sampling_Hz, a "
-        "longer sampling.watched_block_ms or sampling.block_samples, or a faster machine",
+        "longer sampling.stretch_ms, or a faster machine",
     )

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
 from eskin_sensor_node.firmware.autoranging import MOST
+from eskin_sensor_node.kinds.settings import period
 from eskin_sensor_node.machine.ledger import INTERRUPT_NS, REPEAT_NS, WAKE_NS
 from eskin_sensor_node.machine.machine import NEVER
-from eskin_sensor_node.machine.schedule import build_schedule
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -39,7 +39,7 @@ def most_repeats(settings: NodeSettings, taxel: TaxelSection) -> int:
     All taxels may saturate at one moment, and one after the other is served.
     """
     inputs = sum(each.firmware.amplified for each in settings.taxel)
-    free = build_schedule(taxel, 1).dt - most_latency(len(settings.taxel)) - INTERRUPT_NS
+    free = period(taxel.sampling) - most_latency(len(settings.taxel)) - INTERRUPT_NS
     return max(0, min(MOST, free // (inputs * REPEAT_NS)))
 
 
@@ -52,7 +52,7 @@ def require_depth(settings: NodeSettings) -> None:
     depth, latency = settings.machine.dma_samples, most_latency(len(settings.taxel)) + INTERRUPT_NS
     if depth == WHOLE_FRAME:
         return
-    dt, name = min((build_schedule(taxel, 1).dt, taxel.id) for taxel in settings.taxel)
+    dt, name = min((period(taxel.sampling), taxel.id) for taxel in settings.taxel)
     if depth * dt <= latency:
         raise SettingsError(
             "machine.dma_samples",
@@ -97,7 +97,7 @@ class Sampling:
     def arm(self, number: int, frame: Frame) -> None:
         """Sample a taxel's next frame."""
         self._frames[number] = frame
-        self._machine.arm(self._complete[number], self._machine.booted + frame.end)
+        self._machine.arm(self._complete[number], self._machine.booted + frame.due)
         self._arm_inside(number, frame)
 
     def complete(self, number: int) -> None:

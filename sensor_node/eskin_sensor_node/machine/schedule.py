@@ -10,12 +10,20 @@ from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from eskin_sensor_node.kinds.settings import TaxelSection
+    from eskin_sensor_node.settings import SamplingSection
 
 
-def build_schedule(taxel: TaxelSection, block: int) -> Schedule:
-    """When the taxel samples; ``block``: samples in a block."""
+def build_schedule(taxel: TaxelSection, sampling: SamplingSection, most: int = 1000) -> Schedule:
+    """When a taxel samples.
+
+    Args:
+        taxel: Its settings.
+        sampling: The node's stretches.
+        most: Samples of a channel in a frame, at most.
+    """
     dt = period(taxel.sampling)
     if taxel.burst is None:
-        return Schedule(dt, block)
+        return Schedule(dt, sampling.stretch, most)
     length, repeated = taxel.burst
-    return Schedule(dt, block, max(1, round(length * BILLION / dt)), round(repeated * BILLION))
+    burst = max(1, round(length * BILLION / dt))
+    return Schedule(dt, sampling.stretch, most, burst, round(repeated * BILLION))

@@ -24,7 +24,7 @@ from eskin_sensor_node.timebase import BILLION
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from eskin_sensor_node.firmware.message_writer import Channel, Record
+    from eskin_sensor_node.firmware.message_writer import Record
     from eskin_sensor_node.firmware.outbox import Batch, Outbox
     from eskin_sensor_node.machine.clock import Clock
     from eskin_sensor_node.node.ground_truth import GroundTruth, TrueBlock, TrueFrame
@@ -174,9 +174,6 @@ class BaseNode(ABC):
                 batch.take(records)
             self._arm()
 
-    def attend(self, seconds: float) -> None:  # noqa: B027 - nothing is what most nodes do
-        """Take note that a viewer watches for so many real seconds; here it changes nothing."""
-
     def record_status(self) -> Position:
         """Put a status into flash.
 
@@ -233,10 +230,6 @@ class BaseNode(ABC):
     def _set_shedding(self, stage: int) -> None:
         """Shed load in a stage of `eskin_sensor_node.firmware.energy`."""
 
-    def _described(self) -> tuple[Sequence[Channel], Sequence[tuple[str, float, float]]]:
-        """The channels and the places of taxels that a status states."""
-        return (), ()
-
     def _faults(self) -> Sequence[tuple[str, int, int]] | None:
         """Taxels that may be broken; ``None``: none is looked for, or none known yet."""
         return None
@@ -250,7 +243,6 @@ class BaseNode(ABC):
     def _record_status(self) -> Position:
         ticks = self._clock.ticks()
         own = self._settings.node
-        channels, places = self._described()
         with self._outbox.batch() as batch:
             status = self._outbox.message_writer.status(
                 self._clock.known.enclosure(ticks),
@@ -258,11 +250,9 @@ class BaseNode(ABC):
                 own.description or own.profile,
                 ticks,
                 self._outbox.usage(),
-                channels,
                 int(self.machine.cause),
                 energy=None if self.energy is None else self.energy.manager.status,
                 faults=self._faults(),
-                places=places,
                 held=self._outbox.held(),
                 ended=self._outbox.ended(),
             )

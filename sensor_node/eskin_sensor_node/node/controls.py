@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import CommandError
+from eskin.wire.frames.sample_codec import MOST_STRIDE
 from eskin.wire.messages.command_schema import WHOLE_NODE, Mode, place_of
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from eskin.wire.messages.command_schema import Arguments, State, Value
-    from eskin_sensor_node.firmware.message_writer import Record
     from eskin_sensor_node.node.node import Node
     from eskin_sensor_node.node.taxel import EmulatedTaxel
 
@@ -45,15 +47,42 @@ class NodeControls:
         if "rate" in arguments:
             for taxel in taxels:
                 _require_rate(taxel, arguments["rate"])
-        with self._node.between_frames() as records:
+            self._require_powers(dict.fromkeys(taxels, _period(arguments["rate"])))
+        with self._node.between_frames():
             for taxel in taxels:
                 if name == "calibrate":
                     taxel.control_unit.calibrate()
                 elif name == "reset":
-                    records.extend(taxel.reset())
+                    taxel.reset()
                 else:
-                    records.extend(_set(taxel, arguments))
+                    _set(taxel, arguments)
         return self._state()
+
+    def _require_powers(self, periods: Mapping[EmulatedTaxel, int]) -> None:
+        """Check that taxels of a patch can be sampled on one grid.
+
+        Raises:
+            CommandError: A period is no other one of its patch times a power of two.
+        """
+        for taxel, dt in periods.items():
+            for other in self._beside(taxel):
+                found = periods.get(other, other.control_unit.schedule.dt)
+                if not _is_power(max(found, dt), min(found, dt)):
+                    raise CommandError(
+                        "rate",
+                        BILLION / dt,
+                        f"{BILLION / found:g}, at which {other.name} is sampled in one patch with "
+                        f"{taxel.name}, times or divided by a power of two; or set all of them",
+                    )
+
+    def _beside(self, taxel: EmulatedTaxel) -> list[EmulatedTaxel]:
+        """The taxels that share a patch with one."""
+        patches = {unit.patch for unit in taxel.control_unit.units}
+        return [
+            other
+            for other in self._taxels.values()
+            if any(unit.patch in patches for unit in other.control_unit.units)
+        ]
 
     def restore(self, state: State) -> State:
         """Restore the last reported state at boot, leaving out what no longer fits.
@@ -64,11 +93,16 @@ class NodeControls:
         Returns:
             The node's state.
         """
-        with self._node.between_frames() as records:
+        with self._node.between_frames():
             for place, settings in state.items():
                 taxel = self._taxels.get(place.partition(".")[0])
                 if taxel is not None:
-                    records.extend(_restore(taxel, place, settings))
+                    _restore(taxel, place, settings)
+            for taxel in self._taxels.values():
+                try:
+                    self._require_powers({taxel: taxel.control_unit.schedule.dt})
+                except CommandError:
+                    taxel.sample_every(taxel.control_unit.designed.dt)
         return self._state()
 
     def _chosen(self, place: str) -> list[EmulatedTaxel]:
@@ -100,27 +134,25 @@ class NodeControls:
         return state
 
 
-def _set(taxel: EmulatedTaxel, arguments: Arguments) -> list[Record]:
-    records: list[Record] = []
+def _set(taxel: EmulatedTaxel, arguments: Arguments) -> None:
     unit = taxel.control_unit
     if "threshold" in arguments:
         names = [each.channel.name for each in unit.units]
         k = names.index(str(arguments["channel"]))
-        records += unit.set_threshold(k, float(arguments["threshold"]))
+        unit.set_threshold(k, float(arguments["threshold"]))
     if "adaptive" in arguments:
-        records += taxel.adapt(on=arguments["adaptive"] == "on")
+        taxel.adapt(on=arguments["adaptive"] == "on")
     if "gain" in arguments:
-        records += taxel.amplify(float(arguments["gain"]))
+        taxel.amplify(float(arguments["gain"]))
     if "smoothing" in arguments:
-        records += unit.smooth(float(arguments["smoothing"]))
+        unit.smooth(float(arguments["smoothing"]))
     if "rate" in arguments:
-        records += taxel.sample_every(_period(arguments["rate"]))
+        taxel.sample_every(_period(arguments["rate"]))
     if "mode" in arguments:
         unit.mode = str(arguments["mode"])
-    return records
 
 
-def _restore(taxel: EmulatedTaxel, place: str, settings: dict[str, Value]) -> list[Record]:
+def _restore(taxel: EmulatedTaxel, place: str, settings: dict[str, Value]) -> None:
     unit = taxel.control_unit
     arguments = {key: value for key, value in settings.items() if key in _OF_TAXEL}
     if arguments.get("mode") not in (None, *Mode):
@@ -134,7 +166,13 @@ def _restore(taxel: EmulatedTaxel, place: str, settings: dict[str, Value]) -> li
     # What is as designed needs no change, and costs no peaks.
     if arguments.get("rate") == BILLION / unit.schedule.dt:
         del arguments["rate"]
-    return _set(taxel, arguments)
+    _set(taxel, arguments)
+
+
+def _is_power(longer: int, shorter: int) -> bool:
+    """Whether a period is another one times a power of two that a frame can state."""
+    times, rest = divmod(longer, shorter)
+    return rest == 0 and times.bit_count() == 1 and times <= 1 << MOST_STRIDE
 
 
 def _period(rate: Value) -> int:

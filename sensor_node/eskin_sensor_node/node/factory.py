@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from types import ModuleType
 
-    from eskin_sensor_node.firmware.message_writer import Numbers
     from eskin_sensor_node.machine.flash.flash import Partition
+    from eskin_sensor_node.machine.node_layout import Described
     from eskin_sensor_node.node.ground_truth import GroundTruth
     from eskin_sensor_node.settings import BrokerSection, NodeSettings
 
@@ -58,22 +59,30 @@ def chip_key(settings: NodeSettings) -> bytes:
 
 
 def build_outbox(
-    flash: Partition,
-    *,
-    capacity: int,
-    broker: BrokerSection,
-    message_writer: Callable[[int, Numbers], MessageWriter] = MessageWriter,
+    flash: Partition, *, capacity: int, broker: BrokerSection, described: Described
 ) -> Outbox:
-    """Put an outbox on a flash, for several threads; its moments are ns."""
-    return Outbox(
+    """Put an outbox on a flash, for several threads; its moments are ns.
+
+    Args:
+        flash: Keeps messages, and what they are read by.
+        capacity: Bytes of messages.
+        broker: Where they are sent.
+        described: What the node says of its frames.
+
+    Raises:
+        FlashError: The flash cannot be written.
+    """
+    outbox = Outbox(
         flash,
         capacity=capacity,
         window=broker.window,
         resend_after=round(broker.resend_s * BILLION),
         status_every=round(broker.status_s * BILLION),
-        message_writer=message_writer,
+        message_writer=partial(MessageWriter, layout=described.layout),
         lock=threading.RLock(),
     )
+    outbox.describe(*described)
+    return outbox
 
 
 def build_node(

@@ -5,32 +5,44 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from eskin.wire.messages import Position
 from eskin_sensor_node.firmware import inversion, states
-from eskin_sensor_node.firmware.schedule import Attention
+from eskin_sensor_node.firmware.assembler import Assembler, encode
 from eskin_sensor_node.kinds.neighbours import patches
-from eskin_sensor_node.kinds.skin_map import skin_map
+from eskin_sensor_node.machine.compiled_samples import compiled_encode
 from eskin_sensor_node.machine.data_sheet import taxel_coverages
+from eskin_sensor_node.machine.node_layout import NodeLayout, plan_layout
+from eskin_sensor_node.machine.prices import message
 from eskin_sensor_node.machine.sampling import Sampling, most_repeats
 from eskin_sensor_node.node.base import BaseNode
+from eskin_sensor_node.node.ground_truth import TrueFrame
 from eskin_sensor_node.node.self_test import NodeSelfTest
-from eskin_sensor_node.node.taxel import EmulatedTaxel
-from eskin_sensor_node.timebase import BILLION
+from eskin_sensor_node.node.taxel import EmulatedTaxel, TruePart
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import ModuleType
 
-    from eskin_sensor_node.firmware.message_writer import Channel, Record
+    from eskin.interval import Floats
+    from eskin_sensor_node.firmware.assembler import Matrix
+    from eskin_sensor_node.firmware.message_writer import Record
     from eskin_sensor_node.firmware.outbox import Batch, Outbox
     from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.machine.clock import Clock
-    from eskin_sensor_node.node.ground_truth import GroundTruth, TrueBlock
+    from eskin_sensor_node.node.ground_truth import GroundTruth
     from eskin_sensor_node.settings import NodeSettings
 
 
 def build_taxels(
-    settings: NodeSettings, *, seed: int, clock: Clock, functions: ModuleType
+    settings: NodeSettings,
+    layout: NodeLayout,
+    *,
+    seed: int,
+    clock: Clock,
+    functions: ModuleType,
 ) -> list[EmulatedTaxel]:
     """The taxels of a node, in the order of its settings; arguments as of `node.node`."""
     coverages = taxel_coverages(settings)
@@ -40,6 +52,8 @@ def build_taxels(
             seed=(seed, number),
             clock=clock,
             sampling=settings.sampling,
+            columns=layout.columns[number],
+            most=layout.most[number],
             functions=functions,
             companions=settings.companions(taxel, seed),
             coverage=coverages[number],
@@ -67,11 +81,11 @@ class SamplingGroup:
         for number, patch in self._patches.items():
             units[number].surround([units[k] for k in patch.around], patch.neighbours)
 
-    def take(self, number: int) -> list[tuple[int, Frame, list[Record], list[TrueBlock]]]:
+    def take(self, number: int) -> list[tuple[int, Frame, list[Record], list[TruePart]]]:
         """Take a taxel's next frame, and with a pad's those of all pads at the same instants.
 
         Returns:
-            Of each: number, frame, messages, and the truth behind its blocks.
+            Of each: number, frame, gaps, and the truth behind the samples that are sent.
 
         Raises:
             FirmwareError: The firmware failed.
@@ -85,7 +99,7 @@ class SamplingGroup:
             self._taxels[k].measure()
         for k in together:
             self._taxels[k].separate()
-        return [(k, self._taxels[k].next, *self._taxels[k].report()) for k in together]
+        return [(k, self._taxels[k].next, [], self._taxels[k].report()) for k in together]
 
 
 class Node(BaseNode):
@@ -115,21 +129,21 @@ class Node(BaseNode):
         functions: ModuleType = inversion,
     ) -> None:
         super().__init__(settings, clock=clock, outbox=outbox, truth=truth, seed=seed)
-        self.taxels = build_taxels(settings, seed=seed, clock=clock, functions=functions)
+        self.layout = plan_layout(settings)
+        self._layout = self.layout.described.layout
+        self.taxels = build_taxels(
+            settings, self.layout, seed=seed, clock=clock, functions=functions
+        )
         self._sampling_group = SamplingGroup(settings.taxel, self.taxels)
-        self._skin_map = skin_map(settings.taxel)
+        self._encode = compiled_encode if functions is not inversion else encode
         self._boot()
 
-    def attend(self, seconds: float) -> None:
-        """Shorten blocks for so many real seconds: a viewer watches."""
-        span = round(seconds * self._settings.node.speed * BILLION)
-        self._attention.hold(self._clock.ticks(), span)
-
     def _boot_sampling(self) -> None:
-        sampling = self._settings.sampling
-        self._attention = Attention(round(sampling.watched_block_ms * 1e6))
+        writer = self._outbox.message_writer
+        self._parts: list[TruePart] = []
+        self._assembler = Assembler(self._clock.known, writer, self._encode)
         for taxel in self.taxels:
-            taxel.boot(self._outbox.boot, self._outbox.message_writer, self._attention)
+            taxel.boot(self._outbox.boot, writer, self._assembler)
         actions = [partial(self._sample, number) for number in range(len(self.taxels))]
         self.sampling = Sampling(self.machine, actions, self._settings.machine.dma_samples)
         self._sampling_group.boot()
@@ -151,28 +165,25 @@ class Node(BaseNode):
 
     def _next_start(self) -> tuple[int, int]:
         starts = [taxel.next.start for taxel in self.taxels]
-        return min(starts), max(starts)
+        waiting = self._assembler.begin
+        return min(starts if waiting is None else [waiting, *starts]), max(starts)
 
     def _missing(self, ticks: int) -> int:
-        return sum(taxel.missing(ticks) for taxel in self.taxels)
+        return sum(taxel.missing(ticks) for taxel in self.taxels) + self._assembler.samples
 
     def _skip(self, batch: Batch, ticks: int) -> int:
-        lost = 0
-        for taxel in self.taxels:
-            peaks, samples = taxel.skip(ticks)
-            batch.take(peaks)
-            lost += samples
+        lost = sum(taxel.skip(ticks) for taxel in self.taxels)
+        batch.take(self._flush())
         return lost
 
     def _undecided(self) -> Sequence[Record]:
-        return [record for taxel in self.taxels for record in taxel.finish()]
+        for taxel in self.taxels:
+            taxel.finish()
+        return self._flush()
 
     def _set_shedding(self, stage: int) -> None:
         for taxel in self.taxels:
             taxel.control_unit.shed = stage
-
-    def _described(self) -> tuple[Sequence[Channel], Sequence[tuple[str, float, float]]]:
-        return [channel for taxel in self.taxels for channel in taxel.channels], self._skin_map
 
     def _faults(self) -> Sequence[tuple[str, int, int]] | None:
         return self._self_test.faults
@@ -184,17 +195,61 @@ class Node(BaseNode):
         taken = self._work_off(partial(self._sampling_group.take, number))
         for frame in taken or ():
             self._finish(*frame)
+        if taken and self.sampling.due > self.machine.booted + taken[0][1].due:
+            self._batch.take(self._flush())
 
-    def _finish(
-        self, number: int, frame: Frame, records: list[Record], truth: list[TrueBlock]
-    ) -> None:
-        """Charge, store and schedule after a frame."""
+    def _finish(self, number: int, frame: Frame, gaps: list[Record], truth: list[TruePart]) -> None:
+        """Charge and schedule after a frame."""
         taxel = self.taxels[number]
         ledger, cycles = self.machine.ledger, taxel.cycles(frame.n)
         ledger.charge_frame(frame, cycles=cycles, inputs=taxel.inputs)
-        for record in records:
-            ledger.charge_message(taxel.message_cycles(record), len(record.body))
         ledger.charge_repeats(*taxel.reader.repeats)
-        self._batch.take([*records, *self._self_test.watch(number, frame.end)])
-        self._true += truth
+        records = [*gaps, *self._self_test.watch(number, frame.due)]
+        self._charge(records)
+        self._batch.take(records)
+        self._parts += truth
         self.sampling.arm(number, taxel.next)
+
+    def _flush(self) -> Sequence[Record]:
+        """Write the stretch that is complete; keeps the truth behind its frames."""
+        parts, self._parts = self._parts, []
+        records = self._assembler.flush()
+        self._charge(records)
+        for record, matrices in zip(records, self._assembler.written, strict=False):
+            self._true.append(self._true_frame(record, matrices, parts))
+        return records
+
+    def _charge(self, records: Sequence[Record]) -> None:
+        for record in records:
+            size = len(record.body)
+            self.machine.ledger.charge_message(message(size, record.samples), size)
+
+    def _true_frame(
+        self, record: Record, matrices: Sequence[Matrix], parts: Sequence[TruePart]
+    ) -> TrueFrame:
+        first, last = min(each.start for each in matrices), max(each.last for each in matrices)
+        values = [
+            true_matrix(matrix, [part for part in parts if part.patch == matrix.patch.number])
+            for matrix in matrices
+        ]
+        clock, lasting = self._clock, last + max(each.dt for each in matrices) - first
+        sizes = [(each.patch.number, each.rows * each.patch.columns) for each in matrices]
+        return TrueFrame(
+            Position(self._outbox.boot, record.sequence),
+            self._layout,
+            first,
+            lasting,
+            clock.true_time(first),
+            clock.true_time(first + lasting),
+            np.array(sizes, np.uint32),
+            np.concatenate([each.ravel() for each in values]),
+        )
+
+
+def true_matrix(matrix: Matrix, parts: Sequence[TruePart]) -> Floats:
+    """The truth behind a matrix, shape ``(rows, columns)``; NaN where nothing was sent."""
+    values = np.full((matrix.rows, matrix.patch.columns), np.nan)
+    for part in parts:
+        first, step = (part.start - matrix.start) // matrix.dt, part.dt // matrix.dt
+        values[first : first + step * len(part.values) : step, part.column] = part.values
+    return values

@@ -15,8 +15,8 @@ from eskin.errors import FlashError
 from eskin.privacy.subject import KEY_BYTES
 from eskin_sensor_node.machine.clock import Clock, Crystal
 from eskin_sensor_node.machine.compilation import compiled_inversion
-from eskin_sensor_node.machine.compiled_writer import CompiledWriter
 from eskin_sensor_node.machine.flash.flash import Flash
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.node.node import Node
@@ -46,8 +46,12 @@ class OfflineNode:
     def __init__(self, settings: NodeSettings, flash: Flash, truth: GroundTruth) -> None:
         self._now = 0
         self.flash = flash
+        self.layout = plan_layout(settings)
         self.outbox: Outbox = build_outbox(
-            flash, capacity=2**30, broker=settings.broker, message_writer=CompiledWriter
+            flash,
+            capacity=2**30,
+            broker=settings.broker,
+            described=self.layout.described,
         )
         seed = truth.seed(settings.node.seed)
         random = np.random.default_rng(seed)
@@ -103,6 +107,6 @@ def warm_up(settings: NodeSettings) -> None:
     """
     try:
         with offline_node(settings) as offline:
-            offline.run_until(max(taxel.next.end for taxel in offline.node.taxels))
+            offline.run_until(max(taxel.next.due for taxel in offline.node.taxels))
     except (FlashError, OSError) as error:
         log.warning("warm-up skipped: error=%s", error)

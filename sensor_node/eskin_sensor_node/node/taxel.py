@@ -9,16 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from eskin.errors import FirmwareError
-from eskin.wire.messages import Encoding, Position
 from eskin_sensor_node.firmware.autoranging import Readings
 from eskin_sensor_node.firmware.control_unit import ControlUnit
 from eskin_sensor_node.firmware.gap_reasons import UNRECORDED
-from eskin_sensor_node.firmware.message_writer import BLOCK
 from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.machine.data_sheet import data_sheet
-from eskin_sensor_node.machine.prices import Cycles, inversion, message, passes
+from eskin_sensor_node.machine.prices import Cycles, inversion, passes
 from eskin_sensor_node.machine.schedule import build_schedule
-from eskin_sensor_node.node.ground_truth import TrueBlock
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
@@ -27,15 +24,36 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin_sensor_node.firmware.adaptation import Adaptation
+    from eskin_sensor_node.firmware.assembler import Assembler
+    from eskin_sensor_node.firmware.channel import ChannelUnit
     from eskin_sensor_node.firmware.message_writer import Channel, MessageWriter, Record
-    from eskin_sensor_node.firmware.schedule import Attention, Frame
+    from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.firmware.selftest import SelfTest
     from eskin_sensor_node.kinds.converter import Codes
     from eskin_sensor_node.kinds.frontend import Digitised
     from eskin_sensor_node.kinds.settings import Companion, TaxelSection
     from eskin_sensor_node.kinds.signals import Signals
     from eskin_sensor_node.machine.clock import Clock
+    from eskin_sensor_node.machine.node_layout import Column
     from eskin_sensor_node.settings import SamplingSection
+
+
+class TruePart(NamedTuple):
+    """The truth behind the samples of one column of a patch.
+
+    Attributes:
+        patch: Number of the patch.
+        column: Which column.
+        start: Ticks of the first sample.
+        dt: Sampling period, ns.
+        values: True values in the channel's unit, without noise.
+    """
+
+    patch: int
+    column: int
+    start: int
+    dt: int
+    values: Floats
 
 
 class Repeats(NamedTuple):
@@ -159,14 +177,16 @@ class EmulatedTaxel:
         taxel: Its settings.
         seed: Draws the true parts, the same at each boot.
         clock: The node's clock.
-        sampling: How samples become blocks.
+        sampling: The node's stretches.
+        columns: Of each quantity, where its samples stand in frames.
+        most: Samples of a channel in one frame, at most.
         functions: The firmware's arithmetic, or its compiled copy.
         repeats: How often a sample can be converted again before the next one comes.
         companions: What it reads along, by the names of its inputs.
         coverage: Probability that its intervals hold the truth.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - parts of one design
         self,
         taxel: TaxelSection,
         *,
@@ -175,13 +195,15 @@ class EmulatedTaxel:
         seed: tuple[int, ...],
         clock: Clock,
         sampling: SamplingSection,
+        columns: Sequence[Column],
+        most: int,
         functions: ModuleType,
         repeats: int,
     ) -> None:
         self._taxel = taxel
         self._inverted: list[int] = []
         self._seed = seed
-        self._sampling = sampling
+        self._sampling, self._columns, self._most = sampling, columns, most
         self._repeats = repeats
         self._functions = functions
         self.signal_chain = SignalChain(taxel, seed, companions)
@@ -189,34 +211,32 @@ class EmulatedTaxel:
         self._coverage = coverage
         self._clock = clock
 
-    def boot(self, number: int, message_writer: MessageWriter, attention: Attention) -> None:
+    def boot(self, number: int, message_writer: MessageWriter, assembler: Assembler) -> None:
         """Start its control unit with an empty RAM.
 
         Args:
             number: The boot's. It draws the noise: each frame's depends on its start alone.
             message_writer: Writes the node's messages.
-            attention: Limits its frames while a viewer watches.
+            assembler: Takes samples and peaks.
         """
         taxel = self._taxel
         self._boot = number
-        self._attention = attention
         self._message_writer = message_writer
         self._calibrated = taxel.firmware(data_sheet(taxel, self._companions), self._functions)
         self.control_unit = ControlUnit(
             taxel.id,
             self._calibrated,
-            schedule=build_schedule(taxel, self._sampling.block_samples),
+            schedule=build_schedule(taxel, self._sampling, self._most),
             coverage=self._coverage,
             prominences=taxel.prominences,
             longest=round(taxel.longest_region_s * BILLION),
-            encoding=int(Encoding[self._sampling.encoding.upper()]),
+            columns=self._columns,
             repeats=self._repeats,
             clock=self._clock.known,
-            message_writer=message_writer,
+            assembler=assembler,
         )
         self.reader = Reader(self.control_unit, self.signal_chain, self._calibrated.inputs)
         self._inverted = list(self._calibrated.inverted)
-        self._quantities = {f"{taxel.id}.{name}": name for name, _ in self._calibrated.quantities}
         self.next: Frame = self.control_unit.schedule.frame(0)
         self._adjust()
 
@@ -248,36 +268,29 @@ class EmulatedTaxel:
             )
         return total
 
-    def message_cycles(self, record: Record) -> Cycles:
-        """Cycles to write and send one of its messages."""
-        encoding = self._sampling.encoding if record.kind == BLOCK else None
-        return message(len(record.body), encoding, record.samples)
-
     @property
     def channels(self) -> list[Channel]:
         """What it measures."""
         return self.control_unit.channels
 
-    def sample(self) -> tuple[list[Record], list[TrueBlock]]:
-        """Sample the next frame; gives its messages, and the truth behind its blocks.
+    def sample(self) -> tuple[list[Record], list[TruePart]]:
+        """Sample the next frame; gives gaps, and the truth behind the samples that are sent.
 
         Raises:
             FirmwareError: The firmware failed.
         """
         frame = self.next
         signals, random = self._sense(frame)
-        records: list[Record] = []
-        true_blocks: list[TrueBlock] = []
+        gaps: list[Record] = []
+        truth: list[TruePart] = []
         for begin, end, present in signals.runs(frame.n):
             part = frame.part(begin, end)
             if present:
-                found, truth = self._measure(part, signals.part(begin, end), random)
-                records += found
-                true_blocks += truth
+                truth += self._measure(part, signals.part(begin, end), random)
             else:
-                records += self._record_gap(part)
+                gaps.append(self._record_gap(part))
         self._advance()
-        return records, true_blocks
+        return gaps, truth
 
     def measure(self) -> None:
         """Measure the next frame, which has no gaps, without messages.
@@ -300,17 +313,17 @@ class EmulatedTaxel:
         with self._firmware_errors():
             self.control_unit.separate()
 
-    def report(self) -> tuple[list[Record], list[TrueBlock]]:
-        """Messages of the frame that was measured, and the truth behind its blocks.
+    def report(self) -> list[TruePart]:
+        """Hand on the frame that was measured; gives the truth behind the samples that are sent.
 
         Raises:
             FirmwareError: The firmware failed.
         """
         frame = self.next
         with self._firmware_errors():
-            records = self.control_unit.report()
+            sent = self.control_unit.report()
         self._advance()
-        return records, self._true_blocks(frame, records, self._truth)
+        return self._true_parts(frame, sent, self._truth)
 
     def _sense(self, frame: Frame) -> tuple[Signals, np.random.Generator]:
         self.reader.begin()
@@ -320,14 +333,14 @@ class EmulatedTaxel:
 
     def _measure(
         self, frame: Frame, signals: Signals, random: np.random.Generator
-    ) -> tuple[list[Record], list[TrueBlock]]:
+    ) -> list[TruePart]:
         digitised = self.signal_chain.frontend.digitise(signals.sensed, random)
         truth = signals.truth | digitised.truth
         ends = [self.signal_chain.frontend.digitise(end, random) for end in signals.ends]
         with self._firmware_errors():
             readings = [self.reader.read(each) for each in ends or [digitised]]
-            records = self.control_unit.process(frame, *readings)
-        return records, self._true_blocks(frame, records, truth)
+            sent = self.control_unit.process(frame, *readings)
+        return self._true_parts(frame, sent, truth)
 
     @contextmanager
     def _firmware_errors(self) -> Iterator[None]:
@@ -336,72 +349,65 @@ class EmulatedTaxel:
         except Exception as error:
             raise FirmwareError(f"{self.name}: {type(error).__name__}: {error}") from error
 
-    def _true_blocks(
-        self, frame: Frame, records: list[Record], truth: Mapping[str, Floats]
-    ) -> list[TrueBlock]:
-        """The truth behind blocks; the hardware is set for the next frame."""
+    def _true_parts(
+        self, frame: Frame, sent: Sequence[ChannelUnit], truth: Mapping[str, Floats]
+    ) -> list[TruePart]:
+        """The truth behind what is sent; the hardware is set for the next frame."""
         self._adjust()
-        time = self._clock.true_time(frame.start)
         return [
-            TrueBlock(
-                Position(self._boot, record.sequence),
-                record.channel,
-                time,
+            TruePart(
+                unit.patch.number,
+                unit.column,
+                frame.start,
                 frame.dt,
-                truth[self._quantities[record.channel]],
+                truth[unit.channel.name.rpartition(".")[2]],
             )
-            for record in records
-            if record.kind == BLOCK
+            for unit in sent
         ]
 
-    def _record_gap(self, frame: Frame) -> list[Record]:
+    def _record_gap(self, frame: Frame) -> Record:
         """Record a gap: there was nothing to sample."""
         known = self._clock.known
         time = known.enclosure(frame.start)[0], known.enclosure(frame.end)[1]
-        records = self.control_unit.skip(frame.n)
-        return [*records, self._message_writer.gap(UNRECORDED, time, frame.n * len(self.channels))]
+        self.control_unit.skip(frame.n)
+        patches = sorted({unit.patch.number for unit in self.control_unit.units})
+        samples = frame.n * len(self.channels)
+        return self._message_writer.gap(UNRECORDED, time, samples, patches=patches)
 
     def feed(self, number: int, test: SelfTest) -> None:
         """Feed the self-test with the last frame of the first quantity."""
         unit = self.control_unit.units[0]
         test.take(number, unit.lows, unit.highs, unit.filled)
 
-    def amplify(self, gain: float) -> list[Record]:
-        """Set the amplifier before the converter; gives undecided peaks."""
-        records = self.control_unit.amplify(gain)
+    def amplify(self, gain: float) -> None:
+        """Set the amplifier before the converter."""
+        self.control_unit.amplify(gain)
         self._adjust()
-        return records
 
-    def adapt(self, *, on: bool) -> list[Record]:
+    def adapt(self, *, on: bool) -> None:
         """Turn adaptive gain, trimmer and plates on, or reset them to the design."""
-        records = self.control_unit.adapt(int(on))
+        self.control_unit.adapt(int(on))
         self._adjust()
-        return records
 
-    def sample_every(self, dt: int) -> list[Record]:
-        """Sample with another period, ns, from the next frame on; gives undecided peaks."""
-        records = self.control_unit.sample_every(dt, self.next.start)
+    def sample_every(self, dt: int) -> None:
+        """Sample with another period, ns, from the next frame on."""
+        self.control_unit.sample_every(dt, self.next.start)
         self.next = self.control_unit.schedule.frame(0)
-        return records
 
-    def reset(self) -> list[Record]:
-        """Reset to the design; gives undecided peaks."""
-        records = self.control_unit.reset(self.next.start)
+    def reset(self) -> None:
+        """Reset to the design."""
+        self.control_unit.reset(self.next.start)
         self._adjust()
         self.next = self.control_unit.schedule.frame(0)
-        return records
 
-    def skip(self, ticks: int) -> tuple[list[Record], int]:
-        """Pass over all frames that begin before a moment.
-
-        Returns:
-            The peaks that stay undecided, and how many samples were lost, over all channels.
-        """
+    def skip(self, ticks: int) -> int:
+        """Skip all frames that begin before a moment; gives lost samples over all channels."""
         lost = 0
         while self.next.start < ticks:
             lost += self.next.n
             self._advance()
-        return self.control_unit.skip(lost), lost * len(self.channels)
+        self.control_unit.skip(lost)
+        return lost * len(self.channels)
 
     def missing(self, ticks: int) -> int:
         """Samples that were due before a moment and not reported, over all channels."""
@@ -409,16 +415,12 @@ class EmulatedTaxel:
         omitted_samples = self.control_unit.omitted_samples
         return max(0, due - self.next.first) * len(self.channels) + omitted_samples
 
-    def finish(self) -> list[Record]:
-        """The peaks that stay undecided at the end."""
-        return self.control_unit.skip(0)
+    def finish(self) -> None:
+        """Hand on the peaks that stay undecided at the end."""
+        self.control_unit.skip(0)
 
     def _advance(self) -> None:
-        """Set the next frame: short while a viewer watches and the supply allows it."""
-        unit = self.control_unit
-        begin = self.next.end
-        most = 0 if unit.shed else self._attention.most(begin, unit.schedule.dt)
-        self.next = unit.schedule.following(self.next, most)
+        self.next = self.control_unit.schedule.following(self.next)
 
     def _adjust(self) -> None:
         """Set the hardware as the control unit has chosen, for the next frame."""

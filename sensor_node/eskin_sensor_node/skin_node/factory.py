@@ -3,51 +3,26 @@
 from __future__ import annotations
 
 import time
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eskin.wire.frames import content_hash
 from eskin_sensor_node.columns.factory import plan
 from eskin_sensor_node.columns.pad_columns import PadColumns
-from eskin_sensor_node.firmware.descriptions import describe_layout, describe_patch
 from eskin_sensor_node.firmware.message_writer import MessageWriter
 from eskin_sensor_node.machine.budget import require_flash, require_ram
 from eskin_sensor_node.machine.clock import Clock, Crystal
+from eskin_sensor_node.machine.node_layout import describe
 from eskin_sensor_node.machine.processor import require_speed
 from eskin_sensor_node.node.factory import build_clock, build_outbox, first_moment
 from eskin_sensor_node.skin_node.frames import FrameWriter
 from eskin_sensor_node.skin_node.node import SkinNode
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from eskin.wire.frames import Layout, Patch
     from eskin_sensor_node.firmware.outbox import Outbox
     from eskin_sensor_node.machine.flash.flash import Partition
     from eskin_sensor_node.node.ground_truth import GroundTruth
     from eskin_sensor_node.settings import NodeSettings
-
-
-def build_skin_outbox(
-    flash: Partition, settings: NodeSettings, layout: Layout, patches: Sequence[Patch]
-) -> Outbox:
-    """Put an outbox on a flash, which keeps the descriptions of frames as well.
-
-    Raises:
-        FlashError: They cannot be written.
-    """
-    described = [describe_layout(layout), *map(describe_patch, patches)]
-    name = content_hash(described[0])
-    outbox = build_outbox(
-        flash,
-        capacity=settings.flash.capacity_bytes,
-        broker=settings.broker,
-        message_writer=partial(MessageWriter, layout=name),
-    )
-    outbox.describe(name, {content_hash(each): each for each in described})
-    return outbox
 
 
 def build_skin_node(
@@ -69,7 +44,12 @@ def build_skin_node(
     require_flash(settings)
     require_speed(settings, {})
     skin = plan(settings)
-    outbox = build_skin_outbox(flash, settings, skin.layout, skin.patches)
+    outbox = build_outbox(
+        flash,
+        capacity=settings.flash.capacity_bytes,
+        broker=settings.broker,
+        described=describe(skin.layout, skin.patches),
+    )
     seed = truth.seed(settings.node.seed)
     start = first_moment(truth, time.time_ns())
     clock = build_clock(settings, seed=seed, boot=outbox.boot, start=start)

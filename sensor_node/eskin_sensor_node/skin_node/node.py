@@ -141,7 +141,7 @@ class SkinNode(BaseNode):
                 sizes=sizes if number == 0 else (),
             )
             start = stretch.begin + grid.delay
-            frame = Frame(0, grid.first_row, start, 0, grid.rows, grid.period, closes=False)
+            frame = Frame(grid.first_row, start, 0, grid.rows, grid.period, start, closes=False)
             self.machine.ledger.charge_frame(
                 frame, cycles=cycles.total, inputs=taxels + len(skin.air)
             )

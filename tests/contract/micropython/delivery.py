@@ -1,9 +1,8 @@
 """Works off a script of what happens to an outbox; runs under CPython and MicroPython alike."""
 
-from eskin_sensor_node.firmware.encoding import F64
-from eskin_sensor_node.firmware.message_writer import RESULT, Channel, MessageWriter, Record
+from eskin_sensor_node.firmware.message_writer import RESULT, MessageWriter, Record
 from eskin_sensor_node.firmware.outbox import Outbox
-from eskin_sensor_node.firmware.peaks import CERTAIN, PeakEvent, Span
+from eskin_sensor_node.firmware.peaks import CERTAIN
 
 from tests.contract.micropython.chip import MemoryChip
 
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
 
     from eskin_sensor_node.firmware.message_writer import Numbers
 
-CHANNEL = Channel("t01.capacitance", "F", 1000, 1.0)
-
 
 class Delivery:
     """An outbox on a chip in memory, and a clock.
@@ -25,7 +22,7 @@ class Delivery:
         window: Messages under way at once.
         resend_after: When it sends again.
         status_every: Time between two status messages.
-        layout: Hash of the layout of a node that writes frames, in hexadecimal.
+        layout: Hash of the node's layout, in hexadecimal.
     """
 
     def __init__(
@@ -34,7 +31,7 @@ class Delivery:
         window: int,
         resend_after: int,
         status_every: int,
-        layout: str = "",
+        layout: str,
     ) -> None:
         self._layout = bytes.fromhex(layout)
         self._limits = capacity, window, resend_after, status_every
@@ -57,11 +54,11 @@ class Delivery:
         return MessageWriter(boot, numbers, self._layout)
 
     def written(self, kind: str, n: int) -> Record:
-        """A message of a kind; n: samples of a block or a frame."""
+        """A message of a kind; n: samples of a frame."""
         message_writer = self.outbox.message_writer
         time = self.now, self.now + 5
         if kind == "frame":
-            codes = bytes(range(n))
+            codes = bytes([k & 0xFF for k in range(n)])
             patches = [[2, 0, 1, n, -4, 9, codes, {2: b"\1"}]]
             grids = [(0, 20000000, 9, 1, 0.5)]
             return message_writer.frame(
@@ -71,14 +68,9 @@ class Delivery:
             peak = 2, 0, time, CERTAIN, (1, 1), (0.5, 1.0), (0.25, float("inf")), 0.5
             verdict = "grip", time, 0, True, 0, 1.0
             return message_writer.statements(time, peaks=[peak], verdicts=[verdict])
-        if kind == "block":
-            values = [0.5] * n
-            return message_writer.block(CHANNEL, self.now, time, F64, values, values, n)
-        if kind == "peak":
-            return message_writer.peak(CHANNEL, PeakEvent(CERTAIN, Span(0, 0.0, 1.0)), time, 1.0)
         if kind == "status":
             usage = self.outbox.usage()
-            return message_writer.status(time, "p", "", self.now, usage, [CHANNEL], 1)
+            return message_writer.status(time, "p", "", self.now, usage, 1)
         return Record(RESULT, self.outbox.next_sequence(), b"done" * n, time, 0)
 
     def say(self, *said: "Sequence[Any]") -> "list[int] | None":
@@ -126,15 +118,14 @@ class Delivery:
         for sequence in range(first, last + 1):
             self.outbox.mark_sent((boot, sequence), self.now)
 
-    def acknowledge(self, *spans: "Sequence[int]") -> "list[bool]":
-        """A gateway has messages; gives whether they were awaited, and could be forgotten."""
+    def acknowledge(self, *spans: "Sequence[int]") -> bool:
+        """A gateway has messages; gives whether they could be forgotten."""
         named = [(span[0], span[1], span[2]) for span in spans]
-        awaited = self.outbox.has_in_flight(named)
         try:
             self.outbox.acknowledge(named)
         except OSError:
-            return [awaited, False]
-        return [awaited, True]
+            return False
+        return True
 
 
 def deliver(job: "Mapping[str, Any]") -> "list[Any]":

@@ -26,27 +26,35 @@ port.runPython(`
 with open('/job.json') as file:
     job = json.load(file)
 clock = driver.Clock(int(job['reading']), job['error'], job['drift'])
-writer = driver.MessageWriter(job['boot'], driver.Counter())
+writer = driver.MessageWriter(job['boot'], driver.Counter(), bytes.fromhex(job['layout']))
+assembler = driver.Assembler(clock, writer)
 units = []
 given = iter(job['taxels'])
 taxels = len(job['taxels'])
-steps = [step for step in job['steps'] if 'taxel' in step]
-frames = len(steps)
+steps = [step for step in job['steps'] if 'taxel' in step or 'flush' in step]
+count = len(steps)
+
+def work(step):
+    return assembler.flush() if 'flush' in step else driver.drive(step, units)
 `);
 const taxels = [];
 let last = used();
 for (let k = 0; k < port.globals.get('taxels'); k++) {
-  port.runPython('units.append(driver.control_unit(next(given), clock, writer))');
+  port.runPython('units.append(driver.control_unit(next(given), clock, assembler))');
   const now = used();
   taxels.push(now - last);
   last = now;
 }
 let records = 0;
-for (let k = 0; k < port.globals.get('frames'); k++) {
-  port.runPython(`said = driver.work(steps[${k}], units, writer, None)`);
+let waiting = 0;
+for (let k = 0; k < port.globals.get('count'); k++) {
+  port.runPython(`said = work(steps[${k}])`);
   const kept = used();
   port.runPython('said = None');
-  records = Math.max(records, kept - used());
+  const rest = used();
+  records = Math.max(records, kept - rest);
+  waiting = Math.max(waiting, rest - last);
 }
+port.runPython('assembler.flush()');
 const growth = used() - last;
-writeFileSync(answer, JSON.stringify({ program: loaded - empty, taxels, growth, records }));
+writeFileSync(answer, JSON.stringify({ program: loaded - empty, taxels, growth, records, waiting: waiting - growth }));

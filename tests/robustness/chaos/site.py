@@ -283,7 +283,7 @@ class Site:
             own = self._identities.make(IdentityKind.NODE, name)
         config = write_settings(self.layout.node_settings(name), {
             "node": {"name": name, "profile": name, "seed": 1},
-            "sampling": {"block_samples": 50, "overrun_s": 3.0},
+            "sampling": {"stretch_ms": 50.0, "overrun_s": 3.0},
             "broker": {"host": self.broker.host.address, "port": _PORTS.nodes, "keepalive_s": 5,
                        "resend_s": 2.0, "drain_s": 60.0},
             "identity": {"directory": own.directory,

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import struct
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+from eskin_sensor_node.firmware.assembler import encode
 from eskin_sensor_node.firmware.channel import Baseline, Smoothing
-from eskin_sensor_node.firmware.encoding import F32, F64, Q16, write
-from eskin_sensor_node.firmware.message_writer import Channel, MessageWriter
+from eskin_sensor_node.firmware.message_writer import MessageWriter
 from eskin_sensor_node.firmware.peaks import PeakDetector
 
 from tests.robustness.cortex_m33.case import Case, reals
@@ -27,25 +27,24 @@ SAMPLES: Final = 250
 _EVENT: Final = 8
 """Numbers that the program tells of an event."""
 _MOST_EVENTS: Final = 64
-_ENCODINGS: Final = {F64: ("f64", 8), F32: ("f32", 4), Q16: ("q16", 2)}
+_ROWS: Final = 25
+"""Of a signal as a patch; the more rows, the less its first one counts."""
+_FINEST: Final = -50
+"""Exponent of a quantum of 1/64 of a signal's width."""
 _TEXTS: Final = (0, 1024, 16384)
 """Bytes of a sealed message: whole blocks of 16; what is left counts with the message."""
 
 
 def channels() -> Iterator[Count]:
     """What is done with each sample of a channel, with each message, and with each byte sent."""
-    for k, (lows, highs) in enumerate(_signals()):
+    for lows, highs in _signals():
         yield Count("rest", [_rest(lows, highs)], SAMPLES)
         yield Count("smoothing", [_smoothing(lows, highs)], SAMPLES)
         yield Count("peaks", [_peaks(lows, highs)], SAMPLES)
-        for encoding, (name, width) in _ENCODINGS.items():
-            yield Count(f"encode_{name}", [_encoded(encoding, name, width, lows, highs)], SAMPLES)
-            yield Count(f"block_{name}", [_block(encoding, width, lows, highs, k)], 1)
+        yield Count("encode_frame", [_encoded(lows, highs, _FINEST)], SAMPLES)
         yield from (Count("peak", [case], 1) for case in _peak_messages(lows, highs))
     for lows, highs in _any_signals():
-        for encoding, (name, width) in _ENCODINGS.items():
-            case = _encoded(encoding, name, width, lows, highs)
-            yield Count(f"encode_{name}_any", [case], SAMPLES)
+        yield Count("encode_frame_any", [_encoded(lows, highs, _FINEST)], SAMPLES)
     for one, other in pairwise(map(_sealed, _TEXTS)):
         more = len(other.expected[3]) - len(one.expected[3])
         yield Count("seal_byte", [other], more, [one])
@@ -120,13 +119,13 @@ def _peaks(lows: array[float], highs: array[float]) -> Case:
     return Case.of("peaks", 0.3e-12, 1000, events, lows, highs, after=[reals(told), lows, highs])
 
 
-def _encoded(encoding: int, name: str, width: int, lows: array[float], highs: array[float]) -> Case:
-    written = write(encoding, lows, highs, SAMPLES)
-    told = [written.lowest, written.highest, written.widening, written.exponent, written.offset]
-    room = bytes(width * SAMPLES)
+def _encoded(lows: array[float], highs: array[float], finest: int) -> Case:
+    columns = SAMPLES // _ROWS
+    exponent, offset, codes = encode(lows, highs, _ROWS, columns, 0, (), finest)
+    told = reals([exponent, offset, len(codes)])
     return Case.of(
-        f"encode_{name}", lows, highs, room, room, reals(bytes(40)),
-        after=[lows, highs, written.lo, written.hi, reals(told)],
+        "encode_frame", _ROWS, columns, finest, lows, highs, bytes(len(codes)), reals([0.0] * 3),
+        after=[lows, highs, codes, told],
     )  # fmt: skip
 
 
@@ -138,42 +137,26 @@ class _Numbers:
         return self._sequence
 
 
-_CHANNEL: Final = Channel("t00.plate_distance", "m", 4_000_000, 0.9973)
+_COVERAGE: Final = 0.9973
 _TIME: Final = 1_790_000_000_000_000_000, 1_790_000_000_004_000_000
 _BOOT: Final = 1_790_000_000
 _SEQUENCE: Final = 123_456
-_TICKS: Final = 86_400_000_000_000
-
-
-def _head(encoding: int) -> tuple[Any, ...]:
-    numbers = struct.pack("<6q", _BOOT, _SEQUENCE, _TICKS, *_TIME, _CHANNEL.dt)
-    names = _CHANNEL.name.encode() + b"\0", _CHANNEL.unit.encode() + b"\0"
-    return *names, numbers, SAMPLES, encoding, _CHANNEL.coverage
-
-
-def _message_writer() -> MessageWriter:
-    return MessageWriter(_BOOT, _Numbers(_SEQUENCE))
-
-
-def _block(encoding: int, width: int, lows: array[float], highs: array[float], k: int) -> Case:
-    del k
-    made = _message_writer().block(_CHANNEL, _TICKS, _TIME, encoding, lows, highs, SAMPLES)
-    written = write(encoding, lows, highs, SAMPLES)
-    head, room = _head(encoding), bytes(width * SAMPLES)
-    return Case.of(
-        "block", *head, lows, highs, room, room, bytes(len(made.body)),
-        after=[*head[:3], lows, highs, written.lo, written.hi, made.body],
-    )  # fmt: skip
+_LAYOUT: Final = bytes(range(32))
+_PLACE: Final = 3, 1
+"""Patch and column."""
 
 
 def _peak_messages(lows: array[float], highs: array[float]) -> Iterator[Case]:
     detector = PeakDetector(0.3e-12, 1000)
     for event in [*detector.feed(lows, highs, SAMPLES), *detector.gap(0)]:
-        made = _message_writer().peak(_CHANNEL, event, _TIME, _CHANNEL.coverage)
-        head = _head(F64)
+        stated = event.verdict, event.count, event.height, event.prominence
+        writer = MessageWriter(_BOOT, _Numbers(_SEQUENCE), _LAYOUT)
+        made = writer.statements(_TIME, peaks=[(*_PLACE, _TIME, *stated, _COVERAGE)])
+        numbers = struct.pack("<4q", _BOOT, _SEQUENCE, *_TIME)
         told = reals([event.verdict, event.count[1], *event.height, *event.prominence])
         room = bytes(len(made.body))
-        yield Case.of("peak", *head, told, room, after=[*head[:3], told, made.body])
+        given = _LAYOUT, numbers
+        yield Case.of("peak", *given, _COVERAGE, told, room, after=[*given, told, made.body])
 
 
 def _sealed(length: int) -> Case:

@@ -7,12 +7,10 @@ import sqlite3
 from contextlib import closing
 from typing import TYPE_CHECKING, Any, Final
 
-from eskin_sensor_node.firmware.message_writer import GAP
-
 from eskin.privacy.subject import KEY_BYTES
-from eskin.wire.messages import Gap, decode_message
 from tests.unit.sensor_node.designs import waiting
 from tests.unit.sensor_node.flashes import open_flash
+from tests.unit.sensor_node.messages import stated_gaps
 from tests.unit.sensor_node.stores import Store
 
 if TYPE_CHECKING:
@@ -39,7 +37,7 @@ def work(folder: Path, draw: random.Random, marks: Marks) -> None:
         for _ in range(_BATCHES):
             with store.outbox.batch() as batch:
                 for _ in range(draw.randint(1, 14)):
-                    store.add_block(batch, draw.randint(50, 250))
+                    store.add_frame(batch, draw.randint(50, 250))
                     if draw.random() < 0.2:
                         store.add_peak(batch)
                 for record in batch.records:
@@ -68,11 +66,10 @@ def check(folder: Path, marks: list[list[Any]]) -> None:
     assert boot > max((which[0] for what, which in marks if what == "boot"), default=0)
     named = set()
     for kept in found:
-        if kept.kind == GAP:
-            gap = decode_message(kept.body)
-            assert isinstance(gap, Gap)
+        gaps = stated_gaps(kept)
+        for gap in gaps:
             named |= {(b, n) for b, first, last in gap.lost for n in range(first, last + 1)}
-        else:
+        if not gaps:
             assert will[kept.position] == _digest(kept.body), f"{kept.position} is corrupt"
     there = {kept.position for kept in found}
     assert not (lost := did - forgets - there - named), f"vanished: {sorted(lost)[:5]}"

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from eskin_sensor_node.firmware import inversion
-from eskin_sensor_node.firmware.message_writer import MessageWriter
 from eskin_sensor_node.kinds.registry import Taxel
 from eskin_sensor_node.machine.clock import Clock, Crystal
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.machine.radio import Radio
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
@@ -101,7 +101,6 @@ class Bench:
         *,
         drift: int = 0,
         functions: ModuleType = inversion,
-        message_writer: type[MessageWriter] = MessageWriter,
         **sections: Any,
     ) -> None:
         self.settings = settings(folder, profile, **sections)
@@ -111,7 +110,7 @@ class Bench:
             self.flash,
             capacity=self.settings.flash.capacity_bytes,
             broker=self.settings.broker,
-            message_writer=message_writer,
+            described=plan_layout(self.settings).described,
         )
         self.traffic = Traffic()
         self.ticks = 0

@@ -15,12 +15,14 @@ from eskin.identity import ChainVerifier, client_context, thumbprint
 from eskin.identity.identity_kind import IdentityKind
 from eskin.wire.envelope import Opener, Sealer, introduction
 from eskin.wire.frames import content_hash
-from eskin.wire.messages import Acknowledgement, decode_message
+from eskin.wire.messages import Acknowledgement
 from eskin.wire.topics import Stream, node_topic
+from tests.unit.sensor_node.messages import decode
 
 if TYPE_CHECKING:
     from cryptography import x509
 
+    from eskin.wire.frames import Frame, Statements
     from eskin.wire.messages import Message, Position
     from tests.support.identities import Identities
 
@@ -38,7 +40,7 @@ class Peer:
 
     def __init__(self, identities: Identities, port: int, *, acknowledging: bool = True) -> None:
         self.acknowledging = acknowledging
-        self._messages: dict[Position, Message] = {}
+        self._messages: dict[Position, Message | Frame | Statements] = {}
         self._copies: Counter[Position] = Counter()
         self.order: list[Position] = []
         self.timeline: list[bytes | Position] = []
@@ -70,7 +72,7 @@ class Peer:
         self.client.loop_stop()
 
     @property
-    def messages(self) -> dict[Position, Message]:
+    def messages(self) -> dict[Position, Message | Frame | Statements]:
         """What it has opened by now, by position; a copy, as more may come meanwhile."""
         return self._messages.copy()
 
@@ -90,24 +92,23 @@ class Peer:
         positions: list[Position],
         *,
         topic: str = "",
-        watched: int = 0,
         time_ns: int | None = None,
         want: tuple[bytes, ...] = (),
     ) -> None:
-        """Acknowledge messages; a client watches for some ms; by a clock that says ``time_ns``.
+        """Acknowledge messages, by a clock that says ``time_ns``.
 
         ``want``: descriptions that it lacks.
         """
         spans = tuple((p.boot, p.sequence, p.sequence) for p in positions)
         topic = topic or node_topic(node, Stream.ACKS)
         sealed = self._sealers[node].seal(
-            Acknowledgement(time_ns or time.time_ns(), spans, watched, want).encode(),
+            Acknowledgement(time_ns or time.time_ns(), spans, want=want).encode(),
             topic=topic,
         )
         self.client.publish(node_topic(node, Stream.ACKS), sealed, qos=1)
 
     def _on_connect(self, client: mqtt.Client, *_: Any) -> None:
-        streams = (Stream.BLOCKS, Stream.LAYOUTS, Stream.EVENTS, Stream.STATUS)
+        streams = (Stream.FRAMES, Stream.LAYOUTS, Stream.EVENTS, Stream.STATUS)
         client.subscribe([(node_topic("+", stream), 1) for stream in streams])
 
     def _on_message(self, _client: mqtt.Client, _data: Any, message: mqtt.MQTTMessage) -> None:
@@ -129,7 +130,7 @@ class Peer:
         if message.topic.endswith(Stream.LAYOUTS):
             self.timeline.append(content_hash(opened.plaintext))
             return
-        said = decode_message(opened.plaintext)
+        said = decode(opened.plaintext)
         self.timeline.append(said.position)
         self.held = opened.held
         if said.position not in self._messages:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any
 
-from eskin_sensor_node.firmware.encoding import F64
-from eskin_sensor_node.firmware.message_writer import Channel
-from eskin_sensor_node.firmware.peaks import CERTAIN, PeakEvent, Span
+import numpy as np
+from eskin_sensor_node.firmware.assembler import encode
+from eskin_sensor_node.firmware.peaks import CERTAIN
+from eskin_sensor_node.machine.node_layout import describe
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.settings import BrokerSection
 
-from eskin.wire.messages import Gap, decode_message
+from eskin.wire.frames import Layout, Patch, Statements
 from tests.unit.sensor_node.designs import waiting
 from tests.unit.sensor_node.flashes import KEY, open_flash
+from tests.unit.sensor_node.messages import decode
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,9 +24,11 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.message_writer import Record
     from eskin_sensor_node.firmware.outbox import Batch
 
+    from eskin.wire.frames import Gap
+
 ROOM = 1 << 20
-CHANNEL = Channel("t01.capacitance", "F", 10, 1.0)
-EVENT = PeakEvent(CERTAIN, Span(0, 0.0, 1.0))
+PATCH = Patch("skin", "capacitance", "F", ("t01",), 1e-15)
+DESCRIBED = describe(Layout((PATCH.content_hash,), (1,)), (PATCH,))
 
 
 class Store:
@@ -34,25 +39,32 @@ class Store:
     ) -> None:
         self.flash = open_flash(path, key=key, epoch=epoch)
         broker = BrokerSection(window=10_000)
-        self.outbox = build_outbox(self.flash, capacity=capacity, broker=broker)
+        self.outbox = build_outbox(
+            self.flash, capacity=capacity, broker=broker, described=DESCRIBED
+        )
 
-    def add_block(self, batch: Batch, n: int = 250) -> Record:
-        values = [1.0] * n
+    def add_frame(self, batch: Batch, n: int = 250) -> Record:
+        """A frame of n samples, about 3 bytes each."""
         time = self.outbox._sequence, self.outbox._sequence + 5
-        block = self.outbox.message_writer.block(CHANNEL, 0, time, F64, values, values, n)
-        batch.take([block])
-        return block
+        grid, patch = (0, 10, 0, n, 1.0), (0, 0, 0, 1, *_noise(n))
+        frame = self.outbox.message_writer.frame(
+            0, 0, time, [grid], [patch], samples=n, lasting=10 * (n - 1)
+        )
+        batch.take([frame])
+        return frame
 
     def add_peak(self, batch: Batch) -> Record:
-        peak = self.outbox.message_writer.peak(CHANNEL, EVENT, (0, 9), 1.0)
-        batch.take([peak])
-        return peak
+        """A statement of one peak."""
+        peak = 0, 0, (0, 9), CERTAIN, (1, 1), (0.0, 1.0), (0.0, 1.0), 1.0
+        stated = self.outbox.message_writer.statements((0, 9), peaks=[peak])
+        batch.take([stated])
+        return stated
 
-    def fill(self, blocks: int, *, peak_every: int = 0) -> list[Position]:
+    def fill(self, frames: int, *, peak_every: int = 0) -> list[Position]:
         records = []
-        for number in range(blocks):
+        for number in range(frames):
             with self.outbox.batch() as batch:
-                records.append(self.add_block(batch))
+                records.append(self.add_frame(batch))
                 if peak_every and number % peak_every == 0:
                     records.append(self.add_peak(batch))
         return [(self.flash.boot, record.sequence) for record in records]
@@ -61,10 +73,11 @@ class Store:
         return [kept.position for kept in waiting(self.flash)]
 
     def messages(self) -> list[Any]:
-        return [decode_message(kept.body) for kept in waiting(self.flash)]
+        return [decode(kept.body) for kept in waiting(self.flash)]
 
     def gaps(self) -> list[Gap]:
-        return [message for message in self.messages() if isinstance(message, Gap)]
+        stated = [message for message in self.messages() if isinstance(message, Statements)]
+        return [gap for each in stated for gap in each.gaps]
 
     def read_all(self) -> None:
         """As a radio does that has just connected."""
@@ -78,6 +91,13 @@ class Store:
 
     def make_room(self) -> None:
         self.flash.file.db.execute("PRAGMA max_page_count = 1000000")
+
+
+@functools.cache
+def _noise(n: int) -> tuple[int, int, bytes]:
+    """Encoded samples that need all bits."""
+    lows = np.random.default_rng(n).uniform(0.0, 2.0**23, n)
+    return encode(lows.tolist(), (lows + 1.0).tolist(), n, 1, 0, b"", 0)
 
 
 def plain(message: Any) -> Position:

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_sensor_node.firmware.channel import ADAPTIVE, PEAKS, Baseline, Smoothing
-from eskin_sensor_node.node.ground_truth import GroundTruth
 from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.union_bound import union_coverage
-from eskin.wire.messages import Block, Peak, decode_message
 from tests.unit.sensor_node.designs import SECOND, Bench
+from tests.unit.sensor_node.messages import Samples, peaks_of, samples_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,26 +33,18 @@ def first(bench: Bench) -> EmulatedTaxel:
     return bench.node.taxels[0]
 
 
-def blocks(bench: Bench, channel: str = "t01.capacitance") -> list[Block]:
-    messages = [decode_message(body) for body in bench.bodies()]
-    return [m for m in messages if isinstance(m, Block) and m.channel == channel]
+def samples(bench: Bench, channel: str = "t01.capacitance") -> list[Samples]:
+    return samples_of(bench, channel)
 
 
-def peaks(bench: Bench, channel: str = "t01.capacitance") -> list[Peak]:
-    messages = [decode_message(body) for body in bench.bodies()]
-    return [m for m in messages if isinstance(m, Peak) and m.channel == channel]
+def assert_truth_is_inside(found: list[Samples]) -> None:
+    assert found
+    for each in found:
+        assert each.hold_truth(), each.ticks
+        assert each.tube.time[0] <= each.time <= each.tube.time[1]
 
 
-def assert_truth_is_inside(bench: Bench, found: list[Block]) -> None:
-    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in found])
-    assert len(truth) == len(found) > 0
-    for block in found:
-        true = truth[block.position]
-        assert np.all(block.tube.values.contains(true.values)), block.ticks
-        assert block.tube.time[0] <= true.time <= block.tube.time[1]
-
-
-def width(found: list[Block]) -> float:
+def width(found: list[Samples]) -> float:
     return float(np.median(np.concatenate([block.tube.values.wid for block in found])))
 
 
@@ -61,11 +52,11 @@ def test_gain_narrows_what_is_measured_and_still_holds_the_truth(tmp_path: Path)
     bench = Bench(tmp_path, "fingertip")
     third = bench.node.taxels[1]  # 20 to 150 pF: at most 530 µA of the converter's 1 mA
     bench.run_to(1.0)
-    before = blocks(bench, "t02.current")
+    before = samples(bench, "t02.current")
     third.amplify(1.7)
     bench.run_to(2.0)
-    after = blocks(bench, "t02.current")[len(before) :]
-    assert_truth_is_inside(bench, [*before, *after])
+    after = samples(bench, "t02.current")[len(before) :]
+    assert_truth_is_inside([*before, *after])
     assert width(after) < 0.75 * width(before)
     bench.close()
 
@@ -73,22 +64,22 @@ def test_gain_narrows_what_is_measured_and_still_holds_the_truth(tmp_path: Path)
 def test_too_much_gain_saturates_and_is_reported(bench: Bench) -> None:
     first(bench).amplify(50.0)
     bench.run_to(2.0)
-    found = blocks(bench)
-    assert_truth_is_inside(bench, found)
+    found = samples(bench)
+    assert_truth_is_inside(found)
     assert any(np.isneginf(block.tube.values.inf).any() for block in found)
 
 
 def test_rate_changes_the_period_without_a_hole(bench: Bench) -> None:
     bench.run_to(1.0)
-    before = len(blocks(bench))
+    before = len(samples(bench))
     first(bench).sample_every(SECOND // 100)
     bench.run_to(3.0)
-    found = blocks(bench)
+    found = samples(bench)
     assert {block.tube.dt for block in found[:before]} == {SECOND // 1000}
     assert {block.tube.dt for block in found[before:]} == {SECOND // 100}
     ends = [block.ticks + len(block.tube) * block.tube.dt for block in found]
     assert ends[:-1] == [block.ticks for block in found[1:]]
-    assert_truth_is_inside(bench, found)
+    assert_truth_is_inside(found)
     assert first(bench).channels[0].dt == SECOND // 100
 
 
@@ -99,14 +90,14 @@ def test_peaks_only_sends_the_same_peaks_and_a_small_part_of_the_bytes(tmp_path:
         if name == "peaks":
             first(bench).control_unit.mode = PEAKS
         bench.run_to(10.0)
-        said.append([decode_message(body) for body in bench.bodies()])
+        found = [(peak.time, peak.height, peak.verdict) for peak in peaks_of(bench)]
+        said.append((found, sum(map(len, bench.bodies())), samples(bench)))
         bench.close()
-    everything, only = said
-    told = [(m.time, m.height, m.verdict) for m in everything if isinstance(m, Peak)]
-    assert [(m.time, m.height, m.verdict) for m in only if isinstance(m, Peak)] == told
-    assert len(told) == len(only) > 15
-    sizes = [sum(len(m.encode()) for m in messages) for messages in said]
-    assert sizes[1] < sizes[0] / 10
+    (found, size, _), (only, small, none) = said
+    assert only == found
+    assert len(found) > 15
+    assert none == []
+    assert small < size / 8
 
 
 def test_adaptive_is_silent_at_rest_but_for_a_heartbeat(tmp_path: Path) -> None:
@@ -117,9 +108,9 @@ def test_adaptive_is_silent_at_rest_but_for_a_heartbeat(tmp_path: Path) -> None:
     taxel.control_unit.mode = ADAPTIVE
     taxel.control_unit.calibrate()
     bench.run_to(20.0)
-    assert len(blocks(bench, "t01.area")) == 2  # of 80: one in 40
+    assert len(samples(bench, "t01.area")) == 10  # of 400: one in 40
     # A touch each 1.25 s leaves the rest of the others again and again.
-    assert len(blocks(bench)) > 40
+    assert len(samples(bench)) > 100
     bench.close()
 
 
@@ -129,7 +120,7 @@ def test_smoothing_changes_peaks_and_never_the_samples(tmp_path: Path) -> None:
         bench = Bench(tmp_path / name, "palm")
         first(bench).control_unit.smooth(weight)
         bench.run_to(10.0)
-        said.append((blocks(bench), peaks(bench, "t01.energy")))
+        said.append((samples(bench), peaks_of(bench, "t01.energy")))
         bench.close()
     (raw, rough), (smooth, calm) = said
     for a, b in zip(raw, smooth, strict=True):
@@ -143,8 +134,8 @@ def test_coverage_of_a_smoothed_peak_counts_all_that_smoothing_remembers(bench: 
     """Of the touched area with Gaussian noise: a smoothed sample holds if all before it do."""
     first(bench).control_unit.smooth(0.9)
     bench.run_to(10.0)
-    tube = blocks(bench, "t01.area")[0].tube
-    found = peaks(bench, "t01.area")
+    tube = samples(bench, "t01.area")[0].tube
+    found = peaks_of(bench, "t01.area")
     assert len(found) > 3
     for peak in found:
         before = (peak.time[0] - tube.time[1]) // tube.dt
@@ -156,10 +147,10 @@ def test_threshold_above_the_swing_finds_no_peak(bench: Bench) -> None:
     unit = first(bench).control_unit
     unit.set_threshold(1, 1e-9)
     bench.run_to(5.0)
-    assert peaks(bench) == []
+    assert peaks_of(bench, "t01.capacitance") == []
     unit.set_threshold(1, 0.4e-12)
     bench.run_to(10.0)
-    assert len(peaks(bench)) >= 3
+    assert len(peaks_of(bench, "t01.capacitance")) >= 3
 
 
 def test_reset_goes_back_to_the_design(tmp_path: Path) -> None:
@@ -171,10 +162,10 @@ def test_reset_goes_back_to_the_design(tmp_path: Path) -> None:
     bench.run_to(2.0)
     taxel.reset()
     bench.run_to(4.0)
-    found = blocks(bench)
+    found = samples(bench)
     assert {block.tube.dt for block in found} == {SECOND // 1000}
-    assert [block.ticks for block in found] == [(8 + n) * SECOND // 4 for n in range(8)]
-    assert_truth_is_inside(bench, found)
+    assert [each.ticks for each in found] == [(40 + n) * SECOND // 20 for n in range(40)]
+    assert_truth_is_inside(found)
     bench.close()
 
 

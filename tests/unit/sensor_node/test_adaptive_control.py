@@ -8,13 +8,18 @@ import numpy as np
 from eskin_sensor_node.firmware.adaptation import QUIET, Adaptation
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.node.controls import NodeControls
-from eskin_sensor_node.node.ground_truth import GroundTruth
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from eskin.wire.messages import Block, Peak, decode_message
 from tests.unit.sensor_node.designs import Bench, table, taxel
+from tests.unit.sensor_node.messages import (
+    Samples,
+    StatedPeak,
+    assert_truth_is_inside,
+    peaks_of,
+    samples_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,31 +54,23 @@ def made(folder: Path, **changes: Any) -> Bench:
         folder,
         "palm",
         taxel=(table("touch", **(TOO_LARGE | changes)),),
-        sampling={"block_samples": 50, "encoding": "f64"},
+        sampling={"stretch_ms": 200.0},
     )
 
 
-def blocks(bench: Bench, channel: str = "t01.area") -> list[Block]:
-    messages = [decode_message(body) for body in bench.bodies()]
-    return [m for m in messages if isinstance(m, Block) and m.channel == channel]
+def areas(bench: Bench) -> list[Samples]:
+    return samples_of(bench, "t01.area")
 
 
-def truths(bench: Bench, found: list[Block]) -> list[Floats]:
-    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in found])
-    return [truth[block.position].values for block in found]
-
-
-def assert_truth_is_inside(bench: Bench) -> None:
-    for channel in ("t01.area", "t01.capacitance", "t01.energy"):
-        found = blocks(bench, channel)
-        assert found
-        for block, true in zip(found, truths(bench, found), strict=True):
-            assert np.all(block.tube.values.contains(true)), (channel, block.ticks)
+def assert_all_hold_truth(bench: Bench) -> None:
+    found = samples_of(bench)
+    assert {each.channel for each in found} == {"t01.area", "t01.capacitance", "t01.energy"}
+    assert_truth_is_inside(found)
 
 
 def response(bench: Bench, until: float) -> tuple[Floats, Floats]:
     """Middle of each frame's mean interval, and how many of its samples are bounded."""
-    found = [block for block in blocks(bench) if block.ticks < until * 1e9]
+    found = [block for block in areas(bench) if block.ticks < until * 1e9]
     middles = [0.5 * (b.tube.values.inf.mean() + b.tube.values.sup.mean()) for b in found]
     bounded = [float(np.mean(b.tube.values.is_common_interval)) for b in found]
     return np.array(middles), np.array(bounded)
@@ -90,7 +87,7 @@ def test_touch_over_too_large_an_area_saturates_without_it(tmp_path: Path) -> No
     grown(bench)
     _, bounded = response(bench, 10.0)
     assert bounded.min() == 0.0
-    assert_truth_is_inside(bench)
+    assert_all_hold_truth(bench)
     bench.close()
 
 
@@ -99,12 +96,12 @@ def assert_damped(bench: Bench) -> None:
     middles, bounded = response(bench, 10.0)
     assert bounded.min() == 1.0
     # The stimulus is a raised sine that begins in its middle: a quarter period up, a half down.
-    true = np.array([values.mean() for values in truths(bench, blocks(bench))])[: len(middles)]
+    true = np.array([each.truth.mean() for each in areas(bench)])[: len(middles)]
     order = np.argsort(true)
     steps = np.diff(middles[order])
     assert steps.min() > -2e-7  # m²: trimmer and plates leave that open, of a swing of 9e-5
     assert np.ptp(middles) > 0.9 * np.ptp(true)
-    assert_truth_is_inside(bench)
+    assert_all_hold_truth(bench)
 
 
 def test_gain_and_trimmer_keep_a_too_large_touch_unsaturated_and_monotone(tmp_path: Path) -> None:
@@ -130,9 +127,9 @@ def test_quiet_rest_is_measured_more_finely(tmp_path: Path) -> None:
     for name, on in (("off", False), ("on", True)):
         bench = made(tmp_path / name, adaptive=on, stimulus_Hz=1e-4, adc_bits=8, **WIDE)
         bench.run_to(10.0)
-        last = blocks(bench, "t01.capacitance")[-1]
+        last = samples_of(bench, "t01.capacitance")[-1]
         widths.append(float(np.median(last.tube.values.wid)))
-        assert_truth_is_inside(bench)
+        assert_all_hold_truth(bench)
         bench.close()
     assert widths[1] < 0.5 * widths[0]
 
@@ -150,23 +147,21 @@ def test_sustained_contact_is_never_erased(tmp_path: Path) -> None:
     unit = bench.node.taxels[0].control_unit.units[0]
     rest = unit.baseline.lo, unit.baseline.hi
     bench.run_to(120.0)
-    held = blocks(bench)[-1]
+    held = areas(bench)[-1]
     assert np.all(held.tube.values.contains(world._most))
     assert float(held.tube.values.inf.min()) > 9e-5
     assert unit.maybe_touched  # by more than the threshold of 0.4 cm²
     assert (unit.baseline.lo, unit.baseline.hi) == rest  # area does not depend on the plates
-    assert_truth_is_inside(bench)
+    assert_all_hold_truth(bench)
     bench.close()
 
 
 def test_changes_of_gain_and_trimmer_make_no_peaks(tmp_path: Path) -> None:
-    said: list[list[Peak]] = []
+    said: list[list[StatedPeak]] = []
     for name, on in (("off", False), ("on", True)):
         bench = made(tmp_path / name, adaptive=on, adc_min_A=0.0, stimulus_Hz=0.2, **WIDE)
         bench.run_to(22.0)
-        messages = [decode_message(body) for body in bench.bodies()]
-        found = [m for m in messages if isinstance(m, Peak) and m.channel == "t01.area"]
-        said.append([peak for peak in found if peak.count == (1, 1)])
+        said.append([peak for peak in peaks_of(bench, "t01.area") if peak.count == (1, 1)])
         bench.close()
     assert len(said[0]) == len(said[1]) > 2
 
@@ -198,7 +193,7 @@ def test_truth_is_inside_through_every_change(
     bench.ticks = seed * 10_000_000  # an overrun: the stimulus begins anywhere
     bench.node.advance(bench.ticks)
     bench.run_to(bench.ticks / 1e9 + 4.0)
-    assert_truth_is_inside(bench)
+    assert_all_hold_truth(bench)
     bench.close()
 
 
@@ -252,7 +247,7 @@ def test_command_switches_it_and_state_has_the_gain(tmp_path: Path) -> None:
     bench.run_to(12.0)
     assert bench.node.taxels[0].control_unit.adaptation.trim == 0
     assert controls.apply("reset", {})["t01"]["gain"] == 1.0
-    assert_truth_is_inside(bench)
+    assert_all_hold_truth(bench)
     bench.close()
 
 

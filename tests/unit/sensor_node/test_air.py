@@ -12,15 +12,14 @@ from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.kinds.settings import Companion
 from eskin_sensor_node.machine.data_sheet import coverage
 from eskin_sensor_node.machine.inversion import Inversion
-from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.settings import NodeSettings
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from eskin.errors import SettingsError
-from eskin.wire.messages import Block, decode_message
 from tests.unit.sensor_node.designs import Bench, table, taxel
 from tests.unit.sensor_node.designs import settings as node_settings
+from tests.unit.sensor_node.messages import assert_truth_is_inside, samples_of
 from tests.unit.sensor_node.scenario.scripts import HEAD, write
 
 if TYPE_CHECKING:
@@ -226,15 +225,12 @@ def test_node_reads_the_same_thermometer_for_itself_and_for_its_pads(tmp_path: P
     fine = {"adc_bits": 24, "noise": QUIET, "sampling_Hz": 50.0}
     sensors = [table(role, **fine, tolerance_K=1.0) for role in ROLES[:1]]
     pad = table("pad", **fine, place="t16", permittivity_per_K=0.01, hygrometer=None)
-    bench = Bench(tmp_path, "hand", taxel=[pad, *sensors], sampling={"encoding": "f64"})
+    bench = Bench(tmp_path, "hand", taxel=[pad, *sensors], sampling={"stretch_ms": 1000.0})
     bench.run_to(10.0)
-    blocks = [decode_message(body) for body in bench.bodies()]
-    found = [block for block in blocks if isinstance(block, Block)]
-    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in found])
+    found = samples_of(bench)
     bench.close()
-    for block in found:
-        assert np.all(block.tube.values.contains(truth[block.position].values)), block.channel
-    assert {block.channel for block in found} >= {"t00.pressure", "a01.temperature"}
+    assert_truth_is_inside(found)
+    assert {each.channel for each in found} >= {"t00.pressure", "a01.temperature"}
     assert bench.settings.companions(bench.settings.taxel[0], 7) == {
         "thermometer": Companion(bench.settings.taxel[1], (7, 1))
     }

@@ -22,6 +22,7 @@ from eskin.wire.topics import Stream, node_topic
 from tests.unit.sensor_node.controls import SimpleControls
 from tests.unit.sensor_node.designs import waiting
 from tests.unit.sensor_node.flashes import open_flash
+from tests.unit.sensor_node.stores import DESCRIBED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -48,7 +49,9 @@ class Rig:
     def begin(self) -> None:
         """Switch the node on."""
         self.flash = open_flash(self.path, epoch=None)
-        self.outbox = build_outbox(self.flash, capacity=10**6, broker=BrokerSection())
+        self.outbox = build_outbox(
+            self.flash, capacity=10**6, broker=BrokerSection(), described=DESCRIBED
+        )
         self.controls = SimpleControls()
         self.commander = CommandReceiver(
             self.outbox,
@@ -267,7 +270,7 @@ def test_result_gives_way_last_in_a_full_flash(rig: Rig) -> None:
     with rig.outbox.batch() as batch:
         batch.take(rig.outbox.message_writer.gap(OVERRUN, (0, 1), 1) for _ in range(100))
     kinds = [kept.kind for kept in waiting(rig.flash)]
-    assert kinds == [Kind.RESULT, Kind.RESULT, Kind.GAP]
+    assert kinds == [Kind.RESULT, Kind.RESULT, Kind.STATEMENTS]
     assert rig.results() == results
 
 

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import pytest
 from eskin_sensor_node.node.controls import NodeControls
 
 from eskin.errors import CommandError
-from eskin.wire.messages import Block, Peak, decode_message
 from tests.unit.sensor_node.designs import SECOND, START, Bench
+from tests.unit.sensor_node.messages import (
+    assert_truth_is_inside,
+    decode,
+    frames_of,
+    peaks_of,
+    samples_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,24 +39,69 @@ def controls(bench: Bench) -> NodeControls:
 
 def periods(bench: Bench) -> dict[str, set[int]]:
     found: dict[str, set[int]] = {}
-    for message in map(decode_message, bench.bodies()):
-        if isinstance(message, Block):
-            found.setdefault(message.channel.partition(".")[0], set()).add(message.tube.dt)
+    for each in samples_of(bench):
+        found.setdefault(each.channel.partition(".")[0], set()).add(each.tube.dt)
     return found
 
 
 def test_setting_one_taxel_leaves_the_others(bench: Bench, controls: NodeControls) -> None:
-    state = controls.apply("set", {"rate": 100.0, "mode": "samples", "taxel": "t02"})
+    state = controls.apply("set", {"rate": 125.0, "mode": "samples", "taxel": "t02"})
     assert state["t02"] == {
         "adaptive": "off",
         "gain": 1.0,
         "smoothing": 0.0,
-        "rate": 100.0,
+        "rate": 125.0,
         "mode": "samples",
     }
     assert state["t01"]["rate"] == 1000.0
     bench.run_to(2.0)
-    assert periods(bench) == {"t01": {SECOND // 1000}, "t02": {SECOND // 100}, "t03": {10**6}}
+    assert periods(bench) == {"t01": {SECOND // 1000}, "t02": {SECOND // 125}, "t03": {10**6}}
+    assert_truth_is_inside(samples_of(bench))
+
+
+@pytest.mark.parametrize("rate", [250.0, 1000.0 / 2**6])
+def test_column_with_a_part_of_the_rate_holds_its_truth_until_a_reset(
+    bench: Bench, controls: NodeControls, rate: float
+) -> None:
+    period = round(SECOND / rate)
+    bench.run_to(0.53)
+    controls.apply("set", {"rate": rate, "taxel": "t02"})
+    bench.run_to(1.07)
+    controls.apply("reset", {"taxel": "t02"})
+    bench.run_to(1.6)
+    assert any(p.strides for frame in frames_of(bench.bodies()) for p in frame.patches)
+    for taxel in ("t01", "t02"):
+        found = samples_of(bench, f"{taxel}.capacitance")
+        assert_truth_is_inside(found)
+        moments = [
+            each.ticks + k * each.tube.dt
+            for each in found
+            for k in range(len(each.tube.values.inf))
+        ]
+        steps = {later - earlier for earlier, later in pairwise(moments)}
+        if taxel == "t01":
+            assert steps == {SECOND // 1000}
+        else:
+            # It changes its rate at a whole multiple of the new period.
+            assert min(steps) == SECOND // 1000
+            assert period <= max(steps) <= 2 * period
+            slow = [each for each in found if each.tube.dt == period]
+            assert slow
+            assert all(each.ticks % period == 0 for each in slow)
+
+
+@pytest.mark.parametrize("rate", [300.0, 999.0, 400.0, 1000.0 / 2**17])
+def test_taxel_of_a_patch_at_no_power_of_two_is_refused(
+    controls: NodeControls, rate: float
+) -> None:
+    before = controls.restore({})
+    with pytest.raises(CommandError, match="power of two"):
+        controls.apply("set", {"rate": rate, "taxel": "t02"})
+    assert controls.restore({}) == before
+    # All of them together have one rate, and a state that no more fits is left out.
+    assert controls.apply("set", {"rate": 300.0})["t03"]["rate"] == pytest.approx(300.0, rel=1e-6)
+    assert controls.apply("reset", {}) == before
+    assert controls.restore({"t02": {"rate": rate}}) == before
 
 
 def test_all_taxels_are_set_at_once_and_reset(bench: Bench, controls: NodeControls) -> None:
@@ -105,7 +157,7 @@ def test_setting_between_frames_loses_no_message(bench: Bench, controls: NodeCon
     bench.run_to(2.3)
     controls.apply("set", {"smoothing": 0.5})
     bench.run_to(4.0)
-    sequences = [decode_message(body).position.sequence for body in bench.bodies()]
+    sequences = [decode(body).position.sequence for body in bench.bodies()]
     assert sequences == list(range(len(sequences)))
 
 
@@ -122,11 +174,10 @@ def test_peaks_after_a_command_have_their_own_time(
     bench: Bench, controls: NodeControls, arguments: Arguments
 ) -> None:
     bench.run_to(2.0)
-    before = len(list(bench.bodies()))
+    before = len(peaks_of(bench))
     controls.apply("set", arguments)
     bench.run_to(3.5)
-    since = list(bench.bodies())[before:]
-    peaks = [each for each in map(decode_message, since) if isinstance(each, Peak)]
+    peaks = peaks_of(bench)[before:]
     assert {peak.channel for peak in peaks} >= {"t01.capacitance", "t02.capacitance"}
     # A peak that was under way before is told then, too: half a period back, at most.
     assert all(START + 1.7 * SECOND < peak.time[0] < peak.time[1] for peak in peaks)

@@ -6,23 +6,22 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from eskin_sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.tools.budget.run import sent_for
 
 from eskin.interval import Verdict
 from eskin.wire.messages import (
-    Block,
     Energy,
-    Gap,
     ResetCause,
     Shedding,
     Status,
-    decode_message,
 )
 from eskin.wire.messages.header import Position
 from tests.unit.sensor_node.designs import SECOND, START, Bench, settings, waiting
 from tests.unit.sensor_node.flashes import open_flash
+from tests.unit.sensor_node.messages import decode, gaps_of, samples_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,7 +42,7 @@ def renewal_agent_of(bench: Bench) -> PowerManager:
 
 
 def statuses(bench: Bench) -> Iterator[Status]:
-    messages = map(decode_message, bench.bodies())
+    messages = map(decode, bench.bodies())
     return (message for message in messages if isinstance(message, Status))
 
 
@@ -74,7 +73,7 @@ def test_brown_out_loses_nothing_in_flash_and_records_a_gap(tmp_path: Path) -> N
     assert bench.flash.boot == first + 1
     held = {s.position: s.body for s in waiting(bench.flash)}
     assert before.items() <= held.items()
-    gaps = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Gap)]
+    gaps = gaps_of(bench)
     assert gaps[-1].reason == "brown-out reset"
     assert gaps[-1].samples > 0
     bench.node.record_status()
@@ -85,7 +84,7 @@ def test_brown_out_loses_nothing_in_flash_and_records_a_gap(tmp_path: Path) -> N
 
 
 def test_load_is_shed_before_brown_out_and_sleep_is_a_gap(tmp_path: Path) -> None:
-    bench = bench_of(tmp_path, start_voltage=3.5, capacitance=0.1, **STRONG)
+    bench = bench_of(tmp_path, start_voltage=3.5, capacitance=0.03, active_current=3e-5, **STRONG)
     stages: list[int] = []
     while len(stages) < 400 and not (Shedding.SLEEP in stages and stages[-1] < Shedding.SLEEP):
         bench.run_to(bench.ticks / 1e9 + 0.25)
@@ -93,12 +92,11 @@ def test_load_is_shed_before_brown_out_and_sleep_is_a_gap(tmp_path: Path) -> Non
         assert bench.node.machine.on
     assert list(dict.fromkeys(stages))[:2] == [0, 1] or stages[0] > 0
     assert Shedding.SLEEP in stages
-    messages = [decode_message(body) for body in bench.bodies()]
-    assert "energy is scarce" in [m for m in messages if isinstance(m, Gap)][-1].reason
+    assert "energy is scarce" in gaps_of(bench)[-1].reason
     bench.close()
 
 
-def test_shedding_sends_no_blocks_and_spares_what_is_set(tmp_path: Path) -> None:
+def test_shedding_sends_no_samples_and_spares_what_is_set(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     unit = bench.node.taxels[0].control_unit
     modes = []
@@ -111,12 +109,12 @@ def test_shedding_sends_no_blocks_and_spares_what_is_set(tmp_path: Path) -> None
     for taxel in bench.node.taxels:
         taxel.control_unit.shed = Shedding.PEAKS
     bench.run_to(2.0)
-    assert not [m for m in map(decode_message, bench.bodies()) if isinstance(m, Block)]
+    assert samples_of(bench) == []
     bench.close()
 
 
 def test_status_encloses_the_true_energy(tmp_path: Path) -> None:
-    bench = bench_of(tmp_path, capacitance=10.0)
+    bench = bench_of(tmp_path, capacitance=1.0)
     for _ in range(20):
         bench.run_to(bench.ticks / 1e9 + 0.25)
         bench.node.record_status()
@@ -144,7 +142,7 @@ def test_sole_short_of_energy_sends_peaks_only_and_certainly_sustains_itself(
             ledger.sent += sent_for(kept)
             bench.outbox.acknowledge([(*kept.position, kept.position[1])])
     manager = renewal_agent_of(bench).manager
-    assert ledger.sent > 10_000
+    assert ledger.sent > 5_000
     assert manager.stage == Shedding.PEAKS
     assert manager.verdict == Verdict.CERTAIN
     assert supply.energy > begin
@@ -164,7 +162,12 @@ class Lives:
     def begin(self) -> Node:
         self.flash = open_flash(self.settings.flash.path)
         self.truth = GroundTruth(self.settings.truth.path, limit=2**24)
-        outbox = build_outbox(self.flash, capacity=2**24, broker=self.settings.broker)
+        outbox = build_outbox(
+            self.flash,
+            capacity=2**24,
+            broker=self.settings.broker,
+            described=plan_layout(self.settings).described,
+        )
         node, _ = build_node(self.settings, outbox=outbox, truth=self.truth, start=self.start)
         self.start += 3600 * SECOND
         return node

@@ -10,7 +10,7 @@ from eskin_sensor_node.firmware.eviction import MOST_SPANS
 from eskin_sensor_node.firmware.gap_reasons import FAILED, FULL, OVERRUN, TEXTS
 
 from eskin.errors import FlashError
-from eskin.wire.messages import Block, Gap, Peak
+from eskin.wire.frames import Frame, Statements
 from eskin.wire.sequence_set import SequenceRanges
 from tests.unit.sensor_node.designs import waiting
 from tests.unit.sensor_node.flashes import change, open_flash
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def small(path: Path) -> Iterator[Store]:
-    opened = Store(path, 100_000)
+    opened = Store(path, 30_000)
     yield opened
     opened.flash.close()
 
@@ -132,21 +132,21 @@ def test_held_counts_no_position_whose_fate_is_open(store: Store) -> None:
     store.fill(2)
     store.outbox.acknowledge([(1, 0, 1)])
     with store.outbox.batch() as batch:
-        store.add_block(batch)
+        store.add_frame(batch)
         assert store.outbox.held() == (1, 2)
 
 
-def test_full_flash_gives_up_oldest_blocks_first_and_names_them(small: Store) -> None:
+def test_full_flash_gives_up_oldest_frames_first_and_names_them(small: Store) -> None:
     said = small.fill(60, peak_every=4)
     left = small.messages()
     gaps = small.gaps()
     kept = {plain(message) for message in left}
     lost = [position for position in said if position not in kept]
-    assert small.outbox.usage()[1] <= 100_000
+    assert small.outbox.usage()[1] <= 30_000
     assert len(lost) > 20
-    # Peaks outlive blocks, and the oldest blocks went first.
-    assert sum(isinstance(message, Peak) for message in left) == 15
-    assert min(plain(message) for message in left if isinstance(message, Block)) > max(lost)
+    # Peaks outlive frames, and the oldest frames went first.
+    assert sum(len(message.peaks) for message in left if isinstance(message, Statements)) == 15
+    assert min(plain(message) for message in left if isinstance(message, Frame)) > max(lost)
     named = SequenceRanges(
         (first, last) for gap in gaps for boot, first, last in gap.lost if boot == 1
     )
@@ -182,14 +182,15 @@ def test_gaps_stay_within_what_one_message_may_name(small: Store) -> None:
 
 
 def test_full_of_events_evicts_events_and_reports_it(path: Path) -> None:
-    store = Store(path, 70_000)
+    store = Store(path, 30_000)
     said = 0
     while not store.gaps():
         with store.outbox.batch() as batch:
             for _ in range(200):
                 store.add_peak(batch)
             said += 200
-    kept = sum(isinstance(message, Peak) for message in store.messages())
+    stated = [each for each in store.messages() if isinstance(each, Statements)]
+    kept = sum(len(each.peaks) for each in stated)
     assert sum(gap.messages for gap in store.gaps()) == said - kept > 0
     store.flash.close()
 
@@ -199,22 +200,22 @@ def test_flash_that_shows_what_it_does_not_hold_does_not_stop_the_node(
 ) -> None:
     monkeypatch.setattr(small.flash, "delete", lambda *_: (0, 0))
     small.fill(40)
-    blocks = [message for message in small.messages() if isinstance(message, Block)]
-    assert len(blocks) == 40
+    frames = [message for message in small.messages() if isinstance(message, Frame)]
+    assert len(frames) == 40
 
 
 def test_gap_gives_way_when_nothing_else_is_left_and_its_losses_stay_counted(path: Path) -> None:
-    store = Store(path, 4096)
+    store = Store(path, 2048)
     said = 0
     for _ in range(400):
         said += len(store.fill(1))
         store.read_all()  # so that no gap may grow
     gaps = store.gaps()
-    assert store.outbox.usage()[1] <= 4096
+    assert store.outbox.usage()[1] <= 2048
     assert len(gaps) < 60
-    blocks = sum(isinstance(message, Block) for message in store.messages())
+    frames = sum(isinstance(message, Frame) for message in store.messages())
     given_up = store.outbox.usage()[3] - len(gaps)
-    assert sum(gap.messages for gap in gaps) == said - blocks + given_up
+    assert sum(gap.messages for gap in gaps) == said - frames + given_up
     store.flash.close()
 
 
@@ -224,32 +225,33 @@ def test_failed_write_is_a_clear_error_and_a_gap_when_room_is_back(store: Store)
     lost: list[Record] = []
     for _ in range(2):
         with pytest.raises(FlashError, match="full"), store.outbox.batch() as batch:
-            lost += [store.add_block(batch, 1000) for _ in range(20)]
+            lost += [store.add_frame(batch, 1000) for _ in range(20)]
     assert store.outbox.held() == (1, 0)
     store.make_room()
     with store.outbox.batch() as batch:
-        late = store.add_block(batch).sequence
+        late = store.add_frame(batch).sequence
     (gap,) = store.gaps()
-    assert store.positions() == [*said, plain(gap), (1, late)]
+    (stated,) = [plain(each) for each in store.messages() if isinstance(each, Statements)]
+    assert store.positions() == [*said, stated, (1, late)]
     assert gap.reason == TEXTS[FAILED]
     assert gap.messages == 40
     assert gap.samples == 40_000
     named = SequenceRanges((first, last) for _, first, last in gap.lost)
     assert all(record.sequence in named for record in lost)
     assert all(sequence not in named for _, sequence in said)
-    assert late > plain(gap)[1] > lost[-1].sequence
+    assert late > stated[1] > lost[-1].sequence
 
 
 def test_error_of_a_part_inside_a_batch_stores_none_of_it(store: Store) -> None:
     def fail(batch: Batch) -> None:
-        store.add_block(batch)
+        store.add_frame(batch)
         raise FlashError("truth is full")
 
     with pytest.raises(FlashError, match="truth is full"), store.outbox.batch() as batch:
         fail(batch)
     assert store.messages() == []
     with store.outbox.batch() as batch:
-        store.add_block(batch)
+        store.add_frame(batch)
     assert [gap.messages for gap in store.gaps()] == [1]
 
 
@@ -270,8 +272,7 @@ def test_long_failure_is_one_readable_gap(store: Store, monkeypatch: pytest.Monk
                 batch.take([store.outbox.message_writer.gap(OVERRUN, (0, 1), 7)])
     with store.outbox.batch():
         pass
-    (gap,) = store.messages()
-    assert isinstance(gap, Gap)
+    (gap,) = store.gaps()
     assert (gap.messages, gap.samples) == (200, 1400)
     assert len(gap.lost) == 1
 

@@ -7,20 +7,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_sensor_node.kinds.pad.physics import PadWorld
-from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.world.scenario.file import scenario_text
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from eskin.wire.messages import Block, ResetCause, decode_message
+from eskin.wire.messages import ResetCause
 from tests.unit.sensor_node.designs import SECOND, Bench, table, taxel
+from tests.unit.sensor_node.messages import Samples, samples_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin.interval import Floats
 
+STRETCH = 200.0
 PLATES: dict[str, Any] = {"adaptive": True, "gain_most": 1.0, "actuator_steps": 6}
 TIGHT: dict[str, Any] = {
     # 0.83 mA at rest, 0.73 mA at the height of the scenario's press on t10.
@@ -39,24 +40,21 @@ def made(folder: Path, **changes: Any) -> Bench:
         folder,
         "hand",
         taxel=(table("pad", **(TIGHT | changes)),),
-        sampling={"block_samples": 50, "encoding": "f64"},
+        sampling={"stretch_ms": STRETCH},
     )
 
 
-def checked(bench: Bench) -> dict[str, list[Block]]:
-    """All blocks by quantity, after a look at the truth inside of each."""
-    messages = [decode_message(body) for body in bench.bodies()]
-    blocks = [message for message in messages if isinstance(message, Block)]
-    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in blocks])
-    found: dict[str, list[Block]] = {}
-    for block in blocks:
-        assert np.all(block.tube.values.contains(truth[block.position].values)), block.channel
-        found.setdefault(block.channel.partition(".")[2], []).append(block)
+def checked(bench: Bench) -> dict[str, list[Samples]]:
+    """All samples by quantity, after a look at the truth inside of them."""
+    found: dict[str, list[Samples]] = {}
+    for each in samples_of(bench):
+        assert each.hold_truth(), each.channel
+        found.setdefault(each.channel.partition(".")[2], []).append(each)
     return found
 
 
-def bounded(blocks: list[Block]) -> float:
-    return float(np.mean([np.mean(block.tube.values.is_common_interval) for block in blocks]))
+def bounded(found: list[Samples]) -> float:
+    return float(np.mean([np.mean(each.tube.values.is_common_interval) for each in found]))
 
 
 def test_plates_of_a_pad_move_apart_and_keep_a_hard_press_unsaturated(tmp_path: Path) -> None:
@@ -133,7 +131,7 @@ def test_plates_and_gain_are_those_of_the_design_after_a_reset(tmp_path: Path) -
     assert bench.node.taxels[0].control_unit.adaptation.plate > 0
     bench.node.machine.reset(ResetCause.BROWN_OUT)
     bench.run_to(6.0)
-    assert {block.position.boot for block in checked(bench)["pressure"]} == {1, 2}
+    assert {each.position.boot for each in checked(bench)["pressure"]} == {1, 2}
     bench.close()
 
 

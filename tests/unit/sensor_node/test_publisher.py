@@ -11,7 +11,8 @@ import pytest
 
 from eskin.errors import FlashError
 from eskin.wire.envelope import MOST_ENVELOPE, Sealer
-from eskin.wire.messages import Acknowledgement, Block, Peak, Position, Status
+from eskin.wire.frames import Frame, Statements
+from eskin.wire.messages import Acknowledgement, Position, Status
 from eskin.wire.topics import Stream, node_topic
 from tests.support.processes import wait_until
 from tests.unit.sensor_node.designs import Bench, waiting
@@ -42,14 +43,14 @@ def test_messages_are_forgotten_after_the_gateway_s_acknowledgement(
         wait_until(lambda: empty(bench), "flash is empty")
         assert {p: m.encode() for p, m in peer.messages.items() if p in before} == before
         kinds = {type(message) for message in peer.messages.values()}
-        assert kinds == {Block, Peak, Status}
+        assert kinds == {Frame, Statements, Status}
         # It introduces itself before anything else, so no message came from an unknown node.
         assert isinstance(peer.messages[peer.order[0]], Status)
         assert peer.unintroduced == 0
         # Apart from the status, the oldest came first.
         others = [position for position in peer.order if position in before]
-        blocks = [p for p in others if isinstance(peer.messages[p], Block)]
-        assert blocks == sorted(blocks)
+        frames = [p for p in others if isinstance(peer.messages[p], Frame)]
+        assert frames == sorted(frames)
 
 
 def test_broker_s_word_alone_forgets_nothing(

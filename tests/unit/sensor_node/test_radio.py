@@ -90,9 +90,9 @@ def test_message_is_given_up_with_its_first_hopeless_packet() -> None:
 
 def test_all_arrives_exactly_once_over_a_lossy_narrow_air() -> None:
     air = Air(bandwidth_bytes_per_s=4000, loss=0.3, packet_bytes=256, tries=2)
-    node = Delivery(10**6, 16, 2 * SECOND, 60 * SECOND)
+    node = Delivery(10**6, 16, 2 * SECOND, 60 * SECOND, "5a" * 32)
     for _ in range(40):
-        node.say(["block", 30], ["peak", 0])
+        node.say(["frame", 240], ["statements", 0])
     node.connect()
     received_messages: Counter[Position] = Counter()
     on_air: list[tuple[int, bool, Position]] = []

@@ -16,14 +16,13 @@ from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.ledger import INTERRUPT_NS, REPEAT_NS
 from eskin_sensor_node.machine.sampling import most_latency, most_repeats
-from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.world.scenario.file import scenario_text
 from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from eskin.wire.messages import Block, decode_message
 from tests.unit.sensor_node.designs import SECOND, Bench, settings, table, taxel
+from tests.unit.sensor_node.messages import assert_truth_is_inside, samples_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -50,7 +49,7 @@ radius_m = {radius}
 """
 
 
-SAMPLING = {"block_samples": 10, "encoding": "f64"}
+SAMPLING = {"stretch_ms": 40.0}
 
 
 def touched(folder: Path, scenario: str, design: str, functions: ModuleType, **touch: Any) -> Bench:
@@ -95,14 +94,9 @@ def lived(bench: Bench) -> tuple[int, int]:
     while bench.ticks < (AT + 0.3) * SECOND:
         bench.run_to((bench.ticks + each) / SECOND)
         repeated += sum(taxel.reader.repeats.conversions for taxel in bench.node.taxels)
-    found = [decode_message(body) for body in bench.bodies()]
-    blocks = [message for message in found if isinstance(message, Block)]
-    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in blocks])
-    unbounded = 0
-    for block in blocks:
-        assert np.all(block.tube.values.contains(truth[block.position].values)), block.channel
-        unbounded += int(np.sum(~block.tube.values.is_common_interval))
-    return unbounded, repeated
+    found = samples_of(bench)
+    assert_truth_is_inside(found)
+    return sum(int(np.sum(~each.tube.values.is_common_interval)) for each in found), repeated
 
 
 @pytest.mark.parametrize("design", DESIGNS)

@@ -8,14 +8,15 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_sensor_node.firmware.message_writer import PEAK, Record
+from eskin_sensor_node.firmware.message_writer import STATEMENTS, Record
 from eskin_sensor_node.machine.flash.sealing import UNREADABLE
 from eskin_sensor_node.node.factory import open_flash as open_as_set
 
 from eskin.errors import FlashError
+from eskin.wire.frames import Statements
 from tests.unit.sensor_node import designs
 from tests.unit.sensor_node.flashes import change, on_disk, open_flash
-from tests.unit.sensor_node.stores import CHANNEL, Store
+from tests.unit.sensor_node.stores import PATCH, Store, plain
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,7 +38,7 @@ def swap(path: Path) -> None:
 
 
 def test_no_file_shows_what_a_node_keeps(store: Store, path: Path) -> None:
-    said = Record(PEAK, 0, SECRET * 9, TIME, 3)
+    said = Record(STATEMENTS, 0, SECRET * 9, TIME, 3)
     store.flash.begin()
     store.flash.append(1, said, 0)
     store.flash.store_answer(SECRET + b"answer")
@@ -45,7 +46,7 @@ def test_no_file_shows_what_a_node_keeps(store: Store, path: Path) -> None:
     store.flash.commit()
     store.outbox._sequence = 1
     store.fill(3)
-    secrets = (SECRET, CHANNEL.name.encode(), *(moment.to_bytes(8, "big") for moment in TIME))
+    secrets = (SECRET, PATCH.quantity.encode(), *(moment.to_bytes(8, "big") for moment in TIME))
     assert not [secret for secret in secrets if secret in on_disk(path.parent)]
     kept = designs.waiting(store.flash)[0]
     assert (kept.body, kept.time) == (said.body, TIME)
@@ -85,7 +86,8 @@ def test_exchanged_records_become_gaps_in_their_places(store: Store, path: Path)
     swap(path)
     assert store.positions() == said
     gaps = store.gaps()
-    assert [(gap.position, gap.reason) for gap in gaps] == [(p, UNREADABLE) for p in said[1:3]]
+    stated = [plain(each) for each in store.messages() if isinstance(each, Statements)]
+    assert (stated, [gap.reason for gap in gaps]) == (said[1:3], [UNREADABLE] * 2)
     assert [gap.lost for gap in gaps] == [((1, n, n),) for n in (1, 2)]
     assert [(gap.messages, gap.samples) for gap in gaps] == [(1, 250)] * 2
     for gap, kept in zip(gaps, lost, strict=True):
@@ -116,7 +118,7 @@ def test_radio_is_handed_the_gap_and_all_others(store: Store, path: Path) -> Non
 
 
 def test_lost_record_gives_way_like_another(path: Path) -> None:
-    small = Store(path, 100_000)
+    small = Store(path, 30_000)
     said = small.fill(20)
     change(path, "UPDATE message SET body = x'00' WHERE sequence = 0")
     said += small.fill(20)

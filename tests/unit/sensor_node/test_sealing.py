@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eskin_sensor_node.firmware.chip import StoredMessage
-from eskin_sensor_node.firmware.message_writer import BLOCK
+from eskin_sensor_node.firmware.message_writer import FRAME
 from eskin_sensor_node.machine.flash.sealing import (
     UNREADABLE,
     Cipher,
@@ -14,7 +14,7 @@ from eskin_sensor_node.machine.flash.sealing import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eskin.wire.messages import Gap, decode_message
+from eskin.wire.frames import Statements
 from tests.unit.sensor_node.flashes import KEY, NODE
 
 SECRET = b"what must stay secret"
@@ -89,7 +89,7 @@ def test_last_ones_are_not_exchanged_for_each_other() -> None:
 def test_what_stands_for_a_lost_record_is_a_gap_that_everybody_reads(
     earliest: int, latest: int, samples: int, stands_for: int
 ) -> None:
-    row = Row(3, 7, BLOCK, b"", earliest, latest, samples, stands_for)
-    gap = decode_message(lost_record_gap(row).body)
-    assert isinstance(gap, Gap)
-    assert (gap.position, gap.reason, gap.lost) == ((3, 7), UNREADABLE, ((3, 7, 7),))
+    row = Row(3, 7, FRAME, b"", earliest, latest, samples, stands_for)
+    stated = Statements.decode(lost_record_gap(row, bytes(range(32))).body)
+    (gap,) = stated.gaps
+    assert (stated.position, gap.reason, gap.lost) == ((3, 7), UNREADABLE, ((3, 7, 7),))

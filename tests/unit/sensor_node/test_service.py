@@ -17,8 +17,10 @@ from eskin_sensor_node.node.ground_truth import GroundTruth
 
 from eskin.privacy import open_key
 from eskin.runtime.settings import KeysSection
-from eskin.wire.messages import Block, Gap, Position, decode_message
+from eskin.wire.frames import Frame, Gap, Statements
+from eskin.wire.messages import Position
 from tests.support.processes import ESKIN, Running, free_port, wait_until
+from tests.unit.sensor_node.messages import decode, frames_of
 from tests.unit.sensor_node.peer import Peer
 
 if TYPE_CHECKING:
@@ -103,14 +105,12 @@ def test_killed_node_keeps_what_it_committed_and_never_reuses_a_position(
     boots = sorted({position.boot for position in everything})
     assert len(boots) == 3
     for position, body in everything.items():
-        assert decode_message(body).position == position
-    blocks = [p for p, body in everything.items() if isinstance(decode_message(body), Block)]
-    truth = GroundTruth.read(tmp_path / "truth.sqlite", blocks)
-    assert len(truth) == len(blocks)
+        assert decode(body).position == position
+    frames = [frame.position for frame in frames_of(everything.values())]
+    truth = GroundTruth.read_frames(tmp_path / "truth.sqlite", frames, node="fingertip")
+    assert len(truth) == len(frames)
     for earlier, later in pairwise(boots):
-        end = max(
-            t.time + t.dt * len(t.values) for t in truth.values() if t.position.boot == earlier
-        )
+        end = max(t.end for t in truth.values() if t.position.boot == earlier)
         assert min(t.time for t in truth.values() if t.position.boot == later) >= end + REBOOT
 
 
@@ -144,25 +144,26 @@ def test_stopped_process_leaves_a_gap_that_counts_what_is_missing(
         wait_until(lambda: time.monotonic() > stopped + 2.5, "a stop that is long enough")
         service.signal(signal.SIGCONT)
 
-        def gaps() -> list[Gap]:
-            return [m for m in peer.messages.values() if isinstance(m, Gap)]
+        def gaps() -> list[tuple[Position, Gap]]:
+            stated = (m for m in peer.messages.values() if isinstance(m, Statements))
+            return [(each.position, gap) for each in stated for gap in each.gaps]
 
-        def own() -> list[Block]:
-            blocks = (m for m in peer.messages.values() if isinstance(m, Block))
-            return [block for block in blocks if block.channel == "t01.current"]
+        def frames() -> list[Frame]:
+            return [m for m in peer.messages.values() if isinstance(m, Frame)]
 
-        def long() -> list[Gap]:
+        def long() -> list[Position]:
             """A busy machine may have stopped it for a shorter while."""
-            return [gap for gap in gaps() if gap.samples > 6 * 2000]
+            return [position for position, gap in gaps() if gap.samples > 6 * 2000]
 
         service.wait_for(lambda: bool(long()), "a gap")
-        begin = long()[0].position
-        service.wait_for(lambda: any(b.position > begin for b in own()), "blocks come again")
-    assert {gap.reason for gap in gaps()} == {TEXTS[OVERRUN]}
-    last = max(own(), key=lambda block: block.position)
-    missing = last.ticks // 1_000_000 + 250 - sum(len(block.tube) for block in own())
+        begin = long()[0]
+        service.wait_for(lambda: any(f.position > begin for f in frames()), "frames come again")
+    assert {gap.reason for _, gap in gaps()} == {TEXTS[OVERRUN]}
+    last = max(frames(), key=lambda frame: frame.position)
+    rows = sum(frame.grids[0].rows for frame in frames())
+    missing = last.ticks // 1_000_000 + last.grids[0].rows - rows
     assert missing > 2000
-    told = [gap.samples for gap in gaps() if gap.position < last.position]
+    told = [gap.samples for position, gap in gaps() if position < last.position]
     assert sum(told) == 6 * missing
 
 

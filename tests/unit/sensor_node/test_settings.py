@@ -68,7 +68,7 @@ def test_a_profile_s_name_and_its_copied_text_give_the_same_taxels(
 def test_a_profile_s_energy_is_read_and_a_file_s_own_keys_win(tmp_path: Path) -> None:
     of_profile = NodeSettings.load(written(tmp_path, "", "sole"))
     assert of_profile.energy.on
-    assert (of_profile.energy.piezo_gain, of_profile.sampling.block_samples) == (735.0, 20)
+    assert (of_profile.energy.piezo_gain, of_profile.sampling.stretch_ms) == (735.0, 2000.0)
     own = NodeSettings.load(written(tmp_path, "[energy]\npiezo_gain = 7.0\n", "sole"))
     assert (own.energy.on, own.energy.piezo_gain) == (True, 7.0)
     with pytest.raises(SettingsError, match="energy"):
@@ -153,6 +153,7 @@ def test_impossible_taxel_is_refused_by_the_setting_s_name(
 
 def test_twice_the_same_taxel_is_refused(tmp_path: Path) -> None:
     text = Profile.read("palm").text
+    text = text[text.index("[[taxel]]") :]
     with pytest.raises(SettingsError, match="the same id twice: t01"):
         NodeSettings.load(written(tmp_path, text + text))
 

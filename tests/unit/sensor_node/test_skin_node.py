@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from eskin_sensor_node.node.ground_truth import GroundTruth
 
 from eskin.interval import Verdict
-from eskin.wire.messages import Block, Peak, Place, Status, decode_message
 from tests.unit.sensor_node.designs import Bench
+from tests.unit.sensor_node.messages import assert_truth_is_inside, peaks_of, samples_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 
-def test_hand_plays_its_scenario_and_every_block_holds_its_truth(tmp_path: Path) -> None:
+def test_hand_plays_its_scenario_and_every_frame_holds_its_truth(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "hand")
     bench.run_to(25.0)
-    messages = [decode_message(body) for body in bench.bodies()]
-    blocks = [message for message in messages if isinstance(message, Block)]
-    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in blocks])
-    assert len(blocks) == 25 * (14 * 5 + 2 * 5 + 1) + 5 * 2
-    for block in blocks:
-        assert np.all(block.tube.values.contains(truth[block.position].values)), block.channel
-    peaks = {message.channel for message in messages if isinstance(message, Peak)}
+    found = samples_of(bench)
+    counts = Counter(each.channel for each in found for _ in each.tube.values.inf)
+    rates = [25 * round(taxel.sampling) for taxel in bench.settings.taxel for _ in taxel.units]
+    assert sorted(counts.values()) == sorted(rates)
+    assert_truth_is_inside(found)
+    peaks = {peak.channel for peak in peaks_of(bench)}
     assert {"t05.capacitance", "m06.frequency", "b01.bioelectric"} <= peaks
     bench.close()
 
@@ -34,19 +33,11 @@ def test_taxels_of_a_node_share_a_contact(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "hand")
     bench.run_to(6.5)
     presses = [
-        message
-        for message in map(decode_message, bench.bodies())
-        if isinstance(message, Peak)
-        and message.channel == "t10.capacitance"
-        and message.verdict is Verdict.CERTAIN
+        peak for peak in peaks_of(bench, "t10.capacitance") if peak.verdict is Verdict.CERTAIN
     ]
-    truth = GroundTruth.read(
-        bench.settings.truth.path, GroundTruth.positions(bench.settings.truth.path)
-    )
     tops = {}
     for name in ("t10", "t06", "t09"):
-        series = [block for block in truth.values() if block.channel == f"{name}.capacitance"]
-        values = np.concatenate([block.values for block in series])
+        values = np.concatenate([each.truth for each in samples_of(bench, f"{name}.capacitance")])
         tops[name] = int(values[1000:1500].argmax()) + 1000
     assert presses
     assert max(tops.values()) - min(tops.values()) <= 10, tops
@@ -54,15 +45,17 @@ def test_taxels_of_a_node_share_a_contact(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("profile", "place", "number"),
-    [("hand", Place("t01", 0.03, 0.01), 16), ("fingertip", Place("t03", 0.004, 0.007), 3)],
+    ("profile", "taxel", "place", "number"),
+    [("hand", "t01", (30_000, 10_000), 16), ("fingertip", "t03", (4_000, 7_000), 3)],
 )
-def test_status_has_the_places_of_taxels(
-    tmp_path: Path, profile: str, place: Place, number: int
+def test_layout_has_the_positions_of_taxels(
+    tmp_path: Path, profile: str, taxel: str, place: tuple[int, int], number: int
 ) -> None:
     bench = Bench(tmp_path, profile)
-    bench.node.record_status()
-    (status,) = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Status)]
-    assert place in status.places
-    assert len(status.places) == number
+    found: dict[str, tuple[int, ...]] = {}
+    for patch in bench.node.layout.patches:
+        if patch.positions:
+            found |= dict(zip(patch.taxels, zip(*patch.positions, strict=True), strict=True))
+    assert found[taxel] == place  # µm
+    assert len(found) == number
     bench.close()

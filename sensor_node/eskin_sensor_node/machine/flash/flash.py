@@ -185,7 +185,14 @@ class Partition:
         self._write("INSERT OR REPLACE INTO answer VALUES (?, ?)", self._member, sealed)
 
     def store_descriptions(self, layout: bytes, descriptions: Mapping[bytes, bytes]) -> None:
-        """Store descriptions by their hashes; while no message waits, all others are deleted."""
+        """Store descriptions by their hashes; while no message waits, all others are deleted.
+
+        What is stored already is not written again: a node also starts on a full disk.
+        """
+        kept = {name: self.description(name) for name in self.descriptions()}
+        if kept == descriptions:
+            self._layout = layout
+            return
         self.begin()
         try:
             if not self.level()[0]:

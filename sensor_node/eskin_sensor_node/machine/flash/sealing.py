@@ -19,12 +19,12 @@ from eskin.errors import FlashError
 from eskin.privacy.derivation import derive, nonce
 from eskin.privacy.sealed_message import SALT_BYTES, whole_minutes
 from eskin.wire import frames
-from eskin.wire.messages import Gap
+from eskin.wire.messages import Gap, Kind
 from eskin.wire.messages import Position as Place
 from eskin.wire.messages.cbor_map import MOST_COUNT
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_sensor_node.firmware.chip import StoredMessage
-from eskin_sensor_node.firmware.message_writer import GAP, STATEMENTS
+from eskin_sensor_node.firmware.message_writer import STATEMENTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -211,4 +211,4 @@ def lost_record_gap(row: Row, layout: bytes = b"") -> StoredMessage:
         body = frames.Statements(Place(*position), layout, gaps=(stated,)).encode()
         return StoredMessage(position, STATEMENTS, body, time, samples, messages)
     gap = Gap(Place(*position), UNREADABLE, time, messages, samples, lost)
-    return StoredMessage(position, GAP, gap.encode(), time, samples, messages)
+    return StoredMessage(position, Kind.GAP, gap.encode(), time, samples, messages)

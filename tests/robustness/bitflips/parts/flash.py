@@ -5,18 +5,17 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Final
 
-from eskin_sensor_node.firmware.message_writer import GAP
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.settings import BrokerSection
 
 from eskin.privacy.open_keystore import open_key
 from eskin.runtime.settings import KeysSection
-from eskin.wire.messages import Gap, decode_message
 from tests.robustness.bitflips.part import Part
 from tests.unit.eskin.wire.frames import examples
 from tests.unit.sensor_node.designs import waiting
 from tests.unit.sensor_node.flashes import open_flash
-from tests.unit.sensor_node.stores import Store
+from tests.unit.sensor_node.messages import stated_gaps
+from tests.unit.sensor_node.stores import DESCRIBED, Store
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -55,11 +54,10 @@ def read(folder: Path) -> dict[str, Any]:
         found: dict[str, Any] = {"boot is new": flash.boot > max(_BOOTS)}
         lost: set[tuple[int, int]] = set()
         for kept in waiting(flash):
-            if kept.kind == GAP:
-                gap = decode_message(kept.body)
-                assert isinstance(gap, Gap)
+            gaps = stated_gaps(kept)
+            for gap in gaps:
                 lost |= {(b, n) for b, first, last in gap.lost for n in range(first, last + 1)}
-            else:
+            if not gaps:
                 found[f"message {kept.position}"] = (kept.body, kept.time, kept.samples)
         for name in flash.descriptions():
             if body := flash.description(name):
@@ -73,7 +71,9 @@ def read(folder: Path) -> dict[str, Any]:
 
 
 def _say(flash: Flash) -> None:
-    outbox = build_outbox(flash, capacity=1 << 20, broker=BrokerSection(window=1000))
+    outbox = build_outbox(
+        flash, capacity=1 << 20, broker=BrokerSection(window=1000), described=DESCRIBED
+    )
     outbox.connect(0)
     for kept in outbox.due(0, 100):
         outbox.mark_sent(kept.position, 1)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Final
 
-from eskin_sensor_node.firmware.encoding import F64
-from eskin_sensor_node.firmware.message_writer import GAP
+from eskin_sensor_node.firmware.assembler import encode
 from eskin_sensor_node.machine.flash.file import FlashFile
 from eskin_sensor_node.machine.flash.flash import Partition
 from eskin_sensor_node.node.factory import build_outbox
@@ -14,10 +13,10 @@ from eskin_sensor_node.settings import BrokerSection
 
 from eskin.privacy.open_keystore import open_key
 from eskin.runtime.settings import KeysSection
-from eskin.wire.messages import Gap, decode_message
 from tests.robustness.bitflips.part import Part
 from tests.unit.sensor_node.designs import waiting
-from tests.unit.sensor_node.stores import CHANNEL
+from tests.unit.sensor_node.messages import stated_gaps
+from tests.unit.sensor_node.stores import DESCRIBED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -39,12 +38,17 @@ def _open(folder: Path, epoch: int) -> FlashFile:
 
 
 def _outbox(chip: Partition) -> Outbox:
-    return build_outbox(chip, capacity=1 << 20, broker=BrokerSection(window=1000))
+    return build_outbox(
+        chip, capacity=1 << 20, broker=BrokerSection(window=1000), described=DESCRIBED
+    )
 
 
-def _block(outbox: Outbox, number: int) -> Record:
+def _frame(outbox: Outbox, number: int) -> Record:
     values = [float(number)] * 20
-    return outbox.message_writer.block(CHANNEL, 0, (number, number + 5), F64, values, values, 20)
+    grid, samples = (0, 10, 0, 20, 1.0), encode(values, values, 20, 1, 0, (), 0)
+    return outbox.message_writer.frame(
+        0, 0, (number, number + 5), [grid], [(0, 0, 0, 1, *samples)], samples=20, lasting=190
+    )
 
 
 def make(folder: Path) -> None:
@@ -58,7 +62,7 @@ def make(folder: Path) -> None:
                 batch.take([outbox.message_writer.gap(0, (0, 9), 5)])
             for number in range(6):
                 with outbox.batch() as batch:
-                    batch.take([_block(outbox, number)])
+                    batch.take([_frame(outbox, number)])
             chip.store_answer(f"the last result of {name}".encode())
             chip.store_charge(f"the charge of {name}".encode())
         file.db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -80,9 +84,7 @@ def _read(chip: Partition) -> Iterator[tuple[str, Any]]:
     yield "gaps", chip.gaps()
     yield "boot is new", chip.boot > max(_BOOTS)
     for kept in waiting(chip):
-        if kept.kind == GAP:
-            assert isinstance(decode_message(kept.body), Gap)
-        else:
+        if not stated_gaps(kept):
             yield f"message {kept.position}", (kept.body, kept.time, kept.samples)
     yield "answer", chip.answer()
     for boot, last in chip.ended():

@@ -1,13 +1,10 @@
-"""The typed arrays: any bounds, written by the contract's encoder and by the firmware's."""
+"""The typed arrays: any bounds, written by the contract's encoder."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cbor2
 import numpy as np
-from eskin_sensor_node.firmware.encoding import TAGS, write
-from eskin_sensor_node.firmware.message_writer import Channel, MessageWriter
 
 from eskin.interval import Interval
 from eskin.tube import Tube
@@ -19,11 +16,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 MOST = 8
-
-
-class _Numbers:
-    def next_sequence(self) -> int:
-        return 7
 
 
 def make(_: Path) -> Target:
@@ -43,17 +35,9 @@ def check(data: bytes) -> None:
     if not lo.size:
         return
     tube = Tube((0, 5), 10, Interval(lo, hi), "F", 1.0)
-    channel = Channel("t01.capacitance", "F", 10, 1.0)
     for encoding in Encoding:
         block = Block.pack(Position(1, 7), "t01.capacitance", 0, tube, encoding)
         _check(Block.decode(block.encode()), lo, hi)
-        lows, highs = [float(x) for x in lo], [float(x) for x in hi]
-        written = write(int(encoding), lows, highs, len(lows))
-        assert cbor2.CBORTag(TAGS[int(encoding)], bytes(written.lo)).tag
-        said = MessageWriter(1, _Numbers()).block(
-            channel, 0, (0, 5), int(encoding), lows, highs, len(lows)
-        )
-        _check(Block.decode(said.body), lo, hi)
 
 
 def _check(block: Block, lo: np.ndarray, hi: np.ndarray) -> None:

@@ -12,7 +12,7 @@ from eskin.errors import FlashError
 from tests.robustness.fuzz.mutations.octets import mutate_image
 from tests.robustness.fuzz.target import Target
 from tests.unit.sensor_node.flashes import open_flash
-from tests.unit.sensor_node.stores import Store
+from tests.unit.sensor_node.stores import DESCRIBED, Store
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -47,7 +47,7 @@ def make(folder: Path) -> Target:
 
 
 def _use(flash: Flash) -> None:
-    outbox = build_outbox(flash, capacity=_CAPACITY, broker=BrokerSection())
+    outbox = build_outbox(flash, capacity=_CAPACITY, broker=BrokerSection(), described=DESCRIBED)
     outbox.connect(0)
     for kept in outbox.due(0, 100):
         assert isinstance(kept.body, bytes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from eskin_sensor_node.firmware.assembler import Assembler
 from eskin_sensor_node.firmware.clock import Clock
 from eskin_sensor_node.firmware.commander import Commander
 from eskin_sensor_node.firmware.control_unit import ControlUnit
@@ -20,13 +21,16 @@ if TYPE_CHECKING:
 
     import pytest
     from eskin_sensor_node.firmware.autoranging import Hold, Readings
-    from eskin_sensor_node.firmware.message_writer import Channel, Record
+    from eskin_sensor_node.firmware.channel import ChannelUnit
+    from eskin_sensor_node.firmware.message_writer import Record
     from eskin_sensor_node.firmware.outbox import Outbox
     from eskin_sensor_node.firmware.schedule import Frame
 
     from eskin.wire.messages.command_schema import State
 
 T = TypeVar("T")
+_SCHEDULE = ("dt", "stretch", "most", "burst", "pause")
+_PATCH = ("number", "page", "columns", "finest", "subject")
 
 
 class Recorder:
@@ -41,6 +45,7 @@ class Recorder:
         # By taxel: one that is read along is made within another one.
         self._sheets: dict[Taxel, tuple[type[Taxel], Mapping[str, float]]] = {}
         self._watch_making(monkeypatch)
+        self._watch_assembling(monkeypatch)
         self._watch_working(monkeypatch)
         self._watch_telling(monkeypatch)
         self._watch_answers(monkeypatch)
@@ -67,6 +72,22 @@ class Recorder:
         monkeypatch.setattr(Taxel, "__init__", taxel)
         monkeypatch.setattr(ControlUnit, "__init__", unit)
 
+    def _watch_assembling(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        make, flush = Assembler.__init__, Assembler.flush
+
+        def assembler(
+            made: Assembler, clock: Clock, message_writer: MessageWriter, *rest: Any
+        ) -> None:
+            self.job["layout"] = message_writer._layout.hex()
+            make(made, clock, message_writer, *rest)
+
+        def flushed(assembler: Assembler) -> list[Record]:
+            self.job["steps"].append({"flush": True})
+            return flush(assembler)
+
+        monkeypatch.setattr(Assembler, "__init__", assembler)
+        monkeypatch.setattr(Assembler, "flush", flushed)
+
     def _watch_working(self, monkeypatch: pytest.MonkeyPatch) -> None:
         measure, skip, separate = ControlUnit.measure, ControlUnit.skip, ControlUnit.separate
         tell, surround = ControlUnit.report, ControlUnit.surround
@@ -74,17 +95,18 @@ class Recorder:
         def measured(
             unit: ControlUnit, frame: Frame, readings: Readings, other: Readings | None = None
         ) -> None:
-            part = (at := frame.first - unit.schedule.frame(frame.number).first), at + frame.n
             taken = [readings] if other is None else [readings, other]
             given = [self._described_readings(each) for each in taken]
-            self._note(unit, frame=frame.number, part=part, codes=given)
+            numbers = frame.first, frame.start, frame.trigger, frame.n, frame.dt, frame.due
+            described = [*map(str, numbers), frame.closes]
+            self._note(unit, frame=described, codes=given)
             measure(unit, frame, *taken)
 
         def separated(unit: ControlUnit) -> None:
             self._note(unit, separate=True)
             separate(unit)
 
-        def told(unit: ControlUnit) -> list[Record]:
+        def told(unit: ControlUnit) -> list[ChannelUnit]:
             self._note(unit, tell=True, broken=unit.broken)
             return tell(unit)
 
@@ -92,10 +114,10 @@ class Recorder:
             self._note(unit, around=[self._units.index(each) for each in around], of=neighbours)
             surround(unit, around, neighbours)
 
-        def skipped(unit: ControlUnit, samples: int) -> list[Record]:
+        def skipped(unit: ControlUnit, samples: int) -> None:
             if not self._calling:
                 self._note(unit, skip=samples)
-            return skip(unit, samples)
+            skip(unit, samples)
 
         self._watch_repeating(monkeypatch)
         monkeypatch.setattr(ControlUnit, "measure", measured)
@@ -124,7 +146,7 @@ class Recorder:
     def _watch_telling(self, monkeypatch: pytest.MonkeyPatch) -> None:
         gap, status = MessageWriter.gap, MessageWriter.status
 
-        def told_gap(
+        def told_gap(  # noqa: PLR0917 - as it is called
             message_writer: MessageWriter,
             reason: int,
             time: tuple[int, int],
@@ -133,11 +155,13 @@ class Recorder:
             lost: Sequence[tuple[int, int, int]] = (),
             sequence: int | None = None,
             taxel: str = "",
+            patches: Sequence[int] = (),
         ) -> Record:
             moment = [str(each) for each in time]
             step = {"gap": reason, "broken": taxel, "time": moment, "samples": samples}
-            self.job["steps"].append(step)
-            return gap(message_writer, reason, time, samples, messages, lost, sequence, taxel)
+            self.job["steps"].append(step | {"patches": list(patches)})
+            rest = messages, lost, sequence, taxel, patches
+            return gap(message_writer, reason, time, samples, *rest)
 
         def told_status(
             message_writer: MessageWriter,
@@ -146,21 +170,19 @@ class Recorder:
             description: str,
             uptime: int,
             storage: tuple[int, int, int, int],
-            channels: Sequence[Channel],
             cause: int,
             **more: Any,
         ) -> Record:
             given: dict[str, Any] = {"status": profile, "description": description}
             given |= {"storage": storage, "cause": cause, "lives": more.get("energy") is not None}
             given["faults"] = more.get("faults")
-            given["places"] = [[t, text(x), text(y)] for t, x, y in more.get("places", ())]
             given["held"], given["ended"] = more.get("held"), more.get("ended")
             given["heard"] = (
                 None if message_writer.gateway_time is None else str(message_writer.gateway_time)
             )
             moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
             self.job["steps"].append(given | moment)
-            told = time, profile, description, uptime, storage, channels, cause
+            told = time, profile, description, uptime, storage, cause
             return status(message_writer, *told, **more)
 
         monkeypatch.setattr(MessageWriter, "gap", told_gap)
@@ -296,10 +318,13 @@ class Recorder:
             "module": kind.__module__,
             "class": kind.__name__,
             "sheet": hexadecimals(sheet),
-            "schedule": [schedule.dt, schedule.block, schedule.burst, schedule.pause],
+            "schedule": [getattr(schedule, name) for name in _SCHEDULE],
             "coverage": hexadecimal(given["coverage"]),
             "prominences": hexadecimals(given["prominences"]),
             "longest": str(given["longest"]),
-            "encoding": given["encoding"],
+            "columns": [
+                [[getattr(patch, name) for name in _PATCH], column]
+                for patch, column in given["columns"]
+            ],
             "repeats": given["repeats"],
         }

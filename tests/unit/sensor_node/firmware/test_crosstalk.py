@@ -9,7 +9,6 @@ import pytest
 from eskin_sensor_node.firmware.taxel.pad import PadTaxel
 from eskin_sensor_node.kinds.neighbours import patches
 from eskin_sensor_node.machine.data_sheet import coverage, data_sheet, taxel_coverages
-from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.world.scenario.file import scenario_text
 from eskin_sensor_node.world.skin import Crosstalk, FlatShape, unmix
 from hypothesis import given
@@ -17,8 +16,8 @@ from hypothesis import settings as effort
 from hypothesis import strategies as st
 
 from eskin.interval import Interval
-from eskin.wire.messages import Block, decode_message
 from tests.unit.sensor_node.designs import SECOND, Bench, settings, table, taxel
+from tests.unit.sensor_node.messages import samples_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +28,7 @@ GRID = FlatShape(shape="flat", rows=3, columns=4, pitch_m=1e-2).build()
 PLACES = np.arange(len(GRID))
 MOST = 2e4
 TIMES = 5
-BLOCK = {"block_samples": 50}
+SAMPLING = {"stretch_ms": 1000.0}
 
 
 def felt(seed: int, bound: float) -> tuple[Floats, Interval]:
@@ -102,16 +101,6 @@ def test_it_is_as_tight_as_all_pads_together() -> None:
     assert widths[-1] == pytest.approx(float(alone.wid.mean()))
 
 
-def truths(bench: Bench) -> dict[str, list[tuple[Block, Floats]]]:
-    messages = [decode_message(body) for body in bench.bodies()]
-    blocks = [message for message in messages if isinstance(message, Block)]
-    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in blocks])
-    found: dict[str, list[tuple[Block, Floats]]] = {}
-    for block in blocks:
-        found.setdefault(block.channel, []).append((block, truth[block.position].values))
-    return found
-
-
 def skin(scenario: str, places: list[str], **changes: Any) -> list[dict[str, Any]]:
     """Pads and what they read along."""
     pads = [
@@ -126,27 +115,27 @@ def test_sound_pads_around_a_stuck_one_hold_the_truth(tmp_path: Path) -> None:
     fault = '\n[[fault]]\ntaxel = "t10"\nkind = "stuck"\nat_s = 0.2\n'
     path.write_text(scenario_text("hand.toml") + fault)
     names = [f"t{number:02}" for number in range(12)]
-    bench = Bench(tmp_path, "hand", taxel=skin(str(path), names), sampling=BLOCK)
+    bench = Bench(tmp_path, "hand", taxel=skin(str(path), names), sampling=SAMPLING)
     bench.node.taxels[2].sample_every(SECOND // 10)  # t02 has other instants now
     bench.run_to(8.0)
-    found = truths(bench)
-    for name in names:
-        for quantity in ("pressure", "contact_area"):
-            for block, true in found[f"{name}.{quantity}"]:
-                assert name == "t10" or np.all(block.tube.values.contains(true)), block.channel
-    assert any(
-        not np.all(block.tube.values.contains(true)) for block, true in found["t10.pressure"]
-    )
+    found = samples_of(bench)
+    for each in found:
+        if not each.channel.startswith("t10."):
+            assert each.hold_truth(), each.channel
+    assert {each.channel for each in found} >= {f"{name}.contact_area" for name in names}
+    assert not all(each.hold_truth() for each in found if each.channel == "t10.pressure")
     bench.close()
 
 
 def test_pad_among_pads_is_tighter_than_alone(tmp_path: Path) -> None:
     widths = []
     for names in (["t10"], ["t10", "t06", "t09", "t11"]):
-        bench = Bench(tmp_path / names[-1], "hand", taxel=skin("hand.toml", names), sampling=BLOCK)
+        bench = Bench(
+            tmp_path / names[-1], "hand", taxel=skin("hand.toml", names), sampling=SAMPLING
+        )
         bench.run_to(6.5)
         presses = [
-            block.tube.values.wid[true > 5e3] for block, true in truths(bench)["t10.pressure"]
+            each.tube.values.wid[each.truth > 5e3] for each in samples_of(bench, "t10.pressure")
         ]
         widths.append(float(np.concatenate(presses).mean()))
         bench.close()
@@ -175,7 +164,7 @@ def test_neighbours_are_those_of_the_skin_and_their_noise_counts(tmp_path: Path)
 
 def test_neighbour_counts_at_the_same_instants_and_as_long_as_it_is_sound(tmp_path: Path) -> None:
     names = ["t10", "t06", "t09", "t11"]
-    bench = Bench(tmp_path, "hand", taxel=skin("hand.toml", names), sampling=BLOCK)
+    bench = Bench(tmp_path, "hand", taxel=skin("hand.toml", names), sampling=SAMPLING)
     pads = bench.node.taxels[:4]
     counts = []
     for change in (

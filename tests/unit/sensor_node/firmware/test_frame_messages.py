@@ -31,7 +31,7 @@ from eskin.wire.frames import (
     Seam,
     Statements,
 )
-from eskin.wire.messages import Kind, Position
+from eskin.wire.messages import Position
 from eskin.wire.messages.cbor_map import MOST_COUNT
 from eskin.wire.timestamp import MOST_MOMENT
 from tests.unit.eskin.wire.frames import examples
@@ -191,13 +191,11 @@ def test_statements_have_the_bytes_of_the_contract(
     assert record.named == sum(gap.messages for gap in gaps)
 
 
-def test_a_node_with_a_layout_states_its_gaps() -> None:
+def test_gap_is_a_statement() -> None:
     record = writer().gap(FULL, (5, 9), 40, 2, [(1, 0, 1)], patches=(0, 2))
     gap = Gap(TEXTS[FULL], (5, 9), 2, 40, ((1, 0, 1),), (0, 2))
     assert Statements.decode(record.body) == Statements(PLACE, HASH, gaps=(gap,))
     assert (record.gaps, record.samples, record.named) == (1, 40, 2)
-    block_writer = writer(layout=b"")
-    assert block_writer.gap(FULL, (5, 9), 40).kind == Kind.GAP
 
 
 @pytest.mark.parametrize("patch", [*examples.PATCHES, *examples.SMALL[:2]])

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from eskin_sensor_node.firmware.charge import write_charge
 from eskin_sensor_node.firmware.gap_reasons import FAILED, FULL, TEXTS
-from eskin_sensor_node.firmware.message_writer import FRAME, GAP, STATEMENTS
+from eskin_sensor_node.firmware.message_writer import FRAME, STATEMENTS
 from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.world.scenario.file import scenario_text
@@ -25,26 +25,14 @@ from eskin_sensor_node.world.scenario.file import scenario_text
 from eskin.identity import IdentityKind
 from eskin.interval import Interval
 from eskin.wire.envelope import sign
-from eskin.wire.frames import Sampling, Statements, encode_samples
-from eskin.wire.messages import (
-    Block,
-    Command,
-    CommandName,
-    Gap,
-    Kind,
-    Outcome,
-    Peak,
-    Result,
-    Shedding,
-    Status,
-    decode_message,
-)
+from eskin.wire.frames import Frame, Sampling, Statements, encode_samples
+from eskin.wire.messages import Command, CommandName, Kind, Outcome, Result, Shedding, Status
 from eskin.wire.topics import Stream, node_topic
-from tests.contract.micropython.cutting import cut
 from tests.contract.micropython.delivery import deliver
 from tests.contract.micropython.examination import examine
 from tests.unit.sensor_node.designs import SECOND, Bench, table
 from tests.unit.sensor_node.firmware.jobs import Recorder
+from tests.unit.sensor_node.messages import decode, frames_of
 
 if TYPE_CHECKING:
     from eskin.wire.messages.command_schema import Arguments
@@ -72,7 +60,7 @@ def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.Monk
     pad = {key: pad[key] for key in pad if key not in ("thermometer", "hygrometer")}
     still = table("touch", id="t02", sampling_Hz=250.0, stimulus_Hz=1e-9, adaptive=True, **changes)
     taxels = moved, pad, still
-    bench = Bench(tmp_path, "palm", taxel=taxels, sampling={"block_samples": 50})
+    bench = Bench(tmp_path, "palm", taxel=taxels, sampling={"stretch_ms": 200.0})
     bench.run_to(2.0)
     # At once, and beyond what it is set to by now.
     world: Any = bench.node.taxels[2].signal_chain.world
@@ -94,14 +82,12 @@ def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.Monk
     assert under_micropython(recorder.job, tmp_path) == said
 
 
-@pytest.mark.parametrize(
-    ("profile", "encoding"), [("fingertip", "f64"), ("palm", "f32"), ("forearm", "q16")]
-)
+@pytest.mark.parametrize("profile", ["fingertip", "palm", "forearm"])
 def test_same_bytes_as_in_the_emulated_node(
-    profile: str, encoding: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    profile: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder = Recorder(monkeypatch)
-    bench = Bench(tmp_path, profile, drift=50_000, sampling={"encoding": encoding})
+    bench = Bench(tmp_path, profile, drift=50_000)
     bench.node.record_status()
     bench.run_to(2.0)
     bench.ticks = 4 * SECOND  # an overrun: what was undecided is stated, and a gap
@@ -118,8 +104,11 @@ def test_same_bytes_as_in_the_emulated_node(
     said = [body.hex() for body in bench.bodies()]
     bench.close()
     assert under_micropython(recorder.job, tmp_path) == said
-    kinds = {type(decode_message(bytes.fromhex(body))) for body in said}
-    assert kinds == {Block, Gap, Peak, Status}
+    found = [decode(bytes.fromhex(body)) for body in said]
+    assert {type(each) for each in found} == {Frame, Statements, Status}
+    stated = [each for each in found if isinstance(each, Statements)]
+    assert any(each.peaks for each in stated)
+    assert any(each.gaps for each in stated)
 
 
 def test_samples_of_a_patch_have_the_same_bytes(tmp_path: Path) -> None:
@@ -151,9 +140,9 @@ def fate(seed: int) -> list[list[Any]]:
         boot, first = draw.randint(1, 3), draw.randint(0, 200)
         script += draw.choice(
             [
-                [["say", ["block", draw.randint(1, 40)], ["peak", 0]]],
-                [["say", *[["block", 20]] * draw.randint(1, 9)]],
-                [["wear_out"], ["say", ["block", 9], ["peak", 0]], ["repair"]],
+                [["say", ["frame", draw.randint(1, 250)], ["statements", 0]]],
+                [["say", *[["frame", 250]] * draw.randint(1, 9)]],
+                [["wear_out"], ["say", ["frame", 9], ["statements", 0]], ["repair"]],
                 [["say", ["result", draw.randint(1, 30)]]],
                 [["status_is_due"], ["say", ["status", 0]]],
                 [["send", draw.randint(1, 12)], ["leave", boot, 0, 500]],
@@ -167,27 +156,7 @@ def fate(seed: int) -> list[list[Any]]:
 
 
 def test_outbox_decides_and_writes_the_same(tmp_path: Path) -> None:
-    job = {"limits": [6000, 8, 60, 100], "script": fate(5)}
-    expected = json.loads(json.dumps(deliver(job)))
-    assert under_micropython(job, tmp_path) == expected
-    sent = [m for step in expected[:-1:2] if type(step) is list for m in step if type(m) is list]
-    assert {kind for _, kind, _ in sent} == set(range(1, 6))
-    assert max(Counter(tuple(position) for position, _, _ in sent).values()) > 2
-    gaps = [Gap.decode(bytes.fromhex(body)) for _, kind, body in sent if kind == GAP]
-    assert {gap.reason for gap in gaps} == {TEXTS[FULL], TEXTS[FAILED]}
-    assert max(len(gap.lost) for gap in gaps) > 1
-
-
-def test_outbox_of_frames_decides_and_writes_the_same(tmp_path: Path) -> None:
-    named = {"block": "frame", "peak": "statements"}
-    script = [
-        [
-            name,
-            *([named.get(each[0], each[0]), each[1]] if name == "say" else each for each in stated),
-        ]
-        for name, *stated in fate(7)
-    ]
-    job = {"limits": [6000, 8, 60, 100, "5a" * 32], "script": script}
+    job = {"limits": [6000, 8, 60, 100, "5a" * 32], "script": fate(5)}
     expected = json.loads(json.dumps(deliver(job)))
     assert under_micropython(job, tmp_path) == expected
     sent = [m for step in expected[:-1:2] if type(step) is list for m in step if type(m) is list]
@@ -197,6 +166,8 @@ def test_outbox_of_frames_decides_and_writes_the_same(tmp_path: Path) -> None:
     ]
     assert {gap.reason for each in stated for gap in each.gaps} == {TEXTS[FULL], TEXTS[FAILED]}
     assert any(each.peaks and each.verdicts for each in stated)
+    assert max(Counter(tuple(position) for position, _, _ in sent).values()) > 2
+    assert max(len(gap.lost) for each in stated for gap in each.gaps) > 1
 
 
 def test_same_bytes_of_every_taxel_in_a_scenario(
@@ -212,15 +183,16 @@ def test_same_bytes_of_every_taxel_in_a_scenario(
     taxels[0]["adc_min"] = 0.4
     taxels[-1] |= {"place": "t05", "temperature_min_Cel": -40.0}
     taxels += [taxels[-1] | {"id": f"n{place}", "place": place} for place in ("t06", "t09")]
-    bench = Bench(tmp_path, "hand", taxel=taxels, sampling={"encoding": "f64"})
+    bench = Bench(tmp_path, "hand", taxel=taxels, sampling={"stretch_ms": 500.0})
     bench.run_to(10.0)
     bench.node.finish()
     said = [body.hex() for body in bench.bodies()]
     bench.close()
     assert under_micropython(recorder.job, tmp_path) == said
-    blocks = [decode_message(bytes.fromhex(body)) for body in said]
-    channels = {block.channel for block in blocks if isinstance(block, Block)}
-    assert len(channels) == 1 + 1 + 1 + 5 + 3 * 5
+    patches = bench.node.layout.patches
+    found = [each for frame in frames_of(map(bytes.fromhex, said)) for each in frame.patches]
+    sampled = {(patches[each.patch].quantity, each.patch, each.columns) for each in found}
+    assert sum(columns for _, _, columns in sampled) == 1 + 1 + 1 + 5 + 3 * 5
 
 
 def test_same_answers_to_commands(
@@ -253,7 +225,7 @@ def test_same_answers_to_commands(
     said = [body.hex() for body in bench.bodies()]
     bench.close()
     assert under_micropython(recorder.job, tmp_path) == said
-    messages = [decode_message(bytes.fromhex(body)) for body in said]
+    messages = [decode(bytes.fromhex(body)) for body in said]
     stated = [message.outcome for message in messages if isinstance(message, Result)]
     assert stated == [Outcome.DONE] * 3 + [Outcome.REFUSED] + [Outcome.EXPIRED] * 2
     assert sum("take" in step for step in recorder.job["steps"]) == 12
@@ -271,7 +243,7 @@ def test_self_test_finds_the_same_in_the_emulated_node(
     taxels = [table("pad", id=place, place=place, **changes) for place in places]
     for each in taxels:
         del each["thermometer"], each["hygrometer"]
-    bench = Bench(tmp_path, "hand", taxel=taxels, sampling={"block_samples": 25})
+    bench = Bench(tmp_path, "hand", taxel=taxels, sampling={"stretch_ms": 1000.0})
     bench.run_to(12.0)
     said: list[Any] = [body.hex() for body in bench.bodies()]
     bench.close()
@@ -315,18 +287,9 @@ def test_same_energy_as_in_the_emulated_node(
     said = [body.hex() for body in bench.bodies()] + [bench.flash.charge().hex()]
     bench.close()
     assert under_micropython(recorder.job, tmp_path) == said
-    messages = [decode_message(bytes.fromhex(body)) for body in said[:-1]]
+    messages = [decode(bytes.fromhex(body)) for body in said[:-1]]
     stated = [message.energy for message in messages if isinstance(message, Status)]
     first, *rest = [each for each in stated if each is not None]
     assert 0.4 < first.stored[0] < 0.5 < first.stored[1] < 1.0
-    assert [each.shedding for each in rest] == [Shedding.ADAPTIVE, Shedding.PEAKS, Shedding.PEAKS]
-
-
-@pytest.mark.parametrize("schedule", [[1_000_000, 250], [10_000, 250, 4000, 10**9]])
-def test_blocks_are_cut_the_same(schedule: list[int], tmp_path: Path) -> None:
-    draw = random.Random(5)  # noqa: S311 - to draw again
-    looks = [draw.choice([0, 0, 0, 10**8, 10**9]) for _ in range(300)]
-    job = {"cut": schedule, "length": 50_000_000, "looks": looks}
-    stated = cut(job)
-    assert {n for _, _, _, n, _ in stated} >= {250, 50} or schedule[0] == 10_000
-    assert under_micropython(job, tmp_path) == stated
+    stages = [each.shedding for each in rest]
+    assert (stages[0], stages[-1]) == (Shedding.ADAPTIVE, Shedding.PEAKS)

@@ -13,7 +13,8 @@ from eskin_sensor_node.firmware.message_writer import MessageWriter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.wire.messages import Command, CommandName, Gap, ResetCause
+from eskin.wire.frames import Statements
+from eskin.wire.messages import Command, CommandName, ResetCause
 
 VALUES = st.recursive(
     st.integers(-(2**64), 2**64 - 1) | st.text("aé€", max_size=30) | st.floats(allow_nan=False),
@@ -70,18 +71,20 @@ def test_command_of_another_shape_is_none() -> None:
 
 
 def test_each_code_of_a_gap_has_its_reason() -> None:
-    message_writer = MessageWriter(1, Counter())
-    told = [
-        Gap.decode(message_writer.gap(code, (0, 1), 2).body).reason for code in range(len(TEXTS))
-    ]
+    message_writer = MessageWriter(1, Counter(), bytes(32))
+
+    def reason(code: int, taxel: str = "") -> str:
+        body = message_writer.gap(code, (0, 1), 2, taxel=taxel).body
+        return Statements.decode(body).gaps[0].reason
+
+    told = [reason(code) for code in range(len(TEXTS))]
     assert told == list(TEXTS)
     assert len(set(TEXTS)) == len(TEXTS)
     for cause in ResetCause:
         assert TEXTS[RESET + cause] == f"{cause.label} reset"
     for why, code in ASLEEP.items():
         assert TEXTS[code] == f"deep sleep: {why}"
-    broken = Gap.decode(message_writer.gap(DEAD, (0, 1), 2, taxel="t05").body)
-    assert broken.reason == "t05 certainly dead"
+    assert reason(DEAD, "t05") == "t05 certainly dead"
 
 
 def test_refusal_is_cut_to_the_size_of_a_result() -> None:

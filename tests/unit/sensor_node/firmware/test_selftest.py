@@ -21,14 +21,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.interval import Verdict
-from eskin.wire.messages import Block, Gap, Status, TaxelFaults, decode_message
+from eskin.wire.messages import Status, TaxelFaults
 from tests.unit.sensor_node.designs import SECOND, Bench, table
+from tests.unit.sensor_node.messages import Samples, decode, gaps_of, samples_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin.interval import Floats
-    from eskin.wire.messages import Message
+    from eskin.wire.frames import Gap
 
 GRID = FlatShape(shape="flat", rows=3, columns=3, pitch_m=1e-2).build()
 MIDDLE = 4
@@ -133,32 +134,31 @@ at_s = 7.0
 """
 
 
-def lived(folder: Path, faults: str, seconds: float) -> tuple[list[Message], int]:
+def lived(folder: Path, faults: str, seconds: float) -> tuple[list[Samples], list[Gap], int]:
     """What the packaged hand says, with faults in its scenario, and when it began."""
     path = folder / "faulty.toml"
     path.write_text(scenario_text("hand.toml") + faults)
     taxels = [
         each | {"scenario": str(path), "sampling_Hz": 25.0} for each in Profile.read("hand").taxels
     ]
-    bench = Bench(folder, "hand", taxel=taxels, sampling={"block_samples": 25})
+    bench = Bench(folder, "hand", taxel=taxels, sampling={"stretch_ms": 1000.0})
     for _ in range(round(seconds)):
         bench.run_to(bench.ticks / SECOND + 1.0)
-    said = [decode_message(body) for body in bench.bodies()]
+    samples, gaps = samples_of(bench), gaps_of(bench)
     bench.close()
-    return said, bench.clock.true_time(0)
+    return samples, gaps, bench.clock.true_time(0)
 
 
-def ends(messages: list[Message], channel: str, begin: int) -> list[float]:
-    """Seconds at which blocks of a channel end."""
-    blocks = [m for m in messages if isinstance(m, Block) and m.channel == channel]
-    return [(m.tube.time[1] - begin) / SECOND + 1.0 for m in blocks]
+def ends(samples: list[Samples], channel: str, begin: int) -> list[float]:
+    """Seconds at which stretches of a channel end."""
+    own = [each for each in samples if each.channel == channel]
+    return [(each.tube.time[1] - begin) / SECOND + 1.0 for each in own]
 
 
 def test_injected_faults_are_found_within_two_windows(
     tmp_path: Path,
 ) -> None:
-    messages, begin = lived(tmp_path, FAULTS, 65.0)
-    gaps = [message for message in messages if isinstance(message, Gap)]
+    samples, gaps, begin = lived(tmp_path, FAULTS, 65.0)
     first = {gap.reason: (gap.time[1] - begin) / SECOND for gap in reversed(gaps)}
     # A coil at the place of t06 is stuck with it; two coils are too few to tell.
     assert set(first) == {"t06 certainly stuck", "t15 certainly stuck", "t03 certainly dead"}
@@ -168,16 +168,16 @@ def test_injected_faults_are_found_within_two_windows(
         told = [gap for gap in gaps if gap.reason == reason]
         assert told[0].samples == 0
         for quantity in ("plate_distance", "contact_area", "pressure"):
-            assert max(ends(messages, f"{taxel}.{quantity}", begin)) <= end + 0.1
-        assert max(ends(messages, f"{taxel}.capacitance", begin)) > 64.0
+            assert max(ends(samples, f"{taxel}.{quantity}", begin)) <= end + 0.1
+        assert max(ends(samples, f"{taxel}.capacitance", begin)) > 64.0
         # All that was not told is in a gap, but for what is younger than the last one.
         omitted_samples = 3 * 25 * round((told[-1].time[1] - begin) / SECOND - end)
         assert sum(gap.samples for gap in told) == omitted_samples > 0
 
 
 def test_healthy_hand_is_not_accused_in_six_rounds(tmp_path: Path) -> None:
-    messages, _ = lived(tmp_path, "", 120.0)
-    assert [message for message in messages if isinstance(message, Gap)] == []
+    _, gaps, _ = lived(tmp_path, "", 120.0)
+    assert gaps == []
 
 
 def broken(bench: Bench) -> list[str]:
@@ -186,7 +186,7 @@ def broken(bench: Bench) -> list[str]:
 
 def test_taxel_that_cannot_be_broken_any_more_is_believed_again(tmp_path: Path) -> None:
     pad = table("pad", adc_max_A=7e-4, sampling_Hz=25.0, thermometer=None, hygrometer=None)
-    bench = Bench(tmp_path, "hand", taxel=[pad], sampling={"block_samples": 25})
+    bench = Bench(tmp_path, "hand", taxel=[pad], sampling={"stretch_ms": 1000.0})
     unit = bench.node.taxels[0].control_unit
     bench.run_to(45.0)
     assert bench.node._self_test.faults == [("t00", CERTAIN, POSSIBLE)]
@@ -197,12 +197,10 @@ def test_taxel_that_cannot_be_broken_any_more_is_believed_again(tmp_path: Path) 
     assert list(broken(bench)) == []
     assert bench.node._self_test.faults == [("t00", IMPOSSIBLE, POSSIBLE)]
     bench.node.record_status()
-    (told,) = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Status)]
+    (told,) = [m for m in map(decode, bench.bodies()) if isinstance(m, Status)]
     assert told.faults == (TaxelFaults("t00", Verdict.IMPOSSIBLE, Verdict.POSSIBLE),)
-    gaps = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Gap)]
+    gaps = gaps_of(bench)
     assert {gap.reason for gap in gaps} == {"t00 certainly dead"}
     assert [gap.samples for gap in gaps] == [0, 3 * 25 * 20, 3 * 25 * 20, 3 * 25 * 20]
-    blocks = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Block)]
-    pressure = [block for block in blocks if block.channel == "t00.pressure"]
-    assert len(pressure) == 20 + 2
+    assert len(samples_of(bench, "t00.pressure")) == 20 + 2
     bench.close()

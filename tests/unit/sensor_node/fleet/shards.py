@@ -8,6 +8,7 @@ from eskin_sensor_node.fleet.member import MemberControls
 from eskin_sensor_node.fleet.shard import Shard, member_seed
 from eskin_sensor_node.machine.flash.file import FlashFile
 from eskin_sensor_node.machine.flash.flash import Partition
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
@@ -29,7 +30,7 @@ DESIGN: dict[str, Any] = {
         table("capacitive", sampling_Hz=100.0),
         table("touch", id="t09", sampling_Hz=50.0, noise=GAUSSIAN),
     ],
-    "sampling": {"overrun_s": 1000.0, "block_samples": 25},
+    "sampling": {"overrun_s": 1000.0, "stretch_ms": 250.0},
 }
 """Seldom sampled: single nodes calculate in Python."""
 
@@ -107,7 +108,12 @@ class Single:
         own = bench.settings.node.model_copy(update={"seed": member_seed(SEED, row)})
         self.flash = open_flash(folder / "flash.sqlite", epoch=BOOT)
         self.truth = GroundTruth(folder / "truth.sqlite", limit=2**30)
-        outbox = build_outbox(self.flash, capacity=2**30, broker=bench.settings.broker)
+        outbox = build_outbox(
+            self.flash,
+            capacity=2**30,
+            broker=bench.settings.broker,
+            described=plan_layout(bench.settings).described,
+        )
         design = bench.settings.model_copy(update={"node": own})
         self.ticks = 0
         self.node, clock = build_node(design, outbox=outbox, truth=self.truth, start=START)

@@ -7,19 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from eskin_sensor_node.firmware.message_writer import BLOCK, PEAK
+from eskin_sensor_node.firmware.message_writer import FRAME, STATEMENTS
 from eskin_sensor_node.fleet.cohort import Cohort
 from eskin_sensor_node.fleet.roster import Roster, RosterEntry
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
 
+from eskin.wire.messages import Position
 from tests.unit.sensor_node.designs import KINDS, SECOND, START, settings, table, waiting
 from tests.unit.sensor_node.flashes import open_flash
-
-FrameMessages = dict[tuple[int, int], tuple[Any, ...]]
 
 
 def companions_of(kind: str) -> list[dict[str, Any]]:
@@ -37,7 +37,9 @@ def seldom(kind: str) -> dict[str, Any]:
 def alone(given: Any, folder: Path, member: RosterEntry, moments: list[int]) -> tuple[Any, Any]:
     """Messages and truth of one node that runs by itself."""
     flash = open_flash(folder / "flash.sqlite", epoch=member.boot)
-    outbox = build_outbox(flash, capacity=2**30, broker=given.broker)
+    outbox = build_outbox(
+        flash, capacity=2**30, broker=given.broker, described=plan_layout(given).described
+    )
     truth = GroundTruth(folder / "truth.sqlite", limit=2**30)
     design = given.model_copy(update={"node": given.node.model_copy(update={"seed": member.seed})})
     node, _ = build_node(design, outbox=outbox, truth=truth, start=member.start)
@@ -45,14 +47,11 @@ def alone(given: Any, folder: Path, member: RosterEntry, moments: list[int]) -> 
         node.advance(ticks)
     node.finish()
     said = [(each.position[1], each.kind, each.body) for each in waiting(flash)]
-    known = GroundTruth.read(
-        folder / "truth.sqlite", GroundTruth.positions(folder / "truth.sqlite")
-    )
+    positions = [Position(member.boot, sequence) for sequence, kind, _ in said if kind == FRAME]
+    known = GroundTruth.read_frames(folder / "truth.sqlite", positions, node="n")
     flash.close()
     truth.close()
-    return said, {
-        p.sequence: (t.channel, t.time, t.dt, t.values.tobytes()) for p, t in known.items()
-    }
+    return said, {p.sequence: (t.time, t.end, t.values.tobytes()) for p, t in known.items()}
 
 
 def together(design: Any, members: list[RosterEntry], moments: list[int]) -> tuple[Any, Any]:
@@ -60,48 +59,42 @@ def together(design: Any, members: list[RosterEntry], moments: list[int]) -> tup
     said: list[Any] = [[] for _ in members]
     known: list[Any] = [{} for _ in members]
 
-    def take(each: Any) -> None:
-        times = cohort.true_times(each.frame.start)
-        for record in each.records:
-            row, k, sequence = (int(record[key]) for key in ("row", "channel", "sequence"))
-            body = each.content[record["begin"] : record["end"]]
-            said[row].append((sequence, int(record["kind"]), body))
-            if record["kind"] == BLOCK:
-                known[row][sequence] = (
-                    each.taxel.channels[k],
-                    times[row],
-                    each.frame.dt,
-                    each.truth[k][row].tobytes(),
-                )
+    def write() -> None:
+        for each in cohort.flush():
+            said[each.row].append((each.sequence, each.kind, each.body))
+            if each.kind == FRAME:
+                begin, end = (cohort.true_times(t)[each.row] for t in (each.begin, each.end))
+                known[each.row][each.sequence] = begin, end, each.values.tobytes()
 
     for ticks in moments:
-        for each in cohort.advance(ticks):
-            take(each)
-    for each in cohort.finish():
-        take(each)
+        while cohort.next_due <= ticks:
+            for _ in cohort.advance(cohort.next_due):
+                pass
+            write()
+    cohort.finish()
+    write()
     return said, known
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("encoding", ["f64", "f32", "q16"])
-@effort(max_examples=2, deadline=None)
-@given(st.lists(st.integers(0, 2**63 - 1), min_size=1, max_size=2), st.integers(10, 60))
-def test_same_bytes_and_truth_as_alone(
-    kind: str, encoding: str, seeds: list[int], block: int
-) -> None:
+@effort(max_examples=3, deadline=None)
+@given(
+    st.lists(st.integers(0, 2**63 - 1), min_size=1, max_size=2),
+    st.sampled_from([50.0, 130.0, 700.0]),
+)
+def test_same_bytes_and_truth_as_alone(kind: str, seeds: list[int], stretch: float) -> None:
     with tempfile.TemporaryDirectory() as folder:
         design = settings(
             Path(folder),
             node={"name": "n", "profile": "custom"},
             taxel=[seldom(kind), *companions_of(kind)],
-            sampling={"block_samples": block, "encoding": encoding},
+            sampling={"stretch_ms": stretch},
         )
         members = [RosterEntry(s, 1 + k, START + k) for k, s in enumerate(seeds)]
-        two_frames = round(2 * block * SECOND / design.taxel[0].sampling)
-        moments = [k * max(SECOND, two_frames) // 4 for k in range(1, 5)]
+        moments = [k * max(SECOND, round(2e6 * stretch)) // 4 for k in range(1, 5)]
         said, known = together(design, members, moments)
         kinds = {each for _, each, _ in said[0]}
-        assert kinds >= ({BLOCK, PEAK} if kind == "capacitive" else {BLOCK})
+        assert kinds >= ({FRAME, STATEMENTS} if kind == "capacitive" else {FRAME})
         for row, member in enumerate(members):
             home = Path(folder) / str(row)
             home.mkdir()
@@ -109,8 +102,8 @@ def test_same_bytes_and_truth_as_alone(
 
 
 @effort(max_examples=2, deadline=None)
-@given(st.lists(st.integers(0, 2**63 - 1), min_size=1, max_size=2), st.integers(40, 80))
-def test_skin_takes_the_same_crosstalk_back_as_alone(seeds: list[int], block: int) -> None:
+@given(st.lists(st.integers(0, 2**63 - 1), min_size=1, max_size=2), st.sampled_from([40.0, 1000.0]))
+def test_skin_takes_the_same_crosstalk_back_as_alone(seeds: list[int], stretch: float) -> None:
     pads = [
         table("pad", id=place, place=place, sampling_Hz=50.0) for place in ("t10", "t06", "t09")
     ]
@@ -120,7 +113,7 @@ def test_skin_takes_the_same_crosstalk_back_as_alone(seeds: list[int], block: in
             Path(folder),
             node={"name": "n", "profile": "custom"},
             taxel=[pads[0], *companions_of("pad"), table("bioelectric"), slow, *pads[1:]],
-            sampling={"block_samples": block, "encoding": "f64"},
+            sampling={"stretch_ms": stretch},
         )
         members = [RosterEntry(s, 1 + k, START + k) for k, s in enumerate(seeds)]
         moments = [k * SECOND for k in range(1, 7)]

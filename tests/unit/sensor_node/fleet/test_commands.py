@@ -5,18 +5,26 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pytest
-from eskin_sensor_node.firmware.message_writer import BLOCK, PEAK
+from eskin_sensor_node.firmware.message_writer import FRAME, STATEMENTS
 from eskin_sensor_node.fleet.member import MemberControls
 from eskin_sensor_node.fleet.single_node import reason_to_sample_alone
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.node.ground_truth import GroundTruth
 
 from eskin.errors import CommandError
-from eskin.wire.messages import Block, Gap, Status, decode_message
+from eskin.wire.frames import Statements
+from eskin.wire.messages import Status
 from tests.unit.sensor_node.designs import SECOND, table
 from tests.unit.sensor_node.fleet.shards import NAMES, Bench, Single
+from tests.unit.sensor_node.messages import (
+    assert_truth_is_inside,
+    decode,
+    frames_of,
+    split,
+    statements_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,9 +59,36 @@ def test_member_after_a_command_equals_a_single_node(
         single.run_to(4.1)
         single.node.finish()
         assert bench.said(row) == single.said()
-        assert {BLOCK, PEAK} <= {kind for kind, _ in bench.said(row)}
+        assert {FRAME, STATEMENTS} <= {kind for kind, _ in bench.said(row)}
         single.close()
     assert bench.cohort(0).members == [0, 2]
+
+
+def test_columns_with_a_part_of_the_rate_equal_a_single_node_s(
+    make: Callable[..., Bench], tmp_path: Path
+) -> None:
+    taxels = [table("capacitive", id=name, sampling_Hz=100.0) for name in ("t01", "t02", "t03")]
+    bench = make(taxel=taxels)
+    single = Single(bench, 1, tmp_path / "single")
+    member, alone = MemberControls(bench.shard, 1), NodeControls(single.node)
+    orders: list[tuple[float, str, dict[str, Any]]] = [
+        (1.3, "set", {"rate": 25.0, "taxel": "t02"}),
+        (2.1, "set", {"rate": 12.5, "taxel": "t01"}),
+        (9.3, "reset", {}),
+    ]
+    for moment, name, arguments in orders:
+        bench.run_to(moment)
+        single.run_to(moment)
+        assert name == "set" or not bench.shard.singles
+        assert member.apply(name, arguments) == alone.apply(name, arguments)
+    bench.run_to(11.1)
+    single.run_to(11.1)
+    frames = frames_of(body for _, body in bench.said(1))
+    assert {each.strides for frame in frames for each in frame.patches} >= {
+        b"", bytes([0, 2, 0]), bytes([3, 2, 0])
+    }  # fmt: skip
+    assert bench.said(1) == single.said()
+    single.close()
 
 
 def test_member_encloses_the_truth_before_and_after_a_command(
@@ -64,18 +99,17 @@ def test_member_encloses_the_truth_before_and_after_a_command(
     bench.run_to(1.3)
     controls.apply("set", {"gain": 0.5, "rate": 20.0})
     bench.run_to(8.0)
-    periods = set()
-    for kind, body in bench.said(2):
-        if kind == BLOCK:
-            block = decode_message(body)
-            assert isinstance(block, Block)
-            known = bench.settings.truth.path.with_name("known.sqlite")
-            true = GroundTruth.read(known, [block.position],
-                              node=NAMES[2])[block.position]  # fmt: skip
-            assert np.all(block.tube.values.contains(true.values))
-            assert block.tube.time[0] <= true.time <= block.tube.time[1]
-            periods.add(block.tube.dt)
-    assert len(periods) == 3
+    frames = frames_of(body for _, body in bench.said(2))
+    known = GroundTruth.read_frames(
+        bench.settings.truth.path.with_name("known.sqlite"),
+        [frame.position for frame in frames],
+        node=NAMES[2],
+    )
+    patches = plan_layout(bench.settings).patches
+    found = [each for f in frames for each in split(f, patches, known[f.position])]
+    assert_truth_is_inside(found)
+    assert all(each.tube.time[0] <= each.time <= each.tube.time[1] for each in found)
+    assert len({each.tube.dt for each in found}) == 3
 
 
 def test_refused_command_leaves_a_member_in_its_cohort(make: Callable[..., Bench]) -> None:
@@ -106,7 +140,7 @@ def test_status_of_a_member_with_a_supply_encloses_its_true_energy(
         bench.run_to(float(moment))
         for row, node in bench.shard.singles.items():
             node.record_status()
-            told = decode_message(bench.said(row)[-1][1])
+            told = decode(bench.said(row)[-1][1])
             assert isinstance(told, Status)
             assert told.energy is not None
             assert node.energy is not None
@@ -126,11 +160,10 @@ def test_status_of_a_cohort_s_member_equals_a_single_node_s(
     bench.run_to(1.0)
     single.run_to(1.0)
     single.node.record_status()
-    alone = decode_message(single.said()[-1][1])
-    told = decode_message(bench.shard.status(1, bench.ticks).body)
+    alone = decode(single.said()[-1][1])
+    told = decode(bench.shard.status(1, bench.ticks).body)
     assert isinstance(alone, Status)
     assert isinstance(told, Status)
-    assert [place.taxel for place in told.places] == ["t01", "t09"]
     # It tells the present, which is the machine's own.
     own = replace(told, capacity=alone.capacity, time=alone.time, uptime=alone.uptime)
     assert own == alone
@@ -152,8 +185,8 @@ def test_what_a_failed_commit_undid_is_reported_as_lost(make: Callable[..., Benc
     outbox.undo()
     assert len(bench.said(0)) == kept
     bench.run_to(6.0)
-    messages = [decode_message(body) for _, body in bench.said(0)]
-    gap = next(message for message in messages if isinstance(message, Gap))
+    messages = [decode(body) for _, body in bench.said(0)]
+    (gap,) = [gap for each in messages if isinstance(each, Statements) for gap in each.gaps]
     assert gap.samples >= 100 * 3
     told = {message.position.sequence for message in messages}
     for _, first, last in gap.lost:
@@ -170,7 +203,8 @@ def test_open_line_is_reported_as_by_a_single_node(
     single = Single(bench, 1, tmp_path / "single")
     bench.run_to(45.0)
     single.run_to(45.0)
-    gaps = [m for m in map(decode_message, (b for _, b in single.said())) if isinstance(m, Gap)]
+    stated = statements_of(body for _, body in single.said())
+    gaps = [gap for each in stated for gap in each.gaps]
     assert [gap.reason for gap in gaps] == ["t02 certainly dead"]
     assert bench.said(1) == single.said()
     assert not bench.shard.singles
@@ -192,4 +226,4 @@ def test_designs_that_columns_cannot_bear_run_alone(
     assert reason_to_sample_alone(bench.settings) == named
     assert len(bench.shard.singles) == (0 if named is None else len(NAMES))
     bench.run_to(1.2)
-    assert {BLOCK} <= {kind for kind, _ in bench.said(0)}
+    assert {FRAME} <= {kind for kind, _ in bench.said(0)}

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eskin_sensor_node.firmware.message_writer import BLOCK, PEAK
+from eskin_sensor_node.firmware.message_writer import FRAME, STATEMENTS
 from hypothesis import example, given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
@@ -28,19 +28,15 @@ COMMANDS: list[tuple[str, dict[str, Any]]] = [
     ("calibrate", {}),
     ("reset", {}),
 ]
-THRESHOLD, GAIN, SMOOTHING, RATE, PEAKS, ADAPTIVE, CALIBRATE, RESET, LOOK = range(len(COMMANDS) + 1)
+THRESHOLD, GAIN, SMOOTHING, RATE, PEAKS, ADAPTIVE, CALIBRATE, RESET = range(len(COMMANDS))
 
 
 def play(bench: Bench, singles: list[Single], orders: list[tuple[int, set[int], int]]) -> None:
-    """Give orders to members and to single nodes: fifth of a second, members, command or look."""
+    """Give orders to members and to single nodes: fifth of a second, members, command."""
     for moment, rows, number in sorted(orders, key=lambda order: order[0]):
         bench.run_to(moment / 5)
         for row in rows:
             singles[row].run_to(moment / 5)
-            if number == LOOK:
-                bench.shard.attend(row, 1.5)
-                singles[row].node.attend(1.5)
-                continue
             name, arguments = COMMANDS[number]
             state = singles[row].controls.apply(name, arguments)
             assert bench.controls(row).apply(name, arguments) == state
@@ -52,14 +48,13 @@ def play(bench: Bench, singles: list[Single], orders: list[tuple[int, set[int], 
         st.tuples(
             st.integers(1, 40),
             st.sets(st.sampled_from(ROWS), min_size=1),
-            st.integers(0, LOOK),
+            st.integers(0, RESET),
         ),
         max_size=6,
     )
 )
 @example([(3, {0, 1, 2}, GAIN), (4, {1}, THRESHOLD), (30, {0, 2}, THRESHOLD)])
 @example([(3, {0}, RATE), (5, {0}, RESET), (9, {1}, SMOOTHING), (26, {1}, RESET)])
-@example([(3, {0}, LOOK), (6, {0, 2}, LOOK), (9, {0}, GAIN), (30, {1}, LOOK)])
 @example([(2, {0, 1}, CALIBRATE), (7, {0, 1}, ADAPTIVE), (8, {2}, PEAKS), (26, {1, 2}, RATE)])
 def test_members_set_in_any_order_say_what_single_nodes_say(
     orders: list[tuple[int, set[int], int]],
@@ -77,7 +72,7 @@ def test_members_set_in_any_order_say_what_single_nodes_say(
             single.run_to(13.0)
             single.node.finish()
             assert bench.said(row) == single.said()
-            assert {BLOCK, PEAK} <= {kind for kind, _ in bench.said(row)}
+            assert {FRAME, STATEMENTS} <= {kind for kind, _ in bench.said(row)}
             single.close()
         bench.close()
 
@@ -121,7 +116,7 @@ def test_command_to_all_leaves_no_single_node_after_a_restart(
     (cohort,) = again.cohorts
     assert cohort.members == list(ROWS)
     bench.run_to(3.0)
-    assert {BLOCK, PEAK} <= {kind for kind, _ in bench.said(1)}
+    assert {FRAME, STATEMENTS} <= {kind for kind, _ in bench.said(1)}
 
 
 def test_member_that_adapts_by_itself_stays_alone_until_it_does_not(

@@ -5,19 +5,21 @@ from __future__ import annotations
 import shutil
 import sqlite3
 from contextlib import closing
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from eskin_sensor_node.firmware.message_writer import BLOCK, Record
-from eskin_sensor_node.fleet.message_kernels import Nodes
+from eskin_sensor_node.firmware.message_writer import FRAME, MessageWriter, Record
 from eskin_sensor_node.fleet.outbox import MemberOutbox
+from eskin_sensor_node.fleet.report_kernels import Nodes
 from eskin_sensor_node.machine.flash.file import FlashFile
 from eskin_sensor_node.machine.flash.flash import Partition
 from eskin_sensor_node.machine.flash.sealing import UNREADABLE
 
 from eskin.errors import FlashError
-from eskin.wire.messages import Gap, decode_message
+from eskin.wire.frames import Statements
+from eskin.wire.messages import Gap
 from tests.unit.sensor_node.flashes import KEY, change, on_disk
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 NAMES = ["a-0001", "a-0002"]
+LAYOUT = bytes(range(32))
 
 
 @pytest.fixture
@@ -45,13 +48,14 @@ def outboxes(storage: FlashFile) -> list[MemberOutbox]:
             window=10,
             resend_after=1000,
             status_every=1000,
+            message_writer=partial(MessageWriter, layout=LAYOUT),
         )
         for row, name in enumerate(NAMES)
     ]
 
 
-def block(outbox: MemberOutbox, body: bytes) -> Record:
-    return Record(BLOCK, outbox.next_sequence(), body, (1, 2), 250)
+def frame(outbox: MemberOutbox, body: bytes) -> Record:
+    return Record(FRAME, outbox.next_sequence(), body, (1, 2), 250)
 
 
 def fail(storage: FlashFile, work: Callable[[], None]) -> None:
@@ -64,7 +68,7 @@ def test_members_do_not_see_each_other(storage: FlashFile) -> None:
     one, other = outboxes(storage)
     with storage.commit():
         for outbox, body in ((one, b"one"), (other, b"other")):
-            outbox.write([block(outbox, body)])
+            outbox.write([frame(outbox, body)])
     for outbox in (one, other):
         outbox.settle([])
         outbox.connect(0)
@@ -77,7 +81,7 @@ def test_members_do_not_see_each_other(storage: FlashFile) -> None:
 
 def test_failed_commit_is_reported_by_each_member(storage: FlashFile) -> None:
     members = outboxes(storage)
-    said = {outbox: [block(outbox, b"lost")] for outbox in members}
+    said = {outbox: [frame(outbox, b"lost")] for outbox in members}
 
     def write() -> None:
         for outbox, records in said.items():
@@ -93,15 +97,14 @@ def test_failed_commit_is_reported_by_each_member(storage: FlashFile) -> None:
         outbox.settle(gaps)
         outbox.connect(0)
         (kept,) = outbox.due(0, 9)
-        gap = decode_message(kept.body)
-        assert isinstance(gap, Gap)
+        (gap,) = Statements.decode(kept.body).gaps
         assert (gap.messages, gap.samples, gap.lost) == (1, 250, ((7, 0, 0),))
 
 
 def test_undone_acknowledgements_leave_everything_to_be_sent_again(storage: FlashFile) -> None:
     one, other = outboxes(storage)
     for outbox in (one, other):
-        records = [block(outbox, b"body")]
+        records = [frame(outbox, b"body")]
         with storage.commit():
             outbox.write(records)
         outbox.settle(records)
@@ -146,7 +149,7 @@ def test_no_file_shows_what_members_keep(storage: FlashFile, tmp_path: Path) -> 
     secrets = b"what one keeps", b"what another keeps"
     with storage.commit():
         for outbox, body in zip((one, other), secrets, strict=True):
-            outbox.write([block(outbox, body)])
+            outbox.write([frame(outbox, body)])
     for partition in (Partition(storage, name) for name in NAMES):
         partition.store_answer(secrets[0] + b" of itself")
     assert not [secret for secret in secrets if secret in on_disk(tmp_path)]
@@ -158,7 +161,7 @@ def test_no_file_shows_what_members_keep(storage: FlashFile, tmp_path: Path) -> 
 def test_records_exchanged_between_members_become_gaps(storage: FlashFile, tmp_path: Path) -> None:
     for outbox, body in zip(outboxes(storage), (b"one", b"other"), strict=True):
         with storage.commit():
-            outbox.write([block(outbox, body), block(outbox, body)])
+            outbox.write([frame(outbox, body), frame(outbox, body)])
     path = tmp_path / "flash.sqlite"
     with closing(sqlite3.connect(path)) as db:
         found = dict(db.execute("SELECT member, body FROM message WHERE sequence = 1").fetchall())
@@ -167,9 +170,8 @@ def test_records_exchanged_between_members_become_gaps(storage: FlashFile, tmp_p
     for name, body in zip(NAMES, (b"one", b"other"), strict=True):
         partition = Partition(storage, name)
         whole, lost = partition.after((-1, -1), 9)
-        gap = decode_message(lost.body)
+        gap = Gap.decode(lost.body)
         assert whole.body == body
-        assert isinstance(gap, Gap)
         assert (gap.reason, gap.lost) == (UNREADABLE, ((7, 1, 1),))
         assert partition.gaps() == 1
         partition.store_counts(3, 9)

@@ -11,6 +11,7 @@ from typing import Any
 import eskin_sensor_node
 import pytest
 from eskin_sensor_node.machine.budget import PROGRAM, ram_budget, require_ram, taxel_objects
+from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 
@@ -35,29 +36,30 @@ def heap(job: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("profile", "encoding", "block", "seconds"),
-    [("fingertip", "q16", 250, 1.0), ("forearm", "f64", 250, 0.6), ("hand", "f32", 50, 0.3)],
+    ("profile", "stretch", "seconds"),
+    [("fingertip", 250.0, 1.0), ("forearm", 50.0, 0.3), ("hand", 50.0, 0.2)],
 )
 def test_computed_ram_holds_what_micropython_uses_and_not_much_more(
     profile: str,
-    encoding: str,
-    block: int,
+    stretch: float,
     seconds: float,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     recorder = Recorder(monkeypatch)
-    sampling = {"encoding": encoding, "block_samples": block}
-    bench = Bench(tmp_path, profile, sampling=sampling)
+    bench = Bench(tmp_path, profile, sampling={"stretch_ms": stretch})
     bench.run_to(seconds)
     bench.close()
     budget, found = ram_budget(bench.settings), heap(recorder.job, tmp_path)
     assert 0.3 * PROGRAM < found["program"] <= PROGRAM
     measured = sum(found["taxels"]) + found["growth"]
     assert measured <= budget.bounds + budget.objects <= 3 * measured
-    assert found["records"] <= budget.messages
-    for taxel, used in zip(bench.settings.taxel, found["taxels"], strict=True):
-        bounds = 16 * block * len(taxel.units)
+    assert found["waiting"] <= budget.waiting <= 3 * found["waiting"]
+    assert 0 < found["records"] <= budget.messages
+    for taxel, unit, used in zip(
+        bench.settings.taxel, bench.node.taxels, found["taxels"], strict=True
+    ):
+        bounds = 16 * unit.control_unit.schedule.capacity * len(taxel.units)
         assert bounds < used <= bounds + taxel_objects(taxel), taxel.id
 
 
@@ -77,8 +79,8 @@ def test_page_of_the_node_shows_the_budget_of_each_profile(tmp_path: Path) -> No
 
 def test_budget_follows_the_layout(tmp_path: Path) -> None:
     budget = ram_budget(settings(tmp_path, "fingertip"))
-    assert budget.bounds == 3 * 2 * 2 * 8 * 250
-    assert budget.codes == 3 * 2 * (2 + 1) * 250
+    assert budget.bounds == 3 * 2 * 2 * 8 * 50
+    assert budget.codes == 3 * 2 * (2 + 1) * 50
     assert budget.total == sum(budget.parts().values())
 
 
@@ -87,7 +89,8 @@ def test_node_that_does_not_fit_is_refused_with_numbers_and_remedy(
 ) -> None:
     small = settings(tmp_path, "hand", machine={"ram_bytes": 262_144})
     flash, truth = open_flash(small.flash.path), GroundTruth(small.truth.path, limit=10**6)
-    outbox = build_outbox(flash, capacity=10**6, broker=small.broker)
+    described = plan_layout(small).described
+    outbox = build_outbox(flash, capacity=10**6, broker=small.broker, described=described)
     need = ram_budget(small).total
     assert need > 262_144
     with pytest.raises(
@@ -95,7 +98,7 @@ def test_node_that_does_not_fit_is_refused_with_numbers_and_remedy(
     ) as error:
         build_node(small, outbox=outbox, truth=truth)
     assert f"needs {need} (program" in str(error.value)
-    assert "fewer sampling.block_samples than 250" in str(error.value)
+    assert "shorter sampling.stretch_ms than 50" in str(error.value)
     require_ram(settings(tmp_path, "hand", machine={"ram_bytes": need}))
     flash.close()
     truth.close()

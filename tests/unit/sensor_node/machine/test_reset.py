@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pytest
 from eskin_sensor_node.machine.machine import START_UP
-from eskin_sensor_node.node.ground_truth import GroundTruth
 
-from eskin.wire.messages import Block, Gap, ResetCause, Status, decode_message
+from eskin.wire.frames import Frame, Statements
+from eskin.wire.messages import ResetCause, Status
 from tests.unit.sensor_node.designs import SECOND, Bench
 from tests.unit.sensor_node.machine.hanging import hang
+from tests.unit.sensor_node.messages import (
+    assert_truth_is_inside,
+    decode,
+    frames_of,
+    gaps_of,
+    samples_of,
+    true_frames,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,8 +34,8 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     made.close()
 
 
-def messages(bench: Bench) -> list[Message]:
-    return [decode_message(body) for body in bench.bodies()]
+def messages(bench: Bench) -> list[Message | Frame | Statements]:
+    return [decode(body) for body in bench.bodies()]
 
 
 def reset_at(bench: Bench, seconds: float, cause: ResetCause) -> None:
@@ -37,22 +44,23 @@ def reset_at(bench: Bench, seconds: float, cause: ResetCause) -> None:
 
 
 def require_truth(bench: Bench) -> None:
-    blocks = [message for message in messages(bench) if isinstance(message, Block)]
-    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in blocks])
-    assert len(truth) == len(blocks)
-    for block in blocks:
-        true = truth[block.position]
-        assert block.tube.time[0] <= true.time <= block.tube.time[1]
-        assert np.all(block.tube.values.contains(true.values)), block.channel
+    found = samples_of(bench)
+    assert_truth_is_inside(found)
+    assert all(each.tube.time[0] <= each.time <= each.tube.time[1] for each in found)
+
+
+def count(bench: Bench, boot: int) -> int:
+    """Samples of a boot that are in flash."""
+    return sum(len(each.tube) for each in samples_of(bench) if each.position.boot == boot)
 
 
 @pytest.mark.parametrize("cause", [ResetCause.BROWN_OUT, ResetCause.SOFTWARE])
 def test_reset_keeps_flash_counts_the_boot_and_explains_the_missing_time(
     bench: Bench, cause: ResetCause
 ) -> None:
-    bench.run_to(1.1)
+    bench.run_to(1.13)
     before = list(bench.bodies())
-    reset_at(bench, 1.1, cause)
+    reset_at(bench, 1.13, cause)
     bench.run_to(3.0)
     bench.node.record_status()
     said = messages(bench)
@@ -60,17 +68,18 @@ def test_reset_keeps_flash_counts_the_boot_and_explains_the_missing_time(
     assert [m.position.boot for m in said] == [1] * len(before) + [2] * (len(said) - len(before))
     second = [m for m in said if m.position.boot == 2]
     assert [m.position.sequence for m in second] == list(range(len(second)))
-    gap, status = second[0], second[-1]
-    assert isinstance(gap, Gap)
+    stated, status = second[0], second[-1]
+    assert isinstance(stated, Statements)
+    (gap,) = stated.gaps
     assert gap.reason == f"{cause.label} reset"
     # From the first sample that was not stored to the first of the new boot; 1 kHz, 6 channels.
-    assert gap.samples == 6 * round((1.1 * SECOND + START_UP - SECOND) / 1e6)
+    assert gap.samples == 6 * round((0.03 * SECOND + START_UP) / 1e6)
     true = bench.clock.true_time(0)
-    assert gap.time[0] <= true - START_UP - SECOND // 10 + 10_000
+    assert gap.time[0] <= true - START_UP - 3 * SECOND // 100 + 10_000
     assert gap.time[1] >= true
     assert isinstance(status, Status)
     assert status.cause is cause
-    assert status.uptime == 3 * SECOND - (round(1.1 * SECOND) + START_UP)
+    assert status.uptime == 3 * SECOND - (round(1.13 * SECOND) + START_UP)
     require_truth(bench)
 
 
@@ -81,10 +90,9 @@ def test_world_goes_on_while_the_machine_starts_again(tmp_path: Path) -> None:
         if name == "reset":
             reset_at(bench, 1.1, ResetCause.BROWN_OUT)
         bench.run_to(3.0)
-        path = bench.settings.truth.path
-        found = GroundTruth.read(path, GroundTruth.positions(path)).values()
-        own = [true for true in found if true.channel == "t01.capacitance"]
-        lives.append({t.time + k * t.dt: value for t in own for k, value in enumerate(t.values)})
+        own = samples_of(bench, "t01.capacitance")
+        values = ((t.time + k * t.tube.dt, v) for t in own for k, v in enumerate(t.truth))
+        lives.append(dict(values))
         bench.close()
     both = lives[0].keys() & lives[1].keys()
     assert len(both) > 2500
@@ -103,16 +111,14 @@ def test_watchdog_resets_firmware_that_hangs(
 ) -> None:
     hang(monkeypatch, "t02", 3)
     bench.run_to(12.0)
-    said = messages(bench)
-    last = max(m.tube.time[1] for m in said if isinstance(m, Block) and m.position.boot == 1)
-    (gap,) = (m for m in said if isinstance(m, Gap))
+    last = max(each.tube.time[1] for each in samples_of(bench) if each.position.boot == 1)
+    (gap,) = gaps_of(bench)
     assert gap.reason == "watchdog reset"
-    # It hangs at 1 s, its last sign of life: t01's frame of that moment.
-    assert bench.node.machine.booted == 9 * SECOND + START_UP
+    # It hangs at 0.2 s, its last sign of life: t01's frame of that moment.
+    assert bench.node.machine.booted == 8 * SECOND + SECOND // 5 + START_UP
     assert bench.node.machine.cause is ResetCause.WATCHDOG
     assert last <= gap.time[0] + SECOND // 4
-    taken = 250 * sum(isinstance(m, Block) and m.position.boot == 1 for m in said)
-    assert taken + gap.samples == 6 * (9 * 1000 + START_UP // 1_000_000)
+    assert count(bench, 1) + gap.samples == 6 * (8200 + START_UP // 1_000_000)
     assert "t02: IndexError: index out of range" in caplog.text
     require_truth(bench)
 
@@ -132,8 +138,8 @@ def test_nothing_runs_between_power_off_and_power_on(bench: Bench) -> None:
     machine.power_on()
     bench.run_to(31.0)
     assert {m.position.boot for m in messages(bench)} == {1, 2}
-    gap = next(m for m in messages(bench) if isinstance(m, Gap))
-    assert gap.samples == 6 * (29 * 1000 + 250)
+    (gap,) = gaps_of(bench)
+    assert gap.samples + count(bench, 1) == 6 * 30 * 1000
     require_truth(bench)
 
 
@@ -152,9 +158,8 @@ def test_same_bytes_and_truth_in_steps_of_real_time_or_at_once_over_resets(
             else:
                 bench.run_to(5.0)
         bodies = list(bench.bodies())
-        positions = GroundTruth.positions(bench.settings.truth.path)
-        truth = GroundTruth.read(bench.settings.truth.path, positions)
-        values = [(t.channel, t.time, t.values.tobytes()) for t in truth.values()]
+        truth = true_frames(bench, frames_of(bodies))
+        values = [(t.time, t.end, t.values.tobytes()) for t in truth.values()]
         told.append((bodies, values))
         bench.close()
     assert told[0] == told[1]

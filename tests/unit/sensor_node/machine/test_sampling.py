@@ -30,7 +30,7 @@ class Life(NamedTuple):
 
 
 def lived(folder: Path, depth: int) -> Life:
-    """Two seconds of three taxels with 1000 samples a second, in frames of 250."""
+    """Two seconds of three taxels with 1000 samples a second, in frames of 50."""
     folder.mkdir()
     bench = Bench(folder, machine={"dma_samples": depth})
     bench.run_to(2.0)
@@ -50,7 +50,7 @@ def lives(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Life]:
 
 
 def test_messages_are_the_same_bytes_whatever_the_depth(lives: dict[int, Life]) -> None:
-    assert len(lives[FRAME].bodies) > 6 * 8
+    assert len(lives[FRAME].bodies) > 40
     assert lives[1].bodies == lives[7].bodies == lives[FRAME].bodies
 
 
@@ -58,9 +58,9 @@ def test_each_interrupt_is_counted_with_its_cycles_and_its_wake_up(
     lives: dict[int, Life],
 ) -> None:
     frame, each, seven = (lives[depth].work for depth in (FRAME, 1, 7))
-    assert (frame.wakes, each.wakes, seven.wakes) == (3 * 8, SAMPLES, 3 * 8 * 36)
+    assert (frame.wakes, each.wakes, seven.wakes) == (3 * 40, SAMPLES, 3 * 40 * 8)
     assert each.conversions == frame.conversions
-    more = SAMPLES - 3 * 8
+    more = SAMPLES - 3 * 40
     cost = PRICES["interrupt"]
     assert each.cycles - frame.cycles == more * cost.most
     assert each.fewest - frame.fewest == more * cost.least
@@ -91,15 +91,15 @@ def test_jitter_stays_within_its_bound(lives: dict[int, Life], depth: int) -> No
 
 def test_stopped_sampling_wakes_no_processor(tmp_path: Path) -> None:
     bench = Bench(tmp_path, machine={"dma_samples": 1})
-    bench.run_to(1.1)
+    bench.run_to(1.13)
     bench.node.shed("ordered")
     bench.node.machine.ledger.take(bench.ticks)
-    bench.run_to(5.1)
+    bench.run_to(5.13)
     assert bench.node.machine.ledger.take(bench.ticks).wakes == 0
     bench.node.resume()
-    bench.run_to(6.1)
+    bench.run_to(6.13)
     # From the next whole frame on.
-    assert bench.node.machine.ledger.take(bench.ticks).wakes == 3 * 850
+    assert bench.node.machine.ledger.take(bench.ticks).wakes == 3 * 980
     bench.close()
 
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.service import serve
 
-from eskin.wire.messages import Gap, ResetCause, Result, Status
+from eskin.wire.frames import Statements
+from eskin.wire.messages import ResetCause, Result, Status
 from tests.support.processes import wait_until
 from tests.unit.sensor_node.designs import settings
 from tests.unit.sensor_node.flashes import open_flash
@@ -73,8 +74,9 @@ def test_service_goes_on_after_the_watchdog_and_stays_connected(
             "gap, result and status of boot 2",
         )
         said = list(second().values())
-    gap, result = said[:2]
-    assert isinstance(gap, Gap)
+    stated, result = said[:2]
+    assert isinstance(stated, Statements)
+    (gap,) = stated.gaps
     assert gap.reason == "watchdog reset"
     assert isinstance(result, Result)
     assert result.state["t01"]["mode"] == "samples"

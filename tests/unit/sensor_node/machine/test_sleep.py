@@ -8,8 +8,8 @@ import pytest
 from eskin_sensor_node.firmware import states
 from eskin_sensor_node.firmware.states import TRANSITIONS, StateMachine
 
-from eskin.wire.messages import Block, Gap, decode_message
 from tests.unit.sensor_node.designs import SECOND, Bench
+from tests.unit.sensor_node.messages import gaps_of, samples_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,30 +50,27 @@ def test_time_is_counted_state_by_state() -> None:
 
 def test_node_sleeps_between_frames_and_loses_no_sample(bench: Bench) -> None:
     bench.run_to(5.0)
-    blocks = [decode_message(body) for body in bench.bodies()]
-    taken = sum(len(block.tube) for block in blocks if isinstance(block, Block))
-    assert taken == 6 * 5000
+    assert sum(len(each.tube) for each in samples_of(bench)) == 6 * 5000
     assert bench.node.states.state == states.SLEEP
     assert bench.node.states.spent(states.SLEEP, bench.ticks) == bench.ticks
 
 
 @pytest.mark.parametrize("cause", [states.SCARCE, states.ORDERED])
 def test_sampling_given_up_is_a_gap_that_counts_what_is_missing(bench: Bench, cause: str) -> None:
-    bench.run_to(1.1)
+    bench.run_to(1.13)
     bench.node.shed(cause)
     with bench.node.between_frames():
         pass  # a command, which does not wake it
-    bench.run_to(3.1)
+    bench.run_to(3.13)
     before = len(list(bench.bodies()))
     bench.run_to(20.0)
     assert len(list(bench.bodies())) == before
     bench.node.resume()
     bench.run_to(21.0)
-    said = [decode_message(body) for body in bench.bodies()]
-    (gap,) = (m for m in said if isinstance(m, Gap))
+    (gap,) = gaps_of(bench)
     assert gap.reason == f"deep sleep: {cause}"
-    taken = sum(len(m.tube) for m in said if isinstance(m, Block))
+    taken = sum(len(each.tube) for each in samples_of(bench))
     assert taken + gap.samples == 6 * 21 * 1000
-    assert gap.time[0] == bench.clock.known.enclosure(SECOND)[0]
-    assert bench.node.states.spent(states.SHED, bench.ticks) == round(18.9 * SECOND)
+    assert gap.time[0] == bench.clock.known.enclosure(11 * SECOND // 10)[0]
+    assert bench.node.states.spent(states.SHED, bench.ticks) == round(18.87 * SECOND)
     assert bench.node.machine.resets == 0

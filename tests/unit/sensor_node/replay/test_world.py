@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pytest
 from eskin_sensor_node.kinds.recorded import RecordedWorld
 from eskin_sensor_node.kinds.registry import Taxel, build_frontend, build_world
 from eskin_sensor_node.machine.inversion import Inversion
-from eskin_sensor_node.node.ground_truth import GroundTruth
 from pydantic import TypeAdapter
 
 from eskin.errors import RecordingError
-from eskin.wire.messages import Block, Gap, Peak, decode_message
 from tests.unit.sensor_node.designs import START, Bench, table
+from tests.unit.sensor_node.messages import (
+    Samples,
+    StatedPeak,
+    assert_truth_is_inside,
+    gaps_of,
+    peaks_of,
+    samples_of,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,6 +29,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.kinds.settings import TaxelSection
 
     from eskin.interval import Interval
+    from eskin.wire.frames import Gap
 
 TIMES = np.arange(100) / 100.0
 WAVE = 50.0 + 40.0 * np.sin(2.0 * np.pi * TIMES)  # pF
@@ -120,50 +127,51 @@ def test_channel_that_is_not_in_the_recording_is_refused(tmp_path: Path) -> None
 
 def test_node_replays_a_recording_and_every_block_holds_its_truth(tmp_path: Path) -> None:
     path = wave(tmp_path)
-    bench = Bench(tmp_path, taxel=[design(path, scale=1e-12)], sampling={"block_samples": 50})
+    bench = Bench(tmp_path, taxel=[design(path, scale=1e-12)], sampling={"stretch_ms": 500.0})
     bench.run_to(2.0)
-    messages = [decode_message(body) for body in bench.bodies()]
-    blocks = [message for message in messages if isinstance(message, Block)]
-    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in blocks])
-    assert len(blocks) == 4  # of the second that was recorded
-    for block in blocks:
-        assert np.all(block.tube.values.contains(truth[block.position].values)), block.channel
-    first = next(block for block in blocks if block.channel == "t01.capacitance")
-    assert truth[first.position].values == pytest.approx(WAVE[:50] * 1e-12)
+    found = samples_of(bench)
+    assert len(found) == 4  # of the second that was recorded
+    assert_truth_is_inside(found)
+    first = next(each for each in found if each.channel == "t01.capacitance")
+    assert first.truth == pytest.approx(WAVE[:50] * 1e-12)
     bench.close()
 
 
-def replayed(folder: Path, path: Path, until: float, **changes: Any) -> list[Any]:
-    """What a node says, after the truth was found inside of all its blocks."""
-    bench = Bench(folder, taxel=[design(path, **changes)], sampling={"block_samples": 50})
+class Replay(NamedTuple):
+    """What a node says."""
+
+    samples: list[Samples]
+    peaks: list[StatedPeak]
+    gaps: list[Gap]
+
+
+def replayed(folder: Path, path: Path, until: float, **changes: Any) -> Replay:
+    """What a node says, after the truth was found inside of all its samples."""
+    bench = Bench(folder, taxel=[design(path, **changes)], sampling={"stretch_ms": 500.0})
     bench.run_to(until)
-    messages = [decode_message(body) for body in bench.bodies()]
-    blocks = [message for message in messages if isinstance(message, Block)]
-    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in blocks])
-    for block in blocks:
-        assert np.all(block.tube.values.contains(truth[block.position].values)), block.channel
+    found = Replay(samples_of(bench), peaks_of(bench), gaps_of(bench))
+    assert_truth_is_inside(found.samples)
     bench.close()
-    return messages
+    return found
 
 
-def sampled(messages: list[Any]) -> dict[int, Interval]:
+def sampled(found: Replay) -> dict[int, Interval]:
     """Number of the sample to its interval of capacitance."""
     return {
-        block.ticks // 10_000_000 + k: block.tube.values[k]
-        for block in messages
-        if isinstance(block, Block) and block.channel == "t01.capacitance"
-        for k in range(len(block.tube))
+        each.ticks // 10_000_000 + k: each.tube.values[k]
+        for each in found.samples
+        if each.channel == "t01.capacitance"
+        for k in range(len(each.tube))
     }
 
 
 def test_gap_of_a_recording_travels_as_a_gap_and_as_no_sample(tmp_path: Path) -> None:
     there = [k for k in range(150) if not 20 <= k < 120]
     path = recording(tmp_path, [f"{k / 100},a,{30 + k / 10}\n" for k in there])
-    messages = replayed(tmp_path, path, 2.0, scale=1e-12)
-    found = sampled(messages)
+    replay = replayed(tmp_path, path, 2.0, scale=1e-12)
+    found, gaps = sampled(replay), replay.gaps
     assert sorted(found) == there
     assert all(bool(each.is_common_interval) for each in found.values())
-    gaps = [message for message in messages if isinstance(message, Gap)]
     assert {gap.reason for gap in gaps} == {"nothing recorded"}
     assert sum(gap.samples for gap in gaps) == 2 * (200 - len(there))
     before, after = gaps[0].time[0] - START, gaps[-1].time[1] - START
@@ -180,9 +188,8 @@ def test_peak_is_not_joined_across_a_gap_of_the_recording(tmp_path: Path) -> Non
         folder = tmp_path / name
         folder.mkdir()
         changes = {"scale": 1e-12, "capacitance_prominence_F": 20e-12}
-        messages = replayed(folder, recording(folder, rows), 1.0, **changes)
-        peaks = [m for m in messages if isinstance(m, Peak) and m.channel == "t01.capacitance"]
-        found.append([peak.count for peak in peaks])
+        peaks = replayed(folder, recording(folder, rows), 1.0, **changes).peaks
+        found.append([peak.count for peak in peaks if peak.channel == "t01.capacitance"])
     assert found == [[(1, 1)], []]
 
 
@@ -193,10 +200,10 @@ def test_recorded_intervals_travel_unshrunk(kind: str, tmp_path: Path) -> None:
     pairs = np.sort(random.uniform(*ends, (100, 2)), axis=1)
     rows = [f"{k / 100},a,{lo!r},{hi!r}\n" for k, (lo, hi) in enumerate(pairs.tolist())]
     path = recording(tmp_path, rows, "time,channel,lo,hi\n")
-    messages = replayed(tmp_path, path, 1.0, kind=kind)
-    blocks = [m for m in messages if isinstance(m, Block) and m.channel == f"t01.{kind}"]
-    lows = np.concatenate([block.tube.values.inf for block in blocks])
-    highs = np.concatenate([block.tube.values.sup for block in blocks])
+    found = replayed(tmp_path, path, 1.0, kind=kind).samples
+    tubes = [each.tube for each in found if each.channel == f"t01.{kind}"]
+    lows = np.concatenate([tube.values.inf for tube in tubes])
+    highs = np.concatenate([tube.values.sup for tube in tubes])
     assert np.all(lows <= pairs[:, 0])
     assert np.all(highs >= pairs[:, 1])
     width = ends[1] - ends[0]

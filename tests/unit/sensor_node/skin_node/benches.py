@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from eskin_sensor_node.columns.stretch import PatchColumns, Stretch
 from eskin_sensor_node.firmware.message_writer import FRAME, STATEMENTS
+from eskin_sensor_node.machine.node_layout import describe
+from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth, TrueFrame
 from eskin_sensor_node.skin_node.controls import SkinControls
-from eskin_sensor_node.skin_node.factory import build_skin_outbox
 from eskin_sensor_node.skin_node.node import SkinNode
 
 from eskin.wire.frames import Frame, Grid, Layout, Patch, Statements
@@ -106,7 +107,12 @@ class SkinBench:
         self.settings = settings(folder, "paper-hand", **sections)
         self.truth = GroundTruth(self.settings.truth.path, limit=self.settings.truth.limit_bytes)
         self.flash = open_flash(self.settings.flash.path, node="paper-hand", epoch=1)
-        self.outbox = build_skin_outbox(self.flash, self.settings, LAYOUT, PATCHES)
+        self.outbox = build_outbox(
+            self.flash,
+            capacity=self.settings.flash.capacity_bytes,
+            broker=self.settings.broker,
+            described=describe(LAYOUT, PATCHES),
+        )
         self.ticks = 0
         self.clock = clock_at(lambda: self.ticks, drift=drift)
         self.node = SkinNode(
