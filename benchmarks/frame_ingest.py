@@ -22,7 +22,6 @@ from eskin_cloud.store.descriptions import read_description, store_descriptions
 from eskin_cloud.store.write.ingest import STORED, ingest
 
 from benchmarks.report import Row
-from benchmarks.row_stores import DuckDBRows
 from eskin.interval import Interval
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
 from eskin.wire.messages import Position
@@ -116,6 +115,8 @@ def run(described: Sequence[bytes], bodies: Sequence[bytes]) -> tuple[float, flo
 
 def measure_frame_ingest(folder: Path) -> list[Row]:
     """Samples a second of each case, with DuckDB in turns; each has the median of its rounds."""
+    from benchmarks.row_stores import DuckDBRows  # noqa: PLC0415 - only `make bench` has its library
+
     folder.mkdir()
     with ExitStack() as stack:
         peer = DuckDBRows(folder, stack)

@@ -23,6 +23,9 @@ from eskin.wire.frames import Frame, Sampling, decode_samples, encode_samples
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from eskin_sensor_node.firmware.chip import StoredMessage
+    from eskin_sensor_node.machine.node_layout import NodeLayout
+
 _SECONDS: Final = 2
 _BILLION: Final = 1_000_000_000
 _PROFILES: Final = ("fingertip", "palm", "forearm", "hand", "sole", "sock")
@@ -32,8 +35,17 @@ _COLUMNS: Final = 64
 _REPEATS: Final = 5
 
 
-def sizes(folder: Path, profile: str, stretch: float | None) -> list[float]:
-    """Milliseconds of a stretch, rows of the fastest taxel, and bytes a sample: frames, codes."""
+def write_frames(
+    folder: Path, profile: str, *, stretch: float | None = None, seconds: float = _SECONDS
+) -> tuple[NodeSettings, NodeLayout, list[StoredMessage]]:
+    """Run a profile's firmware, and return the frames that it writes.
+
+    Args:
+        folder: Keeps flash and truth.
+        profile: A packaged one.
+        stretch: ms; by default the profile's.
+        seconds: How long; at least two stretches.
+    """
     given: dict[str, Any] = {
         "node": {"name": profile, "profile": profile, "seed": 7},
         "identity": {"directory": folder, "site": folder},
@@ -44,16 +56,21 @@ def sizes(folder: Path, profile: str, stretch: float | None) -> list[float]:
         # So short a stretch is only measured: a processor may be too slow for it.
         given |= {"sampling": {"stretch_ms": stretch}, "machine": {"clock_hz": 10**10}}
     settings = NodeSettings(**given)
-    fastest = max(taxel.sampling for taxel in settings.taxel if taxel.burst is None)
-    seconds = max(_SECONDS, 2 * settings.sampling.stretch_ms / 1000.0)
-    samples = frames = codes = 0
+    seconds = max(seconds, 2 * settings.sampling.stretch_ms / 1000.0)
     with offline_node(settings) as offline:
         offline.run_until(round(seconds * _BILLION) + 1)
-        for kept in offline.flash.after((-1, -1), 1_000_000):
-            if kept.kind == FRAME:
-                samples, frames = samples + kept.samples, frames + len(kept.body)
-                codes += sum(len(each.samples.codes) for each in Frame.decode(kept.body).patches)
+        kept = offline.flash.after((-1, -1), 1_000_000)
+        return settings, offline.layout, [each for each in kept if each.kind == FRAME]
+
+
+def sizes(folder: Path, profile: str, stretch: float | None) -> list[float]:
+    """Milliseconds of a stretch, rows of the fastest taxel, and bytes a sample: frames, codes."""
+    settings, _, written = write_frames(folder, profile, stretch=stretch)
+    fastest = max(taxel.sampling for taxel in settings.taxel if taxel.burst is None)
+    samples = sum(each.samples for each in written)
+    codes = sum(len(p.samples.codes) for f in written for p in Frame.decode(f.body).patches)
     rows = settings.sampling.stretch_ms * fastest / 1000.0
+    frames = sum(len(each.body) for each in written)
     return [settings.sampling.stretch_ms, rows, frames / samples, codes / samples]
 
 
@@ -85,16 +102,20 @@ def _seconds(way: Callable[[], object]) -> float:
     return time.process_time() - begin
 
 
+def shorten(profile: str, rows: int) -> float:
+    """The stretch in which the profile's fastest taxel is sampled so often, ms."""
+    # Bursts are far faster than any stretch can be short.
+    taxels = [each for each in Profile.read(profile).taxels if "burst_s" not in each]
+    return 1000.0 * rows / max(float(each.get("sampling_Hz", 0.0)) for each in taxels)
+
+
 def main() -> None:
     """Print two tables."""
     print("profile     stretch_ms  rows  bytes a sample: frames  codes")
     for profile in _PROFILES:
         for rows in (None, _FEW):
             with tempfile.TemporaryDirectory() as folder:
-                # Bursts are far faster than any stretch can be short.
-                taxels = [each for each in Profile.read(profile).taxels if "burst_s" not in each]
-                fastest = max(each.get("sampling_Hz", 0.0) for each in taxels)
-                stretch = None if rows is None else 1000.0 * rows / fastest
+                stretch = None if rows is None else shorten(profile, rows)
                 found = sizes(Path(folder), profile, stretch)
             print(f"{profile:10}", *(f"{each:10.2f}" for each in found))
     print(f"million samples a second of CPU, {_COLUMNS} columns")

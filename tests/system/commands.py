@@ -19,7 +19,6 @@ from eskin_gateway.settings import (
     SpoolSection,
 )
 from eskin_gateway.settings import IdentitySection as GatewayIdentity
-from eskin_sensor_node.firmware.message_writer import Channel
 from eskin_sensor_node.link.publisher import Publisher
 from eskin_sensor_node.machine.radio import Radio
 from eskin_sensor_node.node.commands import CommandReceiver
@@ -35,6 +34,7 @@ from tests.support.processes import accepts, wait_until
 from tests.unit.cloud.service import Service
 from tests.unit.sensor_node.controls import SimpleControls
 from tests.unit.sensor_node.flashes import open_flash
+from tests.unit.sensor_node.stores import DESCRIBED
 from tests.unit.sensor_node.traffic import Traffic
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class ObedientNode:
         self.flash = open_flash(
             self._folder / f"{self._identity.name}.sqlite", epoch=None, node=self._identity.name
         )
-        self.outbox = build_outbox(self.flash, capacity=10**6, broker=broker)
+        self.outbox = build_outbox(self.flash, capacity=10**6, broker=broker, described=DESCRIBED)
         self.controls = SimpleControls()
         commander = CommandReceiver(
             self.outbox,
@@ -91,12 +91,9 @@ class ObedientNode:
 
     def _record_status(self) -> None:
         now = time.time_ns()
-        channels = [Channel(f"{taxel}.capacitance", "F", 10**6, 1.0) for taxel in ("t01", "t02")]
         with self.outbox.batch() as batch:
             usage = self.outbox.usage()
-            batch.take(
-                [self.outbox.message_writer.status((now, now), "p", "d", 1, usage, channels, 1)]
-            )
+            batch.take([self.outbox.message_writer.status((now, now), "p", "d", 1, usage, 1)])
 
 
 class Chain:

@@ -21,7 +21,7 @@ from eskin_cloud.live.frame_encoder import FrameEncoder
 from eskin_cloud.live.layouts import Layouts
 from eskin_cloud.live.sse_encoder import SseEncoder
 from eskin_cloud.query.opaque_ids import OpaqueIds
-from eskin_cloud.store.damage import FrameHeader, RowHeader, is_intact_block, is_intact_frame
+from eskin_cloud.store.damage import FrameHeader, RowHeader, is_intact, is_intact_row
 from eskin_cloud.store.feed_entry import FeedEntry
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import frames
@@ -267,7 +267,7 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedE
     found = [
         FeedEntry(cursor, head[0], head[1], decompress(data), None, received)
         for cursor, data, received, own, *head in rows
-        if is_intact_block(data, RowHeader(*head), own)
+        if is_intact(RowHeader(*head), own, data)
     ]
     e = events.c
     named = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
@@ -281,7 +281,7 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedE
         FeedEntry(row["cursor"], row["node"], None, None, None, row["received"],
                   frame=row["data"], layout=row["layout"])
         for row in connection.execute(framed).mappings()
-        if is_intact_frame(row["data"], FrameHeader.of(row), row["head"])
+        if is_intact_row(FrameHeader, row)
     ]  # fmt: skip
     v = sealed_messages.c
     sealed = select(v.cursor, v.node, v.data, v.received)

@@ -18,7 +18,7 @@ from eskin.tube import Tube
 from eskin.wire.messages import Block, Position
 from eskin.wire.messages.compacted_block import Pack
 from eskin.wire.messages.compression import decompress
-from eskin_cloud.store.damage import DamagedRowError, RowHeader, is_intact_block, is_intact_header
+from eskin_cloud.store.damage import DamagedRowError, RowHeader, is_intact
 from eskin_cloud.store.read.block_index import count_samples, overlaps
 from eskin_cloud.store.read.patch_columns import is_column, read_column, split_column
 from eskin_cloud.store.read.window import Window, before, clip
@@ -287,9 +287,9 @@ def _blocks(row: Sequence[Any], *, whole: bool) -> Iterable[_StoredBlock]:
     """
     t, boot, sequence, n, dt, packed, data, own, *head = row
     header = RowHeader(*head)
-    if not is_intact_header(header, own):
+    if not is_intact(header, own):
         raise DamagedRowError(header.place)
-    if data is not None and not is_intact_block(data, header, own):
+    if data is not None and not is_intact(header, own, data):
         return [_StoredBlock((t, boot, sequence), n, dt, b"", header)]
     if packed is None:
         return [_StoredBlock((t, boot, sequence), n, dt, data)]

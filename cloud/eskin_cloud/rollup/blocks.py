@@ -14,7 +14,7 @@ from eskin.wire.messages.compacted_block import Pack, is_pack
 from eskin.wire.messages.stored_bounds import read_bounds
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
-from eskin_cloud.store.damage import RowHeader, intact_headers, is_intact_block
+from eskin_cloud.store.damage import RowHeader, intact_headers, is_intact
 from eskin_cloud.store.read.block_index import (
     HEADER_COLUMNS,
     OVERLAPS,
@@ -126,7 +126,7 @@ def _holding(rows: Sequence[Any], window: Window) -> list[Any]:
         row[:6]
         for row in rows
         if le(*clip(row[0], row[1], row[2], window))
-        and is_intact_block(row[5], RowHeader(*row[7:]), row[6])
+        and is_intact(RowHeader(*row[7:]), row[6], row[5])
     ]
 
 

@@ -23,12 +23,7 @@ from eskin_cloud.rollup.picture_fold import (
     fold_tiles,
 )
 from eskin_cloud.rollup.ranges import Range, coarsened, merged, refined, without
-from eskin_cloud.store.damage import (
-    FrameHeader,
-    are_countable,
-    is_intact_frame,
-    is_intact_patch_row,
-)
+from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, are_countable, is_intact_row
 from eskin_cloud.store.descriptions import find_layout, find_patch
 from eskin_cloud.store.patch_rows import decode_runs
 from eskin_cloud.store.patch_totals import Place
@@ -237,9 +232,7 @@ class PictureReader:
         query = select(frames).where(self._here(frames), frames.c.page == page)
         query = query.where(frames.c.t < window.end).order_by(frames.c.t.desc()).limit(1)
         found = self._connection.execute(query).mappings().first()
-        if found is None or not is_intact_frame(
-            found["data"], FrameHeader.of(found), found["head"]
-        ):
+        if found is None or not is_intact_row(FrameHeader, found):
             return None
         return found
 
@@ -333,7 +326,7 @@ class PictureReader:
         query = select(patch_rows).where(here).order_by(p.patch, p.t, p.boot, p.sequence)
         places: dict[bytes, ColumnPlaces] = {}
         for row in self._connection.execute(query).mappings():
-            if not is_intact_patch_row(row):
+            if not is_intact_row(PatchRowHeader, row):
                 continue
             runs = decode_runs(row["data"])
             name = runs[0].patch

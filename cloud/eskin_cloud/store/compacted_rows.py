@@ -12,7 +12,7 @@ from eskin.runtime.digest import digest
 from eskin.wire.messages.compacted_block import Kept, Pack, pack
 from eskin.wire.messages.compression import decompress
 from eskin.wire.messages.fast_decode import scan
-from eskin_cloud.store.damage import RowHeader, require_intact_block
+from eskin_cloud.store.damage import RowHeader, require_intact
 from eskin_cloud.store.write.block_row import BlockRow
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def join_blocks(rows: Sequence[Mapping[str, Any]]) -> Row:
         DamagedRowError: A block is damaged.
     """
     for row in rows:
-        require_intact_block(row)
+        require_intact(RowHeader, row)
     first = rows[0]
     data = pack([Kept(row["data"], row["cursor"], row["received"]) for row in rows])
     made = dict(first) | {
@@ -66,7 +66,7 @@ def split_blocks(row: Mapping[str, Any]) -> list[Row]:
     Raises:
         DamagedRowError: The pack is damaged.
     """
-    require_intact_block(row)
+    require_intact(RowHeader, row)
     rows = []
     for kept in Pack.read(row["data"]).blocks():
         block = scan(kept.data)
@@ -84,7 +84,7 @@ def block_bytes(row: RowMapping) -> list[bytes]:
     Raises:
         DamagedRowError: The row is damaged.
     """
-    require_intact_block(row)
+    require_intact(RowHeader, row)
     if row["packed"] is None:
         return [decompress(row["data"])]
     return [kept.data for kept in Pack.read(row["data"]).blocks()]

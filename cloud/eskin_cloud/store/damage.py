@@ -12,7 +12,7 @@ from contextvars import ContextVar
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - it is a class
 from threading import Lock
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, Self
 
 from eskin.errors import StoreError
 from eskin.runtime.digest import checksum
@@ -57,6 +57,11 @@ class RowHeader(NamedTuple):
     packed: int | None
     digest: bytes
 
+    @property
+    def table(self) -> str:
+        """The table of such rows."""
+        return "blocks"
+
     @classmethod
     def of(cls, row: Mapping[str, Any] | RowMapping) -> Self:
         """The header of a row."""
@@ -98,6 +103,11 @@ class FrameHeader(NamedTuple):
     bounds: bytes
     digest: bytes
 
+    @property
+    def table(self) -> str:
+        """The table of such rows."""
+        return "frames"
+
     @classmethod
     def of(cls, row: Mapping[str, Any] | RowMapping) -> Self:
         """The header of a row."""
@@ -138,6 +148,11 @@ class PatchRowHeader(NamedTuple):
     coverage: float
     hash: bytes
     digest: bytes
+
+    @property
+    def table(self) -> str:
+        """The table of such rows."""
+        return "patch_rows"
 
     @classmethod
     def of(cls, row: Mapping[str, Any] | RowMapping) -> Self:
@@ -227,94 +242,61 @@ def collect_damaged_rows() -> Iterator[list[object]]:
         _current.reset(token)
 
 
-def require_intact_block(row: Mapping[str, Any] | RowMapping) -> None:
-    """Verify the digests of a row of blocks.
+class Header(Protocol):
+    """The columns that describe a row's ``data``."""
+
+    @property
+    def table(self) -> str:
+        """The table of such rows."""
+
+    @property
+    def digest(self) -> bytes:
+        """Digest of ``data``."""
+
+    @property
+    def place(self) -> DamagedRow:
+        """The row's key."""
+
+    def checksum(self) -> int | None:
+        """The value of column ``head``; ``None`` if a damaged column has another type."""
+
+
+def is_intact(head: Header, own: int, data: bytes | None = None) -> bool:
+    """Whether a row's header is intact, and its data; a damaged row is reported.
 
     Args:
-        row: With the columns of `RowHeader`, ``head`` and ``data``.
+        head: The row's header.
+        own: Column ``head``.
+        data: Column ``data``, if it was read.
+    """
+    if (data is None or digest_of(data) == head.digest) and head.checksum() == own:
+        return True
+    report_damaged(head.table, head.place)
+    return False
+
+
+def is_intact_row(
+    kind: type[RowHeader | FrameHeader | PatchRowHeader], row: Mapping[str, Any] | RowMapping
+) -> bool:
+    """Whether a row with the columns of a header, ``head`` and ``data`` is intact."""
+    return is_intact(kind.of(row), row["head"], row["data"])
+
+
+def require_intact(
+    kind: type[RowHeader | FrameHeader | PatchRowHeader], row: Mapping[str, Any] | RowMapping
+) -> None:
+    """Verify the digests of a row, as `is_intact_row` does.
 
     Raises:
         DamagedRowError: The row is damaged.
     """
-    head = RowHeader.of(row)
-    if not is_intact_block(row["data"], head, row["head"]):
-        raise DamagedRowError(head.place)
-
-
-def is_intact_block(data: bytes, head: RowHeader, own: int) -> bool:
-    """Whether a row of blocks is intact; a damaged one is reported.
-
-    Args:
-        data: Column ``data``.
-        head: The row's header.
-        own: Column ``head``.
-    """
-    if digest_of(data) == head.digest and is_intact_header(head, own):
-        return True
-    report_damaged("blocks", head.place)
-    return False
-
-
-def require_intact_frame(row: Mapping[str, Any] | RowMapping) -> None:
-    """Verify the digests of a row of frames.
-
-    Args:
-        row: With the columns of `FrameHeader`, ``head`` and ``data``.
-
-    Raises:
-        DamagedRowError: The row is damaged.
-    """
-    head = FrameHeader.of(row)
-    if not is_intact_frame(row["data"], head, row["head"]):
-        raise DamagedRowError(head.place)
-
-
-def is_intact_frame(data: bytes, head: FrameHeader, own: int) -> bool:
-    """Whether a row of frames is intact; a damaged one is reported.
-
-    Args:
-        data: Column ``data``.
-        head: The row's header.
-        own: Column ``head``.
-    """
-    if digest_of(data) == head.digest and is_intact_frame_header(head, own):
-        return True
-    report_damaged("frames", head.place)
-    return False
-
-
-def is_intact_frame_header(head: FrameHeader, own: int) -> bool:
-    """Whether a row's header is intact, ``bounds`` included; a damaged one is reported."""
-    if head.checksum() == own:
-        return True
-    report_damaged("frames", head.place)
-    return False
-
-
-def is_intact_patch_row(row: Mapping[str, Any] | RowMapping) -> bool:
-    """Whether a compacted row is intact; a damaged one is reported.
-
-    Args:
-        row: With the columns of `PatchRowHeader`, ``head`` and ``data``.
-    """
-    head = PatchRowHeader.of(row)
-    if digest_of(row["data"]) == head.digest and head.checksum() == row["head"]:
-        return True
-    report_damaged("patch_rows", head.place)
-    return False
-
-
-def is_intact_header(head: RowHeader, own: int) -> bool:
-    """Whether a row's header is intact; a damaged one is reported."""
-    if head.checksum() == own:
-        return True
-    report_damaged("blocks", head.place)
-    return False
+    if not is_intact_row(kind, row):
+        raise DamagedRowError(kind.of(row).place)
 
 
 def intact_headers(rows: Iterable[RowMapping]) -> Iterator[RowMapping]:
     """The rows of blocks with intact headers; ``data`` is not checked."""
-    return (row for row in rows if is_intact_header(RowHeader.of(row), row["head"]))
+    return (row for row in rows if is_intact(RowHeader.of(row), row["head"]))
 
 
 def report_damaged(table: str, place: object) -> None:

@@ -19,7 +19,7 @@ from eskin.runtime.digest import digest
 from eskin.wire.frames import Sampling
 from eskin.wire.frames.frame_parts import read_head
 from eskin.wire.timestamp import SECOND
-from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_frame
+from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_row
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
 from eskin_cloud.store.patch_rows import MOST_CELLS, encode_runs
 from eskin_cloud.store.patch_totals import add_rows
@@ -229,7 +229,7 @@ def _most_rows(row: RowMapping) -> int:
 
 
 def _is_intact(row: RowMapping) -> bool:
-    return is_intact_frame(row["data"], FrameHeader.of(row), row["head"])
+    return is_intact_row(FrameHeader, row)
 
 
 def _row(page: PageKey, patch: Patch, name: bytes, runs: list[PatchRun]) -> Row:

@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from eskin_cloud.store.damage import DamagedRow, RowHeader, is_intact_block, report_damaged
+from eskin_cloud.store.damage import DamagedRow, RowHeader, is_intact, report_damaged
 from eskin_cloud.store.removal import RemovalReason
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import blocks, events, sequences
@@ -239,7 +239,7 @@ def _stored(node: str, connection: Connection) -> Sightings:
     packs = select(b.data, b.head, *(b[name] for name in RowHeader._fields))
     packs = packs.where(b.node == node, b.packed.is_not(None))
     for data, own, *head in connection.execute(packs):
-        if not is_intact_block(data, RowHeader(*head), own):
+        if not is_intact(RowHeader(*head), own, data):
             continue
         pack = Pack.read(data)
         for sequence in pack.column("sequence").tolist():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from cachetools import LRUCache
-from eskin_cloud.store.damage import FrameHeader, is_intact_frame, is_intact_patch_row
+from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_row
 from eskin_cloud.store.descriptions import find_layout, find_patch
 from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.patch_rows import decode_runs
@@ -201,7 +201,7 @@ class _Comparison:
         by_layout: dict[bytes, list[RowMapping]] = {}
         for row in rows:
             self._whole.add(_position(row))
-            if is_intact_frame(row["data"], FrameHeader.of(row), row["head"]):
+            if is_intact_row(FrameHeader, row):
                 by_layout.setdefault(bytes(row["layout"]), []).append(row)
         for name, alike in by_layout.items():
             self._compare_frames(self._sums_of(name), alike)
@@ -209,7 +209,7 @@ class _Comparison:
     def compare_patches(self, rows: Sequence[RowMapping]) -> None:
         """Compare rows into which frames were compacted."""
         for row in rows:
-            if is_intact_patch_row(row):
+            if is_intact_row(PatchRowHeader, row):
                 self._compare_runs(row, decode_runs(row["data"]))
 
     def result(self) -> StoredFrames:

@@ -69,6 +69,15 @@ class SkinSection(Section):
         default={}, description="data sheet of a hygrometer that all taxels read along; empty: none"
     )
 
+    @field_validator("scenario")
+    @classmethod
+    def _scenario_is_unicode(cls, value: str) -> str:
+        try:
+            value.encode()
+        except UnicodeEncodeError:  # pydantic cannot write what quotes it
+            raise ValueError("its name is no UTF-8; rename the file") from None
+        return value
+
     @field_validator("controllers")
     @classmethod
     def _controllers_are_unique(cls, value: tuple[str, ...]) -> tuple[str, ...]:

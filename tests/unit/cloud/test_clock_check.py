@@ -76,7 +76,7 @@ class World:
 
     def run(self, statuses: int) -> Iterator[Written]:
         clock = Clock(START + self.reading_error, ERROR, DRIFT)
-        message_writer = MessageWriter(1, Numbers())
+        message_writer = MessageWriter(1, Numbers(), layout=bytes(32))
         arriving: list[tuple[int, int]] = []  # true moment of arrival, the gateway's time in it
         for number in range(statuses):
             now = number * self.every + int(self.random.integers(0, SECOND))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_cloud.store.damage import DamagedRowError, require_intact_frame
+from eskin_cloud.store.damage import DamagedRowError, FrameHeader, require_intact
 from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.frame_row import (
     fit_frame,
@@ -66,7 +66,7 @@ def test_frame_is_kept_byte_for_byte_and_each_patch_is_read_alone(store: Store) 
     said = frame(0, at=SECOND)
     assert results(put(store, said)) == [STORED]
     (row,) = rows(store, frames)
-    require_intact_frame(row)
+    require_intact(FrameHeader, row)
     assert row["data"] == said.encode()
     bounds = read_patch_bounds(row["bounds"])
     head = read_head(row["data"])
@@ -189,7 +189,7 @@ def test_damaged_row_is_found(store: Store, column: str) -> None:
     store.write_and_wait(lambda connection: connection.execute(update(frames), {column: other}))
     (damaged,) = rows(store, frames)
     with pytest.raises(DamagedRowError):
-        require_intact_frame(damaged)
+        require_intact(FrameHeader, damaged)
 
 
 def test_damaged_description_is_asked_for_again_and_replaced(store: Store) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from eskin_cloud.store import patch_compaction
-from eskin_cloud.store.damage import is_intact_patch_row
+from eskin_cloud.store.damage import PatchRowHeader, is_intact_row
 from eskin_cloud.store.disk_usage import measure_disk
 from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.patch_rows import MOST_CELLS, decode_runs
@@ -88,7 +88,7 @@ def stored(store: Store) -> list[Sampled]:
         for (data,) in connection.execute(select(frames.c.data)):
             found += of_frame(Frame.decode(data))
         for row in connection.execute(select(patch_rows)).mappings():
-            assert is_intact_patch_row(row)
+            assert is_intact_row(PatchRowHeader, row)
             for run in decode_runs(row["data"]):
                 rest = run[1:-2]
                 arrays = (np.ascontiguousarray(side).tobytes() for side in run[-2:])

@@ -159,9 +159,9 @@ async def test_reader_without_the_scope_gets_nothing_of_it(stand: Stand, site: S
     found = await stand.get(f"/api/v1/nodes/{NODE}/frames", quantity="bioelectric", **WIDE)
     assert all(each is None for row in found.json()["lo"] for each in row)
     listed = (await stand.get(f"/api/v1/nodes/{NODE}/channels")).json()["items"]
-    (told,) = [each for each in listed if each["id"] == CHANNEL]
-    assert told["biometric"]
-    assert told["first"] is told["last"] is told["removed"] is None
+    (channel,) = [each for each in listed if each["id"] == CHANNEL]
+    assert channel["biometric"]
+    assert channel["first"] is channel["last"] is channel["removed"] is None
 
 
 async def test_events_of_statements_are_those_of_the_twin_page_by_page(
@@ -266,19 +266,19 @@ async def test_live_streams_show_it_with_the_scope_alone(stand: Stand, site: Sit
     ):
         sealed = Scope.BIOMETRIC in scopes
         reveal = key_access.reveal(scopes, feed.layouts)
-        told: list[dict[str, Any]] = []
+        received: list[dict[str, Any]] = []
         pieces = listen(stand, reveal=reveal, sealed=sealed, heartbeat=0.2)
         async with asyncio.timeout(20), aclosing(pieces) as stream:  # type: ignore[type-var]  # a generator
             async for piece in stream:
-                told += events_of(piece)
+                received += events_of(piece)
                 if b"heartbeat" in piece:
                     break
-        assert [each["event"] for each in told] == expected
+        assert [each["event"] for each in received] == expected
         if sealed:
-            hull = told[0]["data"]["patches"][0]
+            hull = received[0]["data"]["patches"][0]
             assert hull["lo"][:2] == worn(1).values[0].inf[:, :2].min(axis=0).tolist()
-            assert len({each["id"] for each in told[1:4]}) == 2, "the last one ends the message"
-            assert len({each["data"]["id"] for each in told[1:4]}) == 3
+            assert len({each["id"] for each in received[1:4]}) == 2, "the last one ends the message"
+            assert len({each["data"]["id"] for each in received[1:4]}) == 3
         messages: list[Any] = []
         frame_stream = FrameStream(
             feed, stand.cloud.contacts, selection=FrameSelection(), cursor=0, backlog=1000,
@@ -352,8 +352,8 @@ async def test_frames_expire_by_time_or_arrival(
         assert [row["sequence"] for row in rows(stand, frames)] == [4]
         path = f"/api/v1/nodes/{NODE}/channels"
         listed = (await ask(stand, physician(stand), path)).json()["items"]
-        (told,) = [item for item in listed if item["id"] == CHANNEL]
-        assert told["removed"]["messages"] == 2
+        (channel,) = [item for item in listed if item["id"] == CHANNEL]
+        assert channel["removed"]["messages"] == 2
         assert {row["reason"] for row in rows(stand, removals)} == {"age"}
 
 

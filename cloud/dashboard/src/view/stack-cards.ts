@@ -47,7 +47,7 @@ export function storageCard({ bytes, free_bytes, samples, bytes_per_sample }: St
     ...fact("per sample", element("span", { "data-testid": "bytes-per-sample" }, each)),
     ...fact("samples", samples.toLocaleString("en"), true),
     ...fact("size", formatBytes(bytes)),
-    ...fact("free", formatBytes(free_bytes)),
+    ...fact("reusable", formatBytes(free_bytes)),
   );
   const title = "The size of the store with all indices, without its free space, divided by its samples";
   return element("section", { class: "card", "data-testid": "storage", "aria-label": "store", title }, element("div", { class: "card-head" }, element("strong", {}, "Store")), facts);

@@ -6,6 +6,7 @@ from itertools import chain
 from operator import le
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from eskin_cloud.store.damage import DamagedRowError, are_countable
 from eskin_cloud.store.descriptions import find_patch
 from eskin_cloud.store.read.patch_runs import (
     find_layouts,
@@ -16,6 +17,7 @@ from eskin_cloud.store.read.patch_runs import (
     split_by_rows,
 )
 from eskin_cloud.store.read.window import Window, before, clip
+from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -90,7 +92,7 @@ def describe_columns(connection: Connection, node: str, patch: Patch) -> list[di
     """All channels of a patch, as `find_column` gives them.
 
     Raises:
-        DamagedRowError: Totals of a page or of the patch are damaged.
+        DamagedRowError: Totals of a page or of the patch are damaged, or all of its samples may be.
     """
     places = find_patch_pages(connection, node, patch.patch_id, strict=True)
     compacted = read_patch(connection, node, patch.patch_id)
@@ -114,6 +116,9 @@ def describe_columns(connection: Connection, node: str, patch: Patch) -> list[di
         "t_last": max((r["t_last"] for r in rows if r["t_last"] is not None), default=None),
     }
     last = _last_run(connection, found)
+    # Period and coverage are those of the last samples: unknown where all may be damaged.
+    if last is None and not (are_countable(frames.name) and are_countable(patch_rows.name)):
+        raise DamagedRowError(f"{node} {patch.patch_id}")
     found["coverage"] = 1.0 if last is None else last.coverage
     strides = (last.strides if last is not None else b"") or bytes(len(patch.taxels))
     dt = 1 if last is None else last.dt

@@ -12,9 +12,9 @@ from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin_cloud.store.damage import (
     DamagedRowError,
     FrameHeader,
+    PatchRowHeader,
     are_countable,
-    is_intact_frame,
-    is_intact_patch_row,
+    is_intact_row,
 )
 from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.patch_rows import decode_runs
@@ -222,7 +222,12 @@ def read_compacted(
     key = {"slot": slot_of(node), "node": node, "patch": patch_id}
     are_countable(patch_rows.name)
     rows = connection.execute(_ROWS, key | _bounds(window, totals["longest"])).mappings()
-    return [run for row in rows if is_intact_patch_row(row) for run in decode_runs(row["data"])]
+    return [
+        run
+        for row in rows
+        if is_intact_row(PatchRowHeader, row)
+        for run in decode_runs(row["data"])
+    ]
 
 
 def read_described_runs(
@@ -278,7 +283,7 @@ def read_frame_rows(
     key = {"slot": slot_of(node), "node": node, "page": page} | _bounds(window, longest)
     are_countable(frames.name)
     rows = connection.execute(_FRAMES, key).mappings()
-    return [row for row in rows if is_intact_frame(row["data"], FrameHeader.of(row), row["head"])]
+    return [row for row in rows if is_intact_row(FrameHeader, row)]
 
 
 def split_by_rows(

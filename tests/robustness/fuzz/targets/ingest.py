@@ -10,7 +10,7 @@ import numpy as np
 from eskin_cloud.ingest.batch import read_batch
 from eskin_cloud.ingest.errors import MalformedBatchError
 from eskin_cloud.store import Store
-from eskin_cloud.store.damage import require_intact_frame
+from eskin_cloud.store.damage import FrameHeader, require_intact
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.tables import blocks
 from eskin_cloud.store.write.ingest import ingest
@@ -72,7 +72,7 @@ def make(folder: Path) -> Target:
             if entry.frame is not None:
                 found = connection.execute(select(frames).where(frames.c.cursor == entry.cursor))
                 row = found.mappings().one()
-                require_intact_frame(row)
+                require_intact(FrameHeader, row)
                 assert row["data"] == entry.frame
 
     one: list[Message] = [said.block(0), said.peak(1), said.gap(2), said.status(3), result(4, 1)]

@@ -19,6 +19,7 @@ from eskin_sensor_node.world.skin.shapes import FlatShape
 from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from tests.unit.sensor_node.columns.skins import columns_of, flat, whole
 from tests.unit.sensor_node.designs import settings as node_settings
@@ -198,3 +199,8 @@ def test_unmeasured_neighbours_widen(tmp_path: Path) -> None:
     assert np.all(more >= highs)
     neighbours = [7, 11, 13, 17]
     assert np.all(less[neighbours] < lows[neighbours])
+
+
+def test_scenario_whose_name_is_no_text_is_refused() -> None:
+    with pytest.raises(ValidationError):
+        SkinSection.model_validate(SMALL_HAND | {"scenario": "hand\udcba.toml"})
