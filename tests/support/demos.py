@@ -94,13 +94,10 @@ class RunningDemo(Running):
         return found
 
     def samples(self) -> dict[str, int]:
-        """How many samples are stored, by node."""
-        return {
-            node["id"]: sum(
-                c["samples"] for c in self.get(f"/nodes/{node['id']}/channels")["items"]
-            )
-            for node in self.get("/nodes")["items"]
-        }
+        """How many samples are stored in the clear, by node."""
+        totals = "SELECT node, samples FROM pages UNION ALL SELECT node, samples FROM patches"
+        query = f"SELECT node, sum(samples) FROM ({totals}) GROUP BY 1"  # noqa: S608  # no input
+        return {str(node): int(count) for node, count in self._query(query)}
 
     def wait_for_more(self, nodes: Sequence[str], *, seconds: float = 120.0) -> None:
         """Wait until each node has stored more samples than now."""
@@ -114,9 +111,13 @@ class RunningDemo(Running):
     def sequences(self) -> dict[tuple[str, int], list[tuple[int, int]]]:
         """Ranges of sequence numbers that the cloud stored, by node and boot."""
         found: dict[tuple[str, int], list[tuple[int, int]]] = {}
+        query = "SELECT node, boot, first, last FROM sequences ORDER BY 1, 2, 3"
+        for node, boot, first, last in self._query(query):
+            found.setdefault((node, boot), []).append((first, last))
+        return found
+
+    def _query(self, query: str) -> list[tuple[Any, ...]]:
+        """Query the cloud's store."""
         path = self.data / "cloud" / "store.sqlite"
         with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as db:
-            rows = db.execute("SELECT node, boot, first, last FROM sequences ORDER BY 1, 2, 3")
-            for node, boot, first, last in rows:
-                found.setdefault((node, boot), []).append((first, last))
-        return found
+            return db.execute(query).fetchall()

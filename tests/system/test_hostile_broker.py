@@ -21,13 +21,14 @@ from eskin_sensor_node.settings import IdentitySection as NodeIdentity
 
 from eskin.identity import IdentityKind
 from eskin.identity.identity import CHAIN_FILE
-from eskin.wire.messages import Status, decode_message
+from eskin.wire.messages import Status
 from eskin.wire.topics import NODES
 from tests.support.identities import Identities
 from tests.support.processes import wait_until
 from tests.system.hostile import NAMES, Hostile
 from tests.unit.gateway.stub_cloud import StubCloud
 from tests.unit.sensor_node.designs import Bench
+from tests.unit.sensor_node.messages import decode
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -114,7 +115,7 @@ def kept(cloud: StubCloud, name: str) -> set[bytes]:
 def require_exactly(said: list[bytes], stored: list[bytes]) -> None:
     """All that was said is stored once; beyond it only later statuses, each position once."""
     assert [stored.count(body) for body in said] == [1] * len(said)
-    messages = [decode_message(body) for body in stored]
+    messages = [decode(body) for body in stored]
     positions = [message.position for message in messages]
     assert len(set(positions)) == len(positions)
     later = [m for m, body in zip(messages, stored, strict=True) if body not in set(said)]
