@@ -19,7 +19,9 @@ from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin_cloud.service import make_cloud
 from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from eskin_cloud.store import Store
-from eskin_cloud.store.schema.tables import audit_log, blocks, feed, metadata, versions
+from eskin_cloud.store.descriptions import read_description, store_descriptions
+from eskin_cloud.store.schema.frame_tables import frames
+from eskin_cloud.store.schema.tables import audit_log, feed, metadata, versions
 from eskin_cloud.store.write.ingest import IngestResult, ingest
 from eskin_cloud.store.write.node_sites import store_sites
 from eskin_cloud.store.write.parsed_message import ParsedMessage
@@ -29,7 +31,7 @@ from eskin.errors import QueryError
 from eskin.identity import IdentityKind
 from eskin.wire.timestamp import SECOND
 from tests.support.identities import SITE
-from tests.unit.cloud.messages import NODE, START
+from tests.unit.cloud.messages import NODE, SKINS, START
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
     from starlette import types as asgi
 
     from eskin.identity import Identity
+    from eskin.wire.frames import Layout, Patch
     from tests.support.identities import Identities
 
 
@@ -68,6 +71,19 @@ class Clock:
         self.now += int(seconds * SECOND)
 
 
+def skin_behind(item: ParsedMessage) -> tuple[Layout, Patch] | None:
+    """What describes a message of one channel (`messages.skin_of`)."""
+    return SKINS.get(getattr(item.message, "layout", None) or b"")
+
+
+def present(connection: Connection, store: Store, items: Sequence[ParsedMessage]) -> None:
+    """Store what describes messages of one channel, as if it had been sent ahead."""
+    for node, skin in {(item.node, skin_behind(item)) for item in items}:
+        if skin is not None and not store.cache.is_accepted(node, skin[0].content_hash):
+            described = [read_description(each.encode()) for each in skin]
+            store_descriptions(connection, node, described)
+
+
 def put(store: Store, *messages: Said, node: str = NODE, dead_letters: int = 100) -> IngestResult:
     """Store messages in one batch."""
     items = [ParsedMessage.parse(node, message.encode()) for message in messages]
@@ -84,11 +100,15 @@ def admit(store: Store, *nodes: str, site: str = SITE) -> None:
     store.write(work).result(120)
 
 
-def named_in(body: bytes) -> list[str]:
-    """The names of nodes in the body of an ingest, as far as it is one."""
+def pairs_in(body: bytes) -> list[tuple[str, bytes]]:
+    """Nodes and messages in the body of an ingest, as far as it is one."""
     try:
         said = cbor2.loads(body)
-        return [pair[0] for pair in said if isinstance(pair[0], str) and pair[0]]
+        return [
+            (node, data)
+            for node, data in said
+            if isinstance(node, str) and node and isinstance(data, bytes)
+        ]
     except (cbor2.CBORError, ValueError, TypeError, LookupError, OverflowError):
         return []
 
@@ -97,17 +117,16 @@ def put_items(
     store: Store, items: Sequence[ParsedMessage], *, dead_letters: int = 100
 ) -> IngestResult:
     """Store items in one batch."""
-    return store.write(
-        lambda connection: ingest(
-            connection,
-            store.cache,
-            items,
-            gateway="gateway.g1",
-            now=store.clock(),
-            dead_letters=dead_letters,
-        ),
-        shared=True,
-    ).result(120)
+
+    def work(connection: Connection) -> IngestResult:
+        present(connection, store, items)
+        now = store.clock()
+        gateway = "gateway.g1"
+        return ingest(
+            connection, store.cache, items, gateway=gateway, now=now, dead_letters=dead_letters
+        )
+
+    return store.write(work, shared=True).result(120)
 
 
 def emptied(store: Store) -> Store:
@@ -170,12 +189,20 @@ class Stand:
     async def ingest(self, body: bytes, *, status: Any = None) -> httpx.Response:
         """Bring a batch as the gateway does, with its status where there is one."""
         headers = {} if status is None else {HEADER: json.dumps(status)}
-        fresh = set(named_in(body)) - self.admitted
+        fresh = {node for node, _ in pairs_in(body)} - self.admitted
         if fresh:
             admit(self.cloud.store, *fresh)
             self.admitted |= fresh
+        self.present(body)
         async with self.ingest_client() as client:
             return await client.post("/api/v1/ingest", content=body, headers=headers)
+
+    def present(self, body: bytes) -> None:
+        """Store what describes a batch's messages of one channel, as the gateway posts it."""
+        store = self.cloud.store
+        items = [ParsedMessage.parse(*pair) for pair in pairs_in(body)]
+        if any(map(skin_behind, items)):
+            store.write(lambda connection: present(connection, store, items)).result(120)
 
     async def get(self, path: str, **params: Any) -> httpx.Response:
         """Ask as a reader."""
@@ -232,7 +259,7 @@ def problem(response: httpx.Response, status: int) -> str:
     return str(body["detail"])
 
 
-def count_blocks(stand: Stand) -> int:
-    """How many blocks are stored."""
+def count_frames(stand: Stand) -> int:
+    """How many frames are stored as they came."""
     with stand.cloud.store.read() as connection:
-        return connection.execute(select(func.count()).select_from(blocks)).scalar_one()
+        return connection.execute(select(func.count()).select_from(frames)).scalar_one()

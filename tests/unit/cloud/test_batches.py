@@ -20,7 +20,7 @@ from sqlalchemy import select, text
 from eskin.errors import StoreError
 from eskin.identity import IdentityKind
 from eskin.wire.messages.fast_decode import scan_all
-from tests.unit.cloud.clouds import batch, count_blocks, problem, standing
+from tests.unit.cloud.clouds import batch, count_frames, problem, standing
 from tests.unit.cloud.messages import NODE, START, block, gap, peak, status
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ async def test_batch_is_one_commit(stand: Stand) -> None:
     before = stand.cloud.store.writer.commits
     assert (await stand.ingest(batch(block(0)))).status_code == 200
     assert stand.cloud.store.writer.commits == before + 1
-    assert count_blocks(stand) == 1
+    assert count_frames(stand) == 1
 
 
 async def test_batch_too_large_is_refused_while_it_streams(
@@ -115,7 +115,7 @@ async def test_message_that_fails_in_the_store_is_rejected_alone(
         assert items[1]["reason"] == "it cannot be stored: ZeroDivisionError"
     monkeypatch.undo()
     assert (await stand.ingest(batch(block(4)))).json()["items"][0]["result"] == "stored"
-    assert count_blocks(stand) == 3
+    assert count_frames(stand) == 3
     with stand.cloud.store.read() as connection:
         letters = connection.execute(select(dead_letters.c.data)).scalars().all()
     assert letters == [peak(1).encode()]
@@ -135,7 +135,7 @@ async def test_message_that_fails_in_the_parser_is_rejected_alone(
     items = (await stand.ingest(batch(block(0), block(1), block(2)))).json()["items"]
     assert [item["result"] for item in items] == ["stored", "rejected", "stored"]
     assert items[1]["reason"].startswith("it broke what reads it: OverflowError")
-    assert count_blocks(stand) == 2
+    assert count_frames(stand) == 2
 
 
 async def test_lack_of_memory_rejects_no_message(

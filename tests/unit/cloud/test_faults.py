@@ -17,7 +17,7 @@ from eskin_cloud.store.schema.tables import events, versions
 from eskin_cloud.store.version import VERSION
 from sqlalchemy import delete, func, insert, select, text
 
-from tests.unit.cloud.clouds import batch, count_blocks, problem, put
+from tests.unit.cloud.clouds import batch, count_frames, problem, put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, block, peak
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def held(stand: Stand) -> tuple[int, int]:
     """Blocks and events that are stored."""
     with stand.cloud.store.read() as connection:
         told = connection.execute(select(func.count()).select_from(events)).scalar_one()
-    return count_blocks(stand), told
+    return count_frames(stand), told
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from eskin_cloud.settings import GatewaysSection
 
 from eskin.errors import UntrustedCertificateError
 from eskin.identity import ChainVerifier, IdentityKind, der
-from tests.unit.cloud.clouds import batch, count_blocks, problem, standing
+from tests.unit.cloud.clouds import batch, count_frames, problem, standing
 from tests.unit.cloud.messages import block
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ async def test_other_kinds_and_other_authorities_are_refused(
         answer = await stand.ingest(body)
         problem(answer, 403)
         assert answer.headers["connection"] == "close"
-    assert count_blocks(stand) == 0
+    assert count_frames(stand) == 0
 
 
 async def test_revoked_gateway_is_refused(tmp_path: Path, identities: Identities) -> None:
