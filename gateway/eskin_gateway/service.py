@@ -45,7 +45,7 @@ from eskin_gateway.upstream.certificates_client import CertificatesClient
 from eskin_gateway.upstream.cloud_client import CloudClient
 from eskin_gateway.upstream.confirmations_client import ConfirmationsClient
 from eskin_gateway.upstream.descriptions_client import DescriptionsClient
-from eskin_gateway.upstream.ingest_client import IngestClient, Viewers
+from eskin_gateway.upstream.ingest_client import IngestClient
 from eskin_gateway.upstream.subjects_client import SubjectsClient
 
 if TYPE_CHECKING:
@@ -129,7 +129,6 @@ class Gateway:
             receive_queue=self.receive_queue,
             backoff=Backoff(0.2, 10.0, random=SystemRandom()),
         )
-        self._viewers = Viewers()
         self.commit_loop = self._make_commit_loop()
         cloud_client = partial(
             CloudClient,
@@ -143,7 +142,7 @@ class Gateway:
         self.forwarder = Forwarder(
             settings.cloud,
             spool=self.spool,
-            ingest_client=IngestClient(self._client, self._viewers),
+            ingest_client=IngestClient(self._client),
             certificates_client=self.certificates_client,
             descriptions_client=DescriptionsClient(self._client, self.spool),
             backoff=self._make_cloud_backoff(),
@@ -212,7 +211,6 @@ class Gateway:
                 presence=self._presence,
                 descriptions=descriptions,
                 metrics=self.metrics,
-                viewers=self._viewers,
                 discovery=self._make_discovery(node_certificates, descriptions),
                 senml=self._settings.public.senml,
             ),

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from eskin_gateway.spool.descriptions import Descriptions
     from eskin_gateway.spool.node_certificates import NodeCertificates
     from eskin_gateway.spool.spool import Spool
-    from eskin_gateway.upstream.ingest_client import Viewers
 
 
 log = logging.getLogger(__name__)
@@ -58,7 +57,6 @@ class PostCommit:
         node_certificates: Finds the nodes' certificates.
         presence: Tracks which nodes are online.
         metrics: Counts messages.
-        viewers: Says how long nodes are viewed.
         discovery: Announces channels to Home Assistant, if enabled.
         descriptions: Finds the layouts of frames and statements.
         senml: Whether blocks and frames are published as SenML, too.
@@ -75,7 +73,6 @@ class PostCommit:
         presence: Presence,
         descriptions: Descriptions,
         metrics: Metrics,
-        viewers: Viewers,
         discovery: Discovery | None = None,
         senml: bool = False,
         clock: Callable[[], float] = time.monotonic,
@@ -86,7 +83,6 @@ class PostCommit:
         self._node_certificates = node_certificates
         self._presence = presence
         self._metrics = metrics
-        self._viewers = viewers
         self._discovery = discovery
         self._descriptions = descriptions
         self._frame_hulls = FrameHulls(senml=senml)
@@ -140,7 +136,6 @@ class PostCommit:
             plaintext = Acknowledgement(
                 self._now(),
                 _spans(positions),
-                self._viewers.remaining(node),
                 tuple(result.want.get(node, ()))[:MOST_WANTED],
             ).encode()
             self._metrics.acknowledged.inc(len(positions))

@@ -182,9 +182,8 @@ def test_faults_that_make_no_sense_are_refused(given: object) -> None:
         decode_message(cbor2.dumps(told, canonical=True))
 
 
-@pytest.mark.parametrize("watched", [0, 1, 60_000])
-def test_acknowledgement_comes_back_equal(watched: int) -> None:
-    ack = Acknowledgement(10**18, ((1, 0, 7), (2, 3, 3)), watched)
+def test_acknowledgement_comes_back_equal() -> None:
+    ack = Acknowledgement(10**18, ((1, 0, 7), (2, 3, 3)))
     assert Acknowledgement.decode(ack.encode()) == ack
 
 
@@ -197,14 +196,7 @@ def test_acknowledgement_asks_for_descriptions(size: int) -> None:
 
 @pytest.mark.parametrize("want", [[], [bytes(31)], ["text"], [bytes(32)] * 257, bytes(32)])
 def test_acknowledgement_that_asks_for_no_hash_or_too_many_is_refused(want: object) -> None:
-    fields = cbor2.loads(Acknowledgement(10**18, ()).encode()) | {5: want}
-    with pytest.raises(MessageError, match="field 5"):
-        Acknowledgement.decode(cbor2.dumps(fields, canonical=True))
-
-
-@pytest.mark.parametrize("watched", [0, -1, 60_001, "long"])
-def test_acknowledgement_that_says_somebody_looks_on_for_ever_is_refused(watched: object) -> None:
-    fields = cbor2.loads(Acknowledgement(10**18, ()).encode()) | {4: watched}
+    fields = cbor2.loads(Acknowledgement(10**18, ()).encode()) | {4: want}
     with pytest.raises(MessageError, match="field 4"):
         Acknowledgement.decode(cbor2.dumps(fields, canonical=True))
 

@@ -23,7 +23,6 @@ from eskin_gateway.spool.node_certificates import NodeCertificates
 from eskin_gateway.spool.node_state import NodeStates
 from eskin_gateway.spool.spool import Spool
 from eskin_gateway.spool.subject_assignments import SubjectAssignments
-from eskin_gateway.upstream.ingest_client import Viewers
 
 from eskin.errors import SpoolError
 from eskin.identity import ChainVerifier, IdentityKind, RevocationFile
@@ -105,7 +104,6 @@ class Inside:
         self.clock = Clock()
         self.broker = MemoryBroker()
         self.metrics = Metrics()
-        self.viewers = Viewers(self.clock)
         self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, max_dead_letters=50)
         self._make_keys(folder / "keys")
         self.trust = ChainVerifier(*identities.gateway.roots, clock=self.clock.now)
@@ -159,7 +157,6 @@ class Inside:
             presence=self.presence,
             descriptions=self.descriptions,
             metrics=self.metrics,
-            viewers=self.viewers,
             discovery=self._make_discovery() if homeassistant else None,
             clock=self.clock,
         )

@@ -5,8 +5,6 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from eskin.wire.envelope import Opener
-from eskin.wire.messages import Acknowledgement
 from eskin.wire.topics import Stream, live_topic, node_topic
 from tests.support.processes import wait_until
 from tests.unit.gateway.messages import CHANNEL, block, status
@@ -17,7 +15,6 @@ if TYPE_CHECKING:
     from eskin_gateway.spool.batch import Batch
 
     from eskin.wire.messages import Block, Peak
-    from tests.support.identities import Identities
     from tests.unit.gateway.in_memory import Inside
     from tests.unit.gateway.wire_node import Seal
 
@@ -48,19 +45,6 @@ def test_nothing_is_published_before_the_commit(
     assert len(inside.broker.on(ACKS)) == 1
     assert len(inside.broker.on(live_topic("fingertip", CHANNEL))) == 1
     assert len(inside.broker.released) == 1
-
-
-def test_acknowledgement_says_how_long_the_node_is_viewed(
-    inside: Inside, seal: Seal, identities: Identities
-) -> None:
-    introduce(inside, seal)
-    opener = Opener([identities.node], sender=lambda _: identities.site.certificate)
-    inside.viewers.update({"fingertip": 2.5, "palm": 9.0})
-    for number in 1, 2:
-        inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(number).encode()))
-        inside.clock.seconds += 3.0
-    told = [opener.open(sealed, topic=ACKS).plaintext for sealed in inside.broker.on(ACKS)]
-    assert [Acknowledgement.decode(each).watched for each in told] == [2500, 0]
 
 
 def test_full_spool_holds_the_batch_and_recovers_by_itself(inside: Inside, seal: Seal) -> None:

@@ -28,9 +28,7 @@ def make(_: Path) -> Target:
         Command(2, "fingertip", EPOCH, ends, CommandName.SET, {"rate": 500.0, "taxel": "t01"}),
         Command(3, "n", EPOCH, ends, CommandName.SET, {"threshold": 1.0, "channel": "t01.x"}),
     )
-    acknowledgement = Acknowledgement(
-        EPOCH, ((1, 0, 7), (2, 3, 3)), 9, (bytes(32), bytes(range(32)))
-    )
+    acknowledgement = Acknowledgement(EPOCH, ((1, 0, 7), (2, 3, 3)), (bytes(32), bytes(range(32))))
     said: tuple[Message | Command, ...] = (
         status(4),
         result(5, 1),
