@@ -136,7 +136,7 @@ def compact_frames(store: Store, page: PageKey, due: Due) -> bool:
         made = _compact(connection, page, due)
     if made is None:
         return False
-    store.packed += made.size
+    store.compacted += made.size
     return store.write(lambda connection: _replace(connection, store, made)).result()
 
 
