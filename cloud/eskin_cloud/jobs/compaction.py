@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -19,8 +19,8 @@ from eskin.wire.frames import Privacy
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.clock_guard import ClockGuard
 from eskin_cloud.jobs.periodic import run_periodically
+from eskin_cloud.store.compaction import Due, PageKey, compact_frames
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
-from eskin_cloud.store.patch_compaction import Due, PageKey, compact_frames
 from eskin_cloud.store.removal import (
     PatchSweep,
     RemovalReason,
