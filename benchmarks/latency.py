@@ -56,7 +56,9 @@ def _listen(demo: RunningDemo, seconds: float) -> NDArray[np.int64]:
                 received_message = time.time_ns()
                 frame = json.loads(line[5:])
                 first = parse_timestamp(frame["t0"])
-                lasting = max(patch["dt"] * (patch["n"] - 1) for patch in frame["patches"])
+                lasting = max(
+                    each["t"] + each["dt"] - each["dt"] // each["n"] for each in frame["patches"]
+                )
                 found.append((first, first + lasting, received_message))
             if done.is_set():
                 break

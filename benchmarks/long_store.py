@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from eskin_cloud.rollup.patch_tile_builder import build
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.disk_usage import measure_disk
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
 
 from eskin.wire.messages import Position
 from tests.unit.cloud.clouds import put

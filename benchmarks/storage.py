@@ -13,8 +13,8 @@ from typing import Final
 
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.store import Store
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.disk_usage import measure_disk
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
 
 from benchmarks.report import Row
 from tests.support.demos import RunningDemo

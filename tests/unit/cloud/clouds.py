@@ -34,7 +34,7 @@ from tests.support.identities import SITE
 from tests.unit.cloud.messages import NODE, SKINS, START
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
     from eskin_cloud.app_state import AppState
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from starlette import types as asgi
 
     from eskin.identity import Identity
-    from eskin.wire.frames import Layout, Patch
     from tests.support.identities import Identities
 
 
@@ -71,16 +70,16 @@ class Clock:
         self.now += int(seconds * SECOND)
 
 
-def skin_behind(item: ParsedMessage) -> tuple[Layout, Patch] | None:
-    """What describes a message of one channel (`messages.skin_of`)."""
-    return SKINS.get(getattr(item.message, "layout", None) or b"")
+def skins_behind(pairs: Iterable[tuple[str, bytes]]) -> set[tuple[str, bytes]]:
+    """Nodes, and hashes of the layouts of one channel (`messages.skin_of`) in their messages."""
+    return {(node, name) for node, data in pairs for name in SKINS if name in data}
 
 
 def present(connection: Connection, store: Store, items: Sequence[ParsedMessage]) -> None:
     """Store what describes messages of one channel, as if it had been sent ahead."""
-    for node, skin in {(item.node, skin_behind(item)) for item in items}:
-        if skin is not None and not store.cache.is_accepted(node, skin[0].content_hash):
-            described = [read_description(each.encode()) for each in skin]
+    for node, name in skins_behind((item.node, item.data) for item in items):
+        if not store.cache.is_accepted(node, name):
+            described = [read_description(each.encode()) for each in SKINS[name]]
             store_descriptions(connection, node, described)
 
 
@@ -104,13 +103,14 @@ def pairs_in(body: bytes) -> list[tuple[str, bytes]]:
     """Nodes and messages in the body of an ingest, as far as it is one."""
     try:
         said = cbor2.loads(body)
-        return [
-            (node, data)
-            for node, data in said
-            if isinstance(node, str) and node and isinstance(data, bytes)
-        ]
+        return [(node, data) for node, data in filter(is_pair, said)]
     except (cbor2.CBORError, ValueError, TypeError, LookupError, OverflowError):
         return []
+
+
+def is_pair(item: Any) -> bool:
+    """Whether an item of a batch is a node's name and a message."""
+    return isinstance(item, list) and list(map(type, item)) == [str, bytes] and bool(item[0])
 
 
 def put_items(
@@ -167,6 +167,7 @@ class Stand:
     gateway: Identity | None
     token: str
     admitted: set[str] = field(default_factory=lambda: {NODE})
+    described: set[tuple[str, bytes]] = field(default_factory=set)
 
     @cached_property
     def people(self) -> FastAPI:
@@ -199,10 +200,13 @@ class Stand:
 
     def present(self, body: bytes) -> None:
         """Store what describes a batch's messages of one channel, as the gateway posts it."""
-        store = self.cloud.store
-        items = [ParsedMessage.parse(*pair) for pair in pairs_in(body)]
-        if any(map(skin_behind, items)):
-            store.write(lambda connection: present(connection, store, items)).result(120)
+        skins = skins_behind(pairs_in(body)) - self.described
+        self.described |= skins
+        for node, name in skins:
+            described = [read_description(each.encode()) for each in SKINS[name]]
+            self.cloud.store.write(
+                lambda c, node=node, described=described: store_descriptions(c, node, described)
+            ).result(120)
 
     async def get(self, path: str, **params: Any) -> httpx.Response:
         """Ask as a reader."""

@@ -10,13 +10,13 @@ import cbor2
 import httpx
 from eskin_cloud.access import Scope, create_token
 from eskin_cloud.store import Store
-from eskin_cloud.store.write.parsed_message import ParsedMessage
 
 from eskin.demo.ports import free_ports
 from eskin.identity import IdentityKind, client_context, der
 from tests.support.processes import PLAIN, Running
 from tests.support.stores import write_place
-from tests.unit.cloud.clouds import pairs_in, skin_behind
+from tests.unit.cloud.clouds import pairs_in, skins_behind
+from tests.unit.cloud.messages import SKINS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -117,9 +117,8 @@ class Service(Running):
         """Bring a batch, of nodes whose certificates were presented."""
         pairs = pairs_in(body)
         self.admit(*(node for node, _ in pairs))
-        items = [ParsedMessage.parse(*pair) for pair in pairs]
-        skins = {(item.node, skin_behind(item)) for item in items}
-        described = [[node, each.encode()] for node, skin in skins if skin for each in skin]
+        skins = skins_behind(pairs)
+        described = [[node, each.encode()] for node, name in skins for each in SKINS[name]]
         with self.gateway_client() as client:
             if described:
                 client.post("/api/v1/descriptions", content=cbor2.dumps(described))
