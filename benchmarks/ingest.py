@@ -100,7 +100,7 @@ class Stored:
         store = self._store
 
         def keep(batch: list[tuple[str, bytes]]) -> Callable[[Any], object]:
-            items = ParsedMessage.parse_all(batch)
+            items = [ParsedMessage.parse(*each) for each in batch]
             return lambda connection: ingest(
                 connection, store.cache, items, gateway="g", now=START, dead_letters=1
             )
