@@ -81,14 +81,14 @@ class Flood:
 
     def seal_one(self, number: int) -> bytes:
         """The envelope of one block."""
-        topic = node_topic(_NODE, Stream.BLOCKS)
+        topic = node_topic(_NODE, Stream.FRAMES)
         held = Position(self.boot, self.durable + 1)
         data = sample_block(Position(self.boot, number))
         return self._sealer.seal(data, topic=topic, held=held)
 
     def send(self, envelope: bytes) -> None:
         """Publish one, at QoS 1."""
-        self._client.publish(node_topic(_NODE, Stream.BLOCKS), envelope, qos=1)
+        self._client.publish(node_topic(_NODE, Stream.FRAMES), envelope, qos=1)
 
     def fill(self, envelopes: Sequence[bytes]) -> None:
         """Publish all, and wait until the broker has them."""

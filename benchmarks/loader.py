@@ -72,7 +72,7 @@ class Loader:
         self._client.loop_stop()
 
     def _send(self, data: bytes, sequence: int) -> None:
-        topic = node_topic("fingertip", Stream.BLOCKS)
+        topic = node_topic("fingertip", Stream.FRAMES)
         held = Position(1, min(self._waiting, default=sequence))
         self._client.publish(topic, self._sealer.seal(data, topic=topic, held=held), qos=1)
 

@@ -15,12 +15,14 @@ from tests.robustness.fuzz.mutations.trees import mutate_tree, read_input
 from tests.robustness.fuzz.target import Target
 from tests.support.identities import Identities
 from tests.unit.gateway.in_memory import Inside
-from tests.unit.gateway.messages import block, gap, peak, result, status
+from tests.unit.gateway.messages import frame, gap, peak, result, status
+from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin.wire.messages import Message
+    from eskin.wire.frames import Frame, Statements
+    from eskin.wire.messages import Result, Status
 
 _ANEW = 1000
 """Arrivals after which the spool is emptied, and what is known of the node is forgotten."""
@@ -59,9 +61,10 @@ def make(folder: Path) -> Target:
             inside.spool._ingest.execute("DELETE FROM nodes")
             inside.node_states.reset()
 
+    inside.describe(Seal(identities.node, identities.site))
     inside.broker.released.clear()
-    said: list[tuple[Stream, Message]] = [
-        (Stream.BLOCKS, block(1, n=3)),
+    said: list[tuple[Stream, Frame | Statements | Result | Status]] = [
+        (Stream.FRAMES, frame(1, n=3)),
         (Stream.EVENTS, peak(2)),
         (Stream.EVENTS, gap(3)),
         (Stream.EVENTS, result(5, 1)),

@@ -21,7 +21,7 @@ from eskin.wire.messages import (
 )
 from tests.robustness.fuzz.mutations.trees import mutate_tree
 from tests.robustness.fuzz.target import Target
-from tests.unit.gateway.messages import EPOCH, block, gap, peak, result, status
+from tests.unit.gateway.messages import EPOCH, result, status
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,9 +42,6 @@ def make(_: Path) -> Target:
     acknowledgement = Acknowledgement(EPOCH, ((1, 0, 7), (2, 3, 3)), (bytes(32), bytes(range(32))))
     said: tuple[Message | Command, ...] = (
         *seeds,
-        block(1, n=3),
-        peak(2),
-        gap(3),
         status(4),
         result(5, 1),
         *commands,
