@@ -31,7 +31,7 @@ from eskin.runtime.settings import KeysSection
 from eskin.runtime.supervised import Backoff
 from eskin.wire.envelope import Opener
 from eskin.wire.topics import Stream, node_topic
-from tests.unit.gateway.messages import EPOCH
+from tests.unit.gateway.messages import DESCRIPTIONS, EPOCH, status
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from eskin_gateway.spool.batch import Batch
 
     from tests.support.identities import Identities
+    from tests.unit.gateway.wire_node import Seal
 
 LAYOUT_WAIT_S = 600.0
 DAY_NS = 86_400 * 10**9
@@ -183,6 +184,17 @@ class Inside:
         self.commit_loop.process(
             [self.received_message(stream, envelope, node=node, retained=retained)]
         )
+
+    def introduce(self, seal: Seal, *, node: str = "fingertip") -> None:
+        """Receive a node's first status, and what describes its skin of one channel."""
+        told = seal(node, Stream.STATUS, status(0).encode(), introduce=True)
+        self.arrive(Stream.STATUS, told, node=node)
+        self.describe(seal, node=node)
+
+    def describe(self, seal: Seal, *, node: str = "fingertip") -> None:
+        """Receive what describes the skin of one channel."""
+        for each in DESCRIPTIONS:
+            self.arrive(Stream.LAYOUTS, seal(node, Stream.LAYOUTS, each.encode()), node=node)
 
     def received_message(
         self, stream: Stream, envelope: bytes, *, node: str = "fingertip", retained: bool = False
