@@ -17,7 +17,6 @@ from eskin.wire.frames import (
     decode_samples,
 )
 from eskin.wire.messages import Position
-from eskin.wire.messages.warm_up import warm_up as warm_up_messages
 from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.column_aggregates import pack as pack_tiles
 from eskin_cloud.rollup.column_aggregates import unpack as unpack_tiles
@@ -34,13 +33,6 @@ _SLOW_S = 2.0
 def warm_up() -> None:
     """Read a frame, decode its samples, compact them, and fold them into tiles."""
     begun = time.monotonic()
-    warm_up_messages()
-    _warm_up_frames()
-    if (took := time.monotonic() - begun) > _SLOW_S:
-        log.info("kernels compiled: seconds=%.1f", took)
-
-
-def _warm_up_frames() -> None:
     patch = Patch("t", "pressure", "Pa", ("t",), 1.0)
     layout = Layout((patch.content_hash,), (1,))
     grid = Grid(0, 1, 0, 1, 1.0)
@@ -50,6 +42,8 @@ def _warm_up_frames() -> None:
     fit_frame(FrameSummary.decode(data), DescribedLayout.of(layout, (patch,)), data)
     read = decode_samples(samples.samples, samples.sampling(grid))
     _warm_up_rows(patch, read)
+    if (took := time.monotonic() - begun) > _SLOW_S:
+        log.info("kernels compiled: seconds=%.1f", took)
 
 
 def _warm_up_rows(patch: Patch, values: Interval) -> None:

@@ -10,7 +10,7 @@ import pytest
 from eskin_cloud.settings import NodesSection
 
 from eskin.identity import IdentityKind, der
-from tests.unit.cloud.clouds import batch, count_blocks, standing
+from tests.unit.cloud.clouds import batch, count_frames, standing
 from tests.unit.cloud.messages import block
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ async def test_revoked_certificate_makes_no_node_known_and_a_new_one_does(site: 
         assert refused is not None
         assert good is None
         assert await bring(stand, 0, 1) == ["unknown_node"] * 2
-        assert count_blocks(stand) == 0
+        assert count_frames(stand) == 0
         # The gateway still has them, and the node comes with a new certificate of its name.
         assert await present(stand, site.identities.make(IdentityKind.NODE, NAME)) == [None]
         assert await bring(stand, 0, 1) == ["stored"] * 2

@@ -12,7 +12,7 @@ from eskin_cloud.jobs.retention import Rounds, apply_retention, sweep
 from eskin_cloud.settings import RetentionSection
 from eskin_cloud.store.write.clock_state import ClockReading, load_clock
 
-from tests.unit.cloud.clouds import batch, count_blocks, standing
+from tests.unit.cloud.clouds import batch, count_frames, standing
 from tests.unit.cloud.messages import START, block
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ async def test_cloud_that_starts_with_a_clock_a_year_ahead_removes_nothing(
         stand.clock.now = right + YEAR
         for _ in range(3):
             await Rounds(stand.cloud)()
-        assert count_blocks(stand) == 5
+        assert count_frames(stand) == 5
         with stand.cloud.store.read() as connection:
             kept = load_clock(connection)
         assert kept is not None
@@ -178,4 +178,4 @@ async def test_year_that_a_clock_leapt_ahead_removes_nothing(
                 await asyncio.sleep(0.001)
         stopping.set()
         await running
-        assert count_blocks(stand) == 5
+        assert count_frames(stand) == 5

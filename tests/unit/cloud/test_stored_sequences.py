@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sqlalchemy import select
 
 from eskin.wire.sequence_set import SequenceRanges
-from tests.unit.cloud.clouds import batch, count_blocks
+from tests.unit.cloud.clouds import batch, count_frames
 from tests.unit.cloud.messages import block
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ async def test_cost_of_a_commit_is_independent_of_gaps(
     stand.cloud.store.cache.clear()
     answer = await stand.ingest(batch(*even, *missing))
     assert {item["result"] for item in answer.json()["items"]} == {"duplicate"}
-    assert count_blocks(stand) == 602
+    assert count_frames(stand) == 602
     with stand.cloud.store.read() as connection:
         rows = connection.execute(select(sequences.c.first, sequences.c.last)).all()
     assert [tuple(row) for row in rows] == [(0, 601)]
@@ -84,4 +84,4 @@ async def test_cache_of_rows_is_bounded(stand: Stand, monkeypatch: pytest.Monkey
         answer = await stand.ingest(batch(*said))
         assert {item["result"] for item in answer.json()["items"]} == {"stored"}
         assert sum(map(len, stand.cloud.store.cache._rows.values())) <= 3 + 3
-    assert count_blocks(stand) == 12
+    assert count_frames(stand) == 12
