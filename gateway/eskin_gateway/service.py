@@ -15,8 +15,7 @@ from eskin.identity.identity import ROOT_FILE
 from eskin.privacy import open_keystore
 from eskin.runtime.memory import freeze_gc
 from eskin.runtime.supervised import Backoff
-from eskin.wire.frames.warm_up import warm_up as warm_up_frames
-from eskin.wire.messages.warm_up import warm_up
+from eskin.wire.frames.warm_up import warm_up
 from eskin.wire.timestamp import SECOND
 from eskin_gateway.commands.poller import CommandPoller, CommandsClient
 from eskin_gateway.commands.publisher import CommandPublisher, PendingCommands
@@ -73,7 +72,6 @@ def run(settings: GatewaySettings) -> None:
         signal.signal(number, end)
     gateway = Gateway(settings)
     warm_up()
-    warm_up_frames()
     gateway.start()
     freeze_gc()
     log.info(

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, RowMapping, Table, func, select
 from starlette.responses import Response, StreamingResponse
 
 from eskin.errors import NoKeyError, QueryError
-from eskin.wire.frames import Frame, FrameSummary, Statements
+from eskin.wire.frames import Frame, FrameSummary
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.api.dependencies import Access, Administrator, BiometricReader, CloudState
 from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
@@ -176,8 +176,6 @@ def _lines(cloud: AppState, reader: Reader, row: dict[str, Any]) -> list[Mapping
         return []
     message, data = opened
     node = row["node"]
-    if not isinstance(message, FrameSummary | Statements):
-        return []
     with cloud.store.read() as connection:
         described = find_layout(connection, node, message.layout)
     if isinstance(message, FrameSummary):

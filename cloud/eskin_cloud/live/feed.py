@@ -283,6 +283,6 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedE
             message = SealedMessage.decode(data)
         except MessageError:  # damaged
             continue
-        head = cursor, node, message.channel, None, None, received, data
+        head = cursor, node, None, None, None, received, data
         found.append(FeedEntry(*head, layout=message.layout))
     return sorted(found, key=lambda entry: entry.cursor)
