@@ -13,7 +13,6 @@ from benchmarks.contacts import measure_contacts
 from benchmarks.dashboard import measure_dashboard
 from benchmarks.envelope import measure_envelope
 from benchmarks.fleet import measure_emulation, measure_fleet
-from benchmarks.frame_ingest import measure_frame_ingest
 from benchmarks.frame_viewers import measure_frame_viewers
 from benchmarks.gateway import measure_gateway
 from benchmarks.gateway_frames import measure_gateway_frames
@@ -21,7 +20,6 @@ from benchmarks.icm import measure_icm
 from benchmarks.ingest import measure_ingest
 from benchmarks.latency import measure_latency
 from benchmarks.models import measure_models
-from benchmarks.packing import measure_packing
 from benchmarks.patch_rows import measure_bytes
 from benchmarks.peaks import measure_peaks
 from benchmarks.pipeline import measure_pipeline
@@ -31,14 +29,13 @@ from benchmarks.report import Row, as_table, write_json
 from benchmarks.skin import measure_skin
 from benchmarks.skin_reads import measure_skin_reads
 from benchmarks.storage import measure_storage
-from benchmarks.viewers import measure_viewers
 from tests.support.processes import unwound_by_signals
 
 
 def main() -> None:
     """Measure what is asked for, everything by default."""
     parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
-    parser.add_argument("--blocks", type=int, default=20_000, help="blocks through the gateway")
+    parser.add_argument("--frames", type=int, default=20_000, help="frames through the gateway")
     parser.add_argument("--seconds", type=float, default=30.0, help="seconds of the running demo")
     parser.add_argument("--nodes", type=int, default=2000, help="nodes of a fleet over the network")
     parser.add_argument("--skin-seconds", type=int, default=600, help="of a large skin, to read")
@@ -52,18 +49,16 @@ def main() -> None:
         rows += measure_icm()
     with console.status("peaks of a tube against scipy's find_peaks …"):
         rows += measure_peaks()
-    with console.status("packs beside the blocks that they are made of …"):
-        rows += measure_packing()
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
         data = Path(folder)
         with console.status("sealing and opening envelopes …"):
             rows += measure_envelope()
-        with console.status(f"{options.blocks} blocks through broker, gateway and cloud …"):
-            rows += measure_pipeline(data / "pipeline", blocks=options.blocks)
+        with console.status(f"{options.frames} frames through broker, gateway and cloud …"):
+            rows += measure_pipeline(data / "pipeline", frames=options.frames)
         with console.status("the gateway beside a plain paho relay …"):
-            rows += measure_gateway(data / "gateway", blocks=6000)
-        with console.status(f"{options.blocks} blocks into both stores and over HTTPS …"):
-            rows += measure_ingest(data / "ingest", blocks=options.blocks)
+            rows += measure_gateway(data / "gateway", frames=6000)
+        with console.status("frames into both stores and over HTTPS …"):
+            rows += measure_ingest(data / "ingest")
         with console.status(f"{options.nodes} nodes of a fleet over the network …"):
             rows += measure_fleet(data / "fleet", nodes=options.nodes, seconds=15.0)
         with console.status("physics and firmware of 10000 nodes …"):
@@ -81,8 +76,6 @@ def main() -> None:
         )
         with console.status("what the demo's samples take of the disk …"):
             rows += measure_storage(data / "disk", seconds=2 * options.seconds)
-        with console.status("the live stream to 200 viewers …"):
-            rows += measure_viewers(data / "viewers", seconds=options.seconds)
         with console.status("the dashboard's frames, and its pictures of months …"):
             rows += measure_dashboard(data / "stage", seconds=20.0, samples=30_000_000)
     console.print(as_table(rows))
@@ -100,8 +93,6 @@ def _measure_skin(folder: Path, console: Console, *, reads: int, seconds: float)
         rows += measure_bytes(folder / "hand")
     with console.status("CPU of the gateway a frame …"):
         rows += measure_gateway_frames()
-    with console.status("frames into the store …"):
-        rows += measure_frame_ingest(folder / "frames")
     with console.status(f"one channel and pictures of {reads} s of a large skin …"):
         rows += measure_skin_reads(folder / "reads", seconds=reads)
     with console.status("frames of 8,400 taxels to 50 viewers …"):

@@ -2,7 +2,7 @@
 
 Gateways' batches come at a fixed rate, whether those before them are answered or not; the rate is
 raised until the first one is refused. What was refused is sent again, as a gateway does, and in the
-end each block must be stored once. Writes ``build/capacity.json``.
+end each frame must be stored once. Writes ``build/capacity.json``.
 """
 
 from __future__ import annotations
@@ -24,13 +24,11 @@ import httpx
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.said import say
+from benchmarks.said import FEW, NODE, descriptions, say
 from eskin.identity import client_context
-from eskin.wire.messages import Encoding
 from tests.support.identities import Identities
 from tests.support.postgresql import Cluster
 from tests.support.stores import ask_store
-from tests.unit.cloud.clouds import named_in
 from tests.unit.cloud.service import Service
 
 if TYPE_CHECKING:
@@ -45,6 +43,11 @@ _CONNECTIONS: Final = 200
 _TIMEOUT_S: Final = 120.0
 _REFUSALS: Final = (429, 503)
 _PAUSE_S: Final = 0.2
+_STORED: Final = """
+    SELECT coalesce(sum(last - first + 1), 0) FROM sequences
+"""
+"""Each number is in one range at most; what is compacted is counted, too."""
+_HEADERS: Final = {"Content-Type": "application/cbor"}
 
 
 @dataclass(slots=True)
@@ -52,7 +55,7 @@ class Step:
     """One rate.
 
     Attributes:
-        rate: Blocks a second that were to come.
+        rate: Frames a second that were to come.
         reached: That came.
         refused: Batches that were refused, by status.
         slowest_s: The slowest answer.
@@ -70,8 +73,8 @@ class Found:
 
     Attributes:
         steps: Rates, rising; the last one was refused, or could not be sent.
-        sent: Blocks.
-        stored: Blocks in the store.
+        sent: Frames.
+        stored: Frames in the store.
     """
 
     steps: list[Step] = field(default_factory=list)
@@ -113,13 +116,18 @@ class Gateways:
             while await self._post(body) != 200:  # noqa: ASYNC110 - as gateways wait
                 await asyncio.sleep(_PAUSE_S)
 
+    async def describe(self) -> None:
+        """Send what describes the frames."""
+        body = cbor2.dumps([[NODE, each] for each in descriptions(FEW)])
+        url = self._url.replace("/ingest", "/descriptions")
+        (await self._client.post(url, content=body, headers=_HEADERS)).raise_for_status()
+
     async def close(self) -> None:
         """Leave."""
         await self._client.aclose()
 
     async def _post(self, body: bytes) -> int:
-        headers = {"Content-Type": "application/cbor"}
-        answer = await self._client.post(self._url, content=body, headers=headers)
+        answer = await self._client.post(self._url, content=body, headers=_HEADERS)
         assert answer.status_code in {200, *_REFUSALS}, answer.text
         return answer.status_code
 
@@ -131,18 +139,19 @@ async def find_capacity(
 
     Args:
         service: A running cloud with an empty store.
-        rate: Blocks a second to begin with.
+        rate: Frames a second to begin with.
         seconds: How long each rate lasts.
         steps: Rates at most.
         behind: How many times as long as it should a step may take.
     """
     found, gateways = Found(), Gateways(service)
     refused: list[bytes] = []
+    service.admit(NODE)
     try:
+        await gateways.describe()
         while not refused and len(found.steps) < steps:
             step = Step(rate)
             bodies = _bodies(max(1, round(rate * seconds / _BATCH)), boot=len(found.steps) + 1)
-            service.admit(*{node for body in bodies for node in named_in(body)})
             refused = await gateways.bring(bodies, step, every_s=_BATCH / rate)
             found.steps.append(step)
             found.sent += len(bodies) * _BATCH
@@ -152,12 +161,12 @@ async def find_capacity(
         await gateways.bring_again(refused)
     finally:
         await gateways.close()
-    found.stored = ask_store(service.place, "SELECT coalesce(sum(blocks), 0) FROM channels")[0][0]
+    found.stored = ask_store(service.place, _STORED)[0][0]
     return found
 
 
 def _bodies(count: int, *, boot: int) -> list[bytes]:
-    said = say(Encoding.Q16, count * _BATCH, boot=boot)
+    said = say(FEW, count * _BATCH, boot=boot)
     return [
         cbor2.dumps([list(one) for one in said[at : at + _BATCH]])
         for at in range(0, len(said), _BATCH)
@@ -165,8 +174,8 @@ def _bodies(count: int, *, boot: int) -> list[bytes]:
 
 
 def _table(found: Found) -> Table:
-    title = f"{found.sent} blocks of 500 samples sent, {found.stored} stored"
-    table = Table("blocks/s", "reached", "refused", "slowest answer, s", title=title)
+    title = f"{found.sent} frames of 500 samples sent, {found.stored} stored"
+    table = Table("frames/s", "reached", "refused", "slowest answer, s", title=title)
     for step in found.steps:
         refused = ", ".join(f"{count} by {status}" for status, count in step.refused.items())
         row = f"{step.rate:.0f}", f"{step.reached:.0f}", refused or "none", f"{step.slowest_s:.2f}"
@@ -175,9 +184,9 @@ def _table(found: Found) -> Table:
 
 
 def main() -> None:
-    """Measure, print, write; exit 1 where a block is lost or doubled."""
+    """Measure, print, write; exit 1 where a frame is lost or doubled."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.capacity", description=__doc__)
-    parser.add_argument("--rate", type=float, default=500.0, help="blocks a second to begin with")
+    parser.add_argument("--rate", type=float, default=500.0, help="frames a second to begin with")
     parser.add_argument("--seconds", type=float, default=5.0, help="of each rate")
     parser.add_argument("--steps", type=int, default=16, help="rates at most")
     parser.add_argument("--store", choices=("sqlite", "postgresql"), default="sqlite")

@@ -1,4 +1,4 @@
-"""Cost of sealing and opening a block, and of writing and reading it."""
+"""Cost of sealing and opening a frame, and of writing and reading it."""
 
 from __future__ import annotations
 
@@ -8,46 +8,35 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from benchmarks.report import Row
-from eskin.interval import Interval
-from eskin.tube import Tube
+from benchmarks.said import FEW, START, frame
 from eskin.wire.envelope import Opener, Sealer
-from eskin.wire.messages import Block, Encoding, Position, decode_message
+from eskin.wire.frames import FrameSummary
+from eskin.wire.messages import Position
 from tests.support.identities import Identities
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-_TOPIC = "eskin/v1/nodes/fingertip/blocks"
+_TOPIC = "eskin/v1/nodes/fingertip/frames"
 _ROUNDS = 7
 _CALLS = 300
 
 
 def measure_envelope() -> list[Row]:
-    """Microseconds a block of 250 samples in q16."""
+    """Microseconds a frame of four channels."""
     with tempfile.TemporaryDirectory() as folder:
         identities = Identities(Path(folder))
         node, site = identities.node, identities.site
         sealer = Sealer(node, site.certificate)
         opener = Opener([site], sender={node.thumbprint: node.certificate}.get)
-        tube = _tube(250)
-        block = Block.pack(Position(1, 2), "t01.capacitance", 0, tube, Encoding.Q16)
-        data = block.encode()
+        data = frame(FEW, Position(1, 2), START)
         envelope = sealer.seal(data, topic=_TOPIC, held=Position(1, 0))
         return [
-            _row("pack a block", lambda: Block.pack(
-                Position(1, 2), "t01.capacitance", 0, tube, Encoding.Q16)),
-            _row("seal a block", lambda: sealer.seal(data, topic=_TOPIC, held=Position(1, 0))),
-            _row("open a block", lambda: opener.open(envelope, topic=_TOPIC)),
-            _row("decode a block", lambda: decode_message(data)),
-        ]  # fmt: skip
-
-
-def _tube(n: int) -> Tube:
-    values = 5e-11 * (1.1 + np.sin(np.linspace(0.0, 6.0, n)))
-    return Tube((0, 4_000_000), 1_000_000, Interval.relative(values, 0.01), "F", 1.0)
+            _row("seal a frame", lambda: sealer.seal(data, topic=_TOPIC, held=Position(1, 0))),
+            _row("open a frame", lambda: opener.open(envelope, topic=_TOPIC)),
+            _row("read a frame and check it", lambda: FrameSummary.decode(data)),
+        ]
 
 
 def _row(name: str, call: Callable[[], object]) -> Row:
@@ -57,4 +46,4 @@ def _row(name: str, call: Callable[[], object]) -> Row:
         for _ in range(_CALLS):
             call()
         times.append((time.perf_counter() - start) / _CALLS)
-    return Row(f"{name} of 250 samples", median(times) * 1e6, "us")
+    return Row(f"{name} of {FEW.samples} samples", median(times) * 1e6, "us")

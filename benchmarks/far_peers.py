@@ -68,7 +68,7 @@ _LIMITS: Final = json.dumps(
 )
 _QUIET_S: Final = 1.5
 _GIVEN_UP_S: Final = 5.0
-_SITE_TOPIC: Final = node_topic("+", Stream.BLOCKS)
+_SITE_TOPIC: Final = node_topic("+", Stream.FRAMES)
 
 _UPSTREAM: Final = """user root
 max_inflight_messages 1000

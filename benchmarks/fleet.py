@@ -12,7 +12,7 @@ from eskin_sensor_node.fleet.roster import Roster, RosterEntry
 from eskin_sensor_node.profile import Profile
 from eskin_sensor_node.settings import NodeSettings
 
-from benchmarks.pipeline import cpu_seconds
+from benchmarks.pipeline import cpu_seconds, stored_messages
 from benchmarks.report import Row
 from tests.support.fleets import RunningFleet, enrol
 from tests.support.stacks import RealStack
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tests.support.processes import Running
 
 _SAMPLING_HZ: Final = 128.0
-"""A frame of 250 samples each 1.95 s, two channels: a little more than a block a second."""
+"""A frame of 250 samples each 1.95 s, two channels: a little more than a frame a second."""
 _IDLE_HZ: Final = 0.01
 _STATUS_S: Final = 30.0
 _SETTLE_S: Final = 6.0
@@ -103,19 +103,19 @@ def _flow(stack: RealStack, fleet: RunningFleet, nodes: int, seconds: float) -> 
         "the cloud": stack.cloud,
     }
     before = {name: cpu_seconds(part) for name, part in parts.items()}
-    blocks, begun = stack.stored_blocks(), time.perf_counter()
+    messages, begun = stored_messages(stack), time.perf_counter()
     time.sleep(seconds)
-    stored, took = stack.stored_blocks() - blocks, time.perf_counter() - begun
+    stored, took = stored_messages(stack) - messages, time.perf_counter() - begun
     spent = {name: cpu_seconds(part) - before[name] for name, part in parts.items()}
     rate = stored / took
     return [
         Row(
-            f"blocks of {nodes} nodes stored", rate, "blocks/s", target=float(nodes),
+            f"messages of {nodes} nodes stored", rate, "messages/s", target=float(nodes),
             met=rate >= nodes,
         ),
         Row(f"processors that {nodes} nodes and the stack use", sum(spent.values()) / took, ""),
         *(
-            Row(f"CPU of {name} a block, {nodes} nodes", used / max(1, stored) * 1e6, "us")
+            Row(f"CPU of {name} a message, {nodes} nodes", used / max(1, stored) * 1e6, "us")
             for name, used in spent.items()
         ),
     ]  # fmt: skip

@@ -3,9 +3,9 @@
 The peers: a plain paho relay and a bare subscriber (`benchmarks.relay`), Mosquitto's bridge and
 thingsboard-gateway with either of its storages (`benchmarks.far_peers`).
 
-Every subject is stopped while the broker fills with 1 kB blocks (TLS, QoS 1), and then let go: what
-is measured is the subject that takes them as fast as it can, with no sender beside it. Rounds
-alternate, so that a noisy machine is noisy for all.
+Every subject is stopped while the broker fills with frames of 500 samples (TLS, QoS 1), and then
+let go: what is measured is the subject that takes them as fast as it can, with no sender beside it.
+Rounds alternate, so that a noisy machine is noisy for all.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _ROUNDS: Final = 3
 _WARM: Final = 500
-"""Blocks after which compiled parts are loaded; they are no part of what one costs."""
+"""Frames after which compiled parts are loaded; they are no part of what one costs."""
 _STRETCH_US: Final = 60.0
 _DURABLE: Final = 10_000.0
 _PACE_HZ: Final = 100.0
@@ -44,10 +44,10 @@ _REST_S: Final = 12.0
 _GROWTH: Final = 1.1
 
 
-def measure_gateway(folder: Path, *, blocks: int) -> list[Row]:
-    """CPU a block, blocks made durable a second, and p50 from publish to stored at 100/s.
+def measure_gateway(folder: Path, *, frames: int) -> list[Row]:
+    """CPU a frame, frames made durable a second, and p50 from publish to stored at 100/s.
 
-    The gateway's CPU is all that it does for a block: open, spool, acknowledge, publish its hull,
+    The gateway's CPU is all that it does for a frame: open, spool, acknowledge, publish its hull,
     forward it to the cloud and hear its answer.
     """
     with RealStack(folder) as stack, Flood(stack.pki, stack.broker.node_port) as flood:
@@ -60,46 +60,45 @@ def measure_gateway(folder: Path, *, blocks: int) -> list[Row]:
         with Upstream(stack) as upstream:
             for _ in range(_ROUNDS):
                 _gateway(stack, flood, _WARM)
-                found["gateway"].append(_gateway(stack, flood, blocks))
+                found["gateway"].append(_gateway(stack, flood, frames))
                 stack.gateway.stop()
                 for peer in ("relay", "subscriber"):
-                    found[peer].append(_peer(stack, flood, peer, blocks))
+                    found[peer].append(_peer(stack, flood, peer, frames))
                 for name, rounds in far.items():
-                    rounds.append(measure_far(stack, flood, upstream, name, blocks))
+                    rounds.append(measure_far(stack, flood, upstream, name, frames))
                 stack.start_gateway()
         flood.introduce()
         latency = _latency(stack, flood)
-        memory = _memory(stack, flood, blocks, idle)
+        memory = _memory(stack, flood, frames, idle)
     return _rows(found, latency) + memory + _far_rows(found["gateway"], far)
 
 
-def _gateway(stack: RealStack, flood: Flood, blocks: int) -> tuple[float, float]:
+def _gateway(stack: RealStack, flood: Flood, frames: int) -> tuple[float, float]:
     flood.introduce()
-    before = stack.stored_blocks()
-    used, begun = _drain(stack.gateway, flood, blocks, lambda: flood.wait_for(blocks))
-    durable = blocks / (flood.finished - begun) * 1e9
-    wait_until(lambda: stack.stored_blocks() >= before + blocks, "all stored", seconds=300)
-    return (cpu_seconds(stack.gateway) - used) / blocks * 1e6, durable
+    used, begun = _drain(stack.gateway, flood, frames, lambda: flood.wait_for(frames))
+    durable = frames / (flood.finished - begun) * 1e9
+    wait_until(lambda: flood.stored(stack.store) >= frames, "all stored", seconds=300)
+    return (cpu_seconds(stack.gateway) - used) / frames * 1e6, durable
 
 
-def _peer(stack: RealStack, flood: Flood, peer: str, blocks: int) -> tuple[float, float]:
+def _peer(stack: RealStack, flood: Flood, peer: str, frames: int) -> tuple[float, float]:
     """One peer alone at the broker: the gateway is ended meanwhile."""
     log = stack.folder / f"{peer}-{time.time_ns()}.log"
     port = str(stack.broker.gateway_port)
-    argv = [sys.executable, "-m", "benchmarks.relay", str(stack.pki), port, peer, str(blocks)]
+    argv = [sys.executable, "-m", "benchmarks.relay", str(stack.pki), port, peer, str(frames)]
     with Running(argv, log=log) as running:
         running.wait_for(lambda: "subscribed" in running.output(), "the peer is subscribed")
-        used, begun = _drain(running, flood, blocks, lambda: _wait_done(running))
+        used, begun = _drain(running, flood, frames, lambda: _wait_done(running))
         spent = cpu_seconds(running) - used
         done = int(running.output().split("done ")[1].split()[0])
-    return spent / blocks * 1e6, blocks / (done - begun) * 1e9
+    return spent / frames * 1e6, frames / (done - begun) * 1e9
 
 
 def _drain(
-    running: Running, flood: Flood, blocks: int, wait: Callable[[], None]
+    running: Running, flood: Flood, frames: int, wait: Callable[[], None]
 ) -> tuple[float, int]:
     """Let a subject take what the broker holds; gives its CPU seconds before, and when it began."""
-    envelopes = flood.seal(blocks)
+    envelopes = flood.seal(frames)
     used = cpu_seconds(running)
     running.signal(signal.SIGSTOP)
     try:
@@ -116,28 +115,27 @@ def _wait_done(running: Running) -> None:
 
 
 def _latency(stack: RealStack, flood: Flood) -> float:
-    """Median ms from publish to the store's commit, at a hundred blocks a second."""
+    """Median ms from publish to the store's commit, at a hundred frames a second."""
     count = int(_PACE_HZ * 10)
     sent = np.zeros(count + 1, dtype=np.int64)
-    before = stack.stored_blocks()
     started = time.monotonic()
     for number, envelope in enumerate(flood.seal(count), start=1):
         time.sleep(max(0.0, started + number / _PACE_HZ - time.monotonic()))
         sent[number] = time.time_ns()
         flood.send(envelope)
-    wait_until(lambda: stack.stored_blocks() >= before + count, "all stored", seconds=60)
+    wait_until(lambda: flood.stored(stack.store) >= count, "all stored", seconds=60)
     with closing(sqlite3.connect(f"file:{stack.store}?mode=ro", uri=True)) as db:
-        query = "SELECT sequence, received FROM blocks WHERE boot = ? ORDER BY sequence"
+        query = "SELECT sequence, received FROM frames WHERE boot = ? ORDER BY sequence"
         stored = np.array(db.execute(query, (flood.boot,)).fetchall(), dtype=np.int64)
     return float(np.median(stored[:, 1] - sent[stored[:, 0]])) / 1e6
 
 
-def _memory(stack: RealStack, flood: Flood, blocks: int, idle: int) -> list[Row]:
+def _memory(stack: RealStack, flood: Flood, frames: int, idle: int) -> list[Row]:
     """Memory some seconds after a flood, beside that before it; of the cloud, before any."""
     tiers = {"gateway": stack.gateway, "cloud": stack.cloud}
     time.sleep(_REST_S)
     before = {"gateway": resident_bytes(stack.gateway), "cloud": idle}
-    _gateway(stack, flood, blocks * 2)
+    _gateway(stack, flood, frames * 2)
     time.sleep(_REST_S)
     return [
         Row(f"memory of the {name} after a flood", resident_bytes(tier) / 1e6, "MB", "before it",
@@ -153,19 +151,19 @@ def _rows(found: dict[str, list[tuple[float, float]]], latency: float) -> list[R
     own, relay = cpu["gateway"], cpu["relay"]
     return [
         Row(
-            "CPU of the gateway a block (flood)", own, "us", "paho relay", relay, relay / own, 1.0,
+            "CPU of the gateway a frame (flood)", own, "us", "paho relay", relay, relay / own, 1.0,
             own <= relay,
         ),
         Row("the same, at most 60 us", own, "us", "stretch", _STRETCH_US, _STRETCH_US / own, 1.0,
             own <= _STRETCH_US),
-        Row("CPU of a bare paho subscriber a block", cpu["subscriber"], "us"),
+        Row("CPU of a bare paho subscriber a frame", cpu["subscriber"], "us"),
         Row(
-            "blocks a gateway makes durable", rate["gateway"], "blocks/s", "paho relay (volatile)",
+            "frames a gateway makes durable", rate["gateway"], "frames/s", "paho relay (volatile)",
             rate["relay"], rate["gateway"] / rate["relay"], None, None,
         ),
-        Row("the same, at least 10 k/s", rate["gateway"], "blocks/s", target=_DURABLE,
+        Row("the same, at least 10 k/s", rate["gateway"], "frames/s", target=_DURABLE,
             met=rate["gateway"] >= _DURABLE),
-        Row("publish to stored at 100 blocks/s, p50", latency, "ms", "at most", _LATENCY_MS,
+        Row("publish to stored at 100 frames/s, p50", latency, "ms", "at most", _LATENCY_MS,
             _LATENCY_MS / latency, 1.0, latency <= _LATENCY_MS),
     ]  # fmt: skip
 
@@ -180,9 +178,9 @@ def _far_rows(own: list[tuple[float, float]], far: dict[str, list[Relayed]]) -> 
         target, met = (None, None) if storage is None else (1.0, cpu <= their_cpu)
         faster = None if storage is None else rate >= their_rate
         rows += [
-            Row("CPU of the gateway a block (flood)", cpu, "us", name, their_cpu,
+            Row("CPU of the gateway a frame (flood)", cpu, "us", name, their_cpu,
                 their_cpu / cpu, target, met),
-            Row("blocks a gateway makes durable", rate, "blocks/s", f"{name} (not durable)",
+            Row("frames a gateway makes durable", rate, "frames/s", f"{name} (not durable)",
                 their_rate, rate / their_rate, target, faster),
             Row(f"messages that {name} lost without a fault", lost, "messages"),
         ]  # fmt: skip

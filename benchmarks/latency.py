@@ -26,7 +26,7 @@ _NODES = ("fingertip", "palm", "forearm")
 
 
 def measure_latency(data: Path, *, seconds: float) -> list[Row]:
-    """p50 and p99, in ms, over all samples and over the last sample of each block."""
+    """p50 and p99, in ms, over all samples and over the last sample of each frame."""
     with RunningDemo(data) as demo:
         demo.wait_for_more(_NODES)
         begin = time.time_ns()
@@ -39,7 +39,7 @@ def measure_latency(data: Path, *, seconds: float) -> list[Row]:
 
 
 def _listen(demo: RunningDemo, seconds: float) -> NDArray[np.int64]:
-    """(first sample, last sample, arrival) of each block on the event stream, ns."""
+    """(first sample, last sample, arrival) of each frame on the event stream, ns."""
     found: list[tuple[int, int, int]] = []
     access = demo.access
     headers = {"Authorization": f"Bearer {access['token']}"}
@@ -52,34 +52,35 @@ def _listen(demo: RunningDemo, seconds: float) -> NDArray[np.int64]:
         for line in answer.iter_lines():
             if line.startswith("event:"):
                 event = line[6:].strip()
-            elif line.startswith("data:") and event == "block":
+            elif line.startswith("data:") and event == "frame":
                 received_message = time.time_ns()
-                block = json.loads(line[5:])
-                first = parse_timestamp(block["t0"]) + block["t"][0]
-                width = block["dt"] if block["resolution"] == "hull" else 0
-                last = parse_timestamp(block["t0"]) + block["t"][-1] + width
-                found.append((first, last, received_message))
+                frame = json.loads(line[5:])
+                first = parse_timestamp(frame["t0"])
+                lasting = max(
+                    each["t"] + each["dt"] - each["dt"] // each["n"] for each in frame["patches"]
+                )
+                found.append((first, first + lasting, received_message))
             if done.is_set():
                 break
     return np.array(found, dtype=np.int64)
 
 
 def _stored(data: Path, begin: int) -> NDArray[np.int64]:
-    """(first sample, last sample, commit) of each block in the store, ns."""
+    """(first sample, last sample, commit) of each frame in the store, ns."""
     path = data / "cloud" / "store.sqlite"
     with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as db:
-        rows = db.execute("SELECT t, t_end, received FROM blocks WHERE t >= ?", (begin,)).fetchall()
+        rows = db.execute("SELECT t, t_end, received FROM frames WHERE t >= ?", (begin,)).fetchall()
     return np.array(rows, dtype=np.int64)
 
 
-def _rows(name: str, blocks: NDArray[np.int64]) -> Sequence[Row]:
-    first, last, received_message = blocks.T
-    # All samples of a block are evenly spread between its first and its last.
+def _rows(name: str, frames: NDArray[np.int64]) -> Sequence[Row]:
+    first, last, received_message = frames.T
+    # All samples of a frame are evenly spread between its first and its last.
     shares = np.linspace(0.0, 1.0, 101)
     every = (received_message[:, None] - (first[:, None] + shares * (last - first)[:, None])) / 1e6
     newest = (received_message - last) / 1e6
     return [
         Row(f"{name}, {which}, p{q}", float(np.percentile(values, q)), "ms")
-        for which, values in (("every sample", every), ("block's last sample", newest))
+        for which, values in (("every sample", every), ("frame's last sample", newest))
         for q in (50, 99)
     ]

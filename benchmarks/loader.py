@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import sys
 import threading
@@ -10,35 +9,28 @@ import time
 from pathlib import Path
 from typing import Final
 
-import cbor2
-import numpy as np
 import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
+from benchmarks.said import FEW, descriptions, frame
 from eskin.identity import Identity, client_context
-from eskin.interval import Interval
-from eskin.tube import Tube
 from eskin.wire.envelope import Opener, Sealer
-from eskin.wire.messages import Acknowledgement, Block, ChannelInfo, Encoding, Position, Status
-from eskin.wire.messages.cbor_map import dump
-from eskin.wire.messages.header import Kind, position_fields
+from eskin.wire.messages import Acknowledgement, Position, Status
 from eskin.wire.topics import Stream, node_topic
 
 WINDOW: Final = 2000
-SAMPLES: Final = 250
 RESEND_S: Final = 5.0
-_SHAPES: Final = 64
 
 
 class Loader:
-    """Seals blocks made beforehand, and keeps a window of them unacknowledged."""
+    """Seals frames made beforehand, and keeps a window of them unacknowledged."""
 
-    def __init__(self, pki: Path, port: int, blocks: int) -> None:
+    def __init__(self, pki: Path, port: int, count: int) -> None:
         self._node = Identity.load(pki / "fingertip")
         site = Identity.load(pki / "site.main")
         self._sealer = Sealer(self._node, site.certificate)
         self._opener = Opener([self._node], sender={site.thumbprint: site.certificate}.get)
-        self._blocks = [sample_block(Position(1, i + 1)) for i in range(blocks)]
+        self._frames = [frame(FEW, Position(1, i + 1), time.time_ns()) for i in range(count)]
         self._waiting: set[int] = set()
         self._changed = threading.Condition()
         self._client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id="fingertip")
@@ -58,7 +50,7 @@ class Loader:
                 self._changed.wait_for(lambda: 0 not in self._waiting, timeout=1.0)
         sys.stdout.write(json.dumps({"started": time.time()}) + "\n")
         sys.stdout.flush()
-        for sequence, data in enumerate(self._blocks, start=1):
+        for sequence, data in enumerate(self._frames, start=1):
             with self._changed:
                 self._changed.wait_for(lambda: len(self._waiting) < WINDOW)
                 self._waiting.add(sequence)
@@ -67,24 +59,24 @@ class Loader:
             with self._changed:
                 self._changed.wait_for(lambda: not self._waiting, timeout=RESEND_S)
             for sequence in sorted(self._waiting):
-                self._send(self._blocks[sequence - 1], sequence)
+                self._send(self._frames[sequence - 1], sequence)
         self._client.disconnect()
         self._client.loop_stop()
 
     def _send(self, data: bytes, sequence: int) -> None:
-        topic = node_topic("fingertip", Stream.BLOCKS)
+        topic = node_topic("fingertip", Stream.FRAMES)
         held = Position(1, min(self._waiting, default=sequence))
         self._client.publish(topic, self._sealer.seal(data, topic=topic, held=held), qos=1)
 
     def _introduce(self) -> None:
         now = time.time_ns()
-        info = ChannelInfo("t01.capacitance", "F", 1_000_000, 1.0)
-        status = Status(
-            Position(1, 0), (now, now), "bench", "loader", 0, 0, 0, 1, 0, (info,)
-        )  # fmt: skip
+        status = Status(Position(1, 0), (now, now), "bench", "loader", 0, 0, 0, 1, 0, ())
         topic = node_topic("fingertip", Stream.STATUS)
         envelope = self._sealer.seal(status.encode(), topic=topic, introduce=True)
         self._client.publish(topic, envelope, qos=1, retain=True)
+        topic = node_topic("fingertip", Stream.LAYOUTS)
+        for each in descriptions(FEW):
+            self._client.publish(topic, self._sealer.seal(each, topic=topic), qos=1)
 
     def _acknowledged(self, _client: mqtt.Client, _data: object, message: mqtt.MQTTMessage) -> None:
         opened = self._opener.open(bytes(message.payload), topic=message.topic)
@@ -92,25 +84,6 @@ class Loader:
             for _, first, last in Acknowledgement.decode(opened.plaintext).spans:
                 self._waiting -= set(range(first, last + 1))
             self._changed.notify_all()
-
-
-def sample_block(position: Position) -> bytes:
-    """A block of 250 samples: 1.1 kB. Only its position and time are made for each anew."""
-    start = time.time_ns() + position.sequence * SAMPLES * 1_000_000
-    fields = dict(_shape(position.sequence % _SHAPES))
-    fields |= position_fields(Kind.BLOCK, position) | {7: [start, start + 4_000_000]}
-    return dump(fields)
-
-
-@functools.cache
-def _shape(number: int) -> dict[int, object]:
-    """The fields of a block with one stretch of the signal."""
-    phase = number * SAMPLES + np.arange(SAMPLES)
-    values = 5e-11 * (1.1 + np.sin(phase * 0.0126))
-    tube = Tube((0, 4_000_000), 1_000_000, Interval.relative(values, 0.01), "F", 1.0)
-    block = Block.pack(Position(1, 1), "t01.capacitance", 0, tube, Encoding.Q16)
-    fields: dict[int, object] = cbor2.loads(block.encode())
-    return fields
 
 
 if __name__ == "__main__":

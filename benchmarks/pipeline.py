@@ -1,4 +1,4 @@
-"""Blocks per second through Mosquitto, gateway and cloud, every commit synced; CPU per block."""
+"""Frames per second through Mosquitto, gateway and cloud, every commit synced; CPU per frame."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import psutil
 
 from benchmarks.report import Row
+from tests.support.files import ask
 from tests.support.processes import wait_until
 from tests.support.stacks import RealStack
 
@@ -20,34 +21,40 @@ if TYPE_CHECKING:
     from tests.support.processes import Running
 
 
-def measure_pipeline(folder: Path, *, blocks: int) -> list[Row]:
-    """A flood of blocks of 250 samples from one node, until all are stored.
+def measure_pipeline(folder: Path, *, frames: int) -> list[Row]:
+    """A flood of frames of 500 samples from one node, until all are stored.
 
     CPU is the processes' own, user and system, over the flood. Three processes and the loader
     share the machine's cores, so the rate is one of the whole stack, not of the gateway alone.
     """
     with RealStack(folder) as stack:
-        return _flood(stack, blocks)
+        return _flood(stack, frames)
 
 
-def _flood(stack: RealStack, blocks: int) -> list[Row]:
+def _flood(stack: RealStack, frames: int) -> list[Row]:
     port = str(stack.broker.node_port)
-    loader = [sys.executable, "-m", "benchmarks.loader", str(stack.pki), port, str(blocks)]
+    loader = [sys.executable, "-m", "benchmarks.loader", str(stack.pki), port, str(frames)]
     processes: tuple[Running, ...] = (stack.broker, stack.gateway, stack.cloud)
     before = {running: cpu_seconds(running) for running in processes}
     with subprocess.Popen(loader, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         started = json.loads(process.stdout.readline())["started"]
-        wait_until(lambda: stack.stored_blocks() >= blocks, f"{blocks} blocks stored", seconds=600)
+        wait_until(lambda: stored_messages(stack) > frames, f"{frames} frames stored", seconds=600)
         finished = time.time()
         process.wait(60)
     spent = {running: cpu_seconds(running) - before[running] for running in before}
     return [
-        Row("blocks stored end to end", blocks / (finished - started), "blocks/s"),
-        Row("CPU of the gateway a block", spent[stack.gateway] / blocks * 1e6, "us"),
-        Row("CPU of the cloud a block", spent[stack.cloud] / blocks * 1e6, "us"),
-        Row("CPU of Mosquitto a block", spent[stack.broker] / blocks * 1e6, "us"),
+        Row("frames stored end to end", frames / (finished - started), "frames/s"),
+        Row("CPU of the gateway a frame", spent[stack.gateway] / frames * 1e6, "us"),
+        Row("CPU of the cloud a frame", spent[stack.cloud] / frames * 1e6, "us"),
+        Row("CPU of Mosquitto a frame", spent[stack.broker] / frames * 1e6, "us"),
     ]
+
+
+def stored_messages(stack: RealStack) -> int:
+    """How many messages the cloud has stored, compacted or not."""
+    query = "SELECT coalesce(sum(last - first + 1), 0) FROM sequences"
+    return int(ask(stack.store, query)[0][0])
 
 
 def cpu_seconds(running: Running) -> float:

@@ -1,7 +1,7 @@
 """Questions to a store of very many samples: 1000 hulls of any window, as quick as of a few.
 
-``python -m benchmarks.pyramid --samples 1e9`` builds a channel of 1 kHz in packs, as blocks lie in
-an old store, and a hundredth of it in another. It asks both in turns for windows of every length at
+``python -m benchmarks.pyramid --samples 1e9`` builds a channel of 1 kHz, compacted as in an old
+store, and a hundredth of it in another. It asks both in turns for windows of every length at
 any place, in the store, and over HTTP with a token. The disk must hold 3 bytes a sample.
 """
 
@@ -12,25 +12,16 @@ import tempfile
 import time
 from contextlib import ExitStack
 from functools import partial
-from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-import numpy as np
 from eskin_cloud.store import Store
-from eskin_cloud.store.schema.tables import blocks
-from eskin_cloud.store.write.block_row import BlockRow
-from eskin_cloud.store.write.bulk_insert import insert_many
-from eskin_cloud.store.write.channels import add_blocks, ensure_channel
 from rich.progress import Progress
 
 from benchmarks.long_store import DT, LongStore
 from benchmarks.questions import IN_STORE, POINTS, ask_in_turns, ask_service, ask_store
 from benchmarks.report import Row
-from eskin.runtime.digest import digest
-from eskin.wire.messages import BlockSummary, Encoding, decode_summary
 from tests.support.identities import Identities
-from tests.unit.cloud.messages import NODE, START, block
 from tests.unit.cloud.service import Service
 
 if TYPE_CHECKING:
@@ -41,8 +32,6 @@ if TYPE_CHECKING:
 
     from benchmarks.questions import Took
 
-_SAMPLES: Final = 500
-_BATCH: Final = 5000
 _MOST_MS: Final = {IN_STORE: 10.0}
 _MOST_SERVED_MS: Final = 25.0
 _GROWTH: Final = 1.5
@@ -102,37 +91,6 @@ def _rows(found: Mapping[int, Mapping[str, Took]]) -> Iterator[Row]:
             ratio = took[at] / found[many][way][at]
             title = f"the same {way}: {word} of {few:.0e} samples against {many:.0e}"
             yield Row(title, ratio, "", None, None, ratio, 1 / _GROWTH, ratio >= 1 / _GROWTH)
-
-
-def patterns(dt: int = DT) -> Iterator[tuple[BlockSummary, BlockRow]]:
-    """Blocks as the store reads and keeps them, of samples ``dt`` ns apart."""
-    random = np.random.default_rng(1)
-    for number in count():
-        lo = np.sin(np.arange(_SAMPLES) / 50 + number) + random.normal(0, 0.01, _SAMPLES)
-        made = block(number, lo, lo + 0.05, dt=dt, time=(START, START), encoding=Encoding.Q16)
-        data = made.encode()
-        summary = decode_summary(data)
-        assert isinstance(summary, BlockSummary)
-        yield summary, BlockRow.of(NODE, summary, data, digest(data), 0, START)
-
-
-def fill(store: Store, said: list[tuple[BlockSummary, BlockRow]], standing: int, end: int) -> None:
-    """Write blocks as ingest does, without reading messages again."""
-    dt = said[0][0].dt
-    span = _SAMPLES * dt
-    for first in range(standing, end, _BATCH):
-        numbers = range(first, min(first + _BATCH, end))
-        rows = []
-        for number in numbers:
-            t = START + number * span
-            row = said[number % len(said)][1]._replace(sequence=number, cursor=number)
-            rows.append(row._replace(t=t, t_end=t + span - dt, t_lo=t, t_hi=t))
-
-        def keep(connection: Any, rows: list[BlockRow] = rows) -> None:
-            insert_many(connection, blocks, [row._asdict() for row in rows])
-            add_blocks(store.cache, ensure_channel(connection, store.cache, NODE, said[0][0]), rows)
-
-        store.write(keep).result()
 
 
 def main() -> None:

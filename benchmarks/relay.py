@@ -44,7 +44,7 @@ class Relay:
         client.loop_forever()
 
     def _on_connect(self, client: mqtt.Client, *_: Any) -> None:
-        client.subscribe(node_topic("+", Stream.BLOCKS), qos=1)
+        client.subscribe(node_topic("+", Stream.FRAMES), qos=1)
 
     def _on_subscribe(self, *_: Any) -> None:
         say("subscribed")

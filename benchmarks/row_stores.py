@@ -1,7 +1,7 @@
 """What others do with the same samples: a row each, or bare bytes; every commit is durable.
 
-Each peer is given batches of as many samples as a batch of blocks has, in the form that it takes
-fastest; where that form is text, it is written beforehand.
+Each peer is given batches of samples in the form that it takes fastest; where that form is text, it
+is written beforehand.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from sqlalchemy import URL
 
 BATCH: Final = 250_000
-"""Samples a batch: 500 blocks of 500."""
+"""Samples a batch."""
 _CHANNEL: Final = "t00.capacitance"
 _TABLE: Final = (
     "CREATE TABLE sample (channel TEXT, t BIGINT, lo DOUBLE PRECISION, hi DOUBLE PRECISION, "

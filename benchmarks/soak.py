@@ -1,7 +1,7 @@
 """``python -m benchmarks.soak``: memory of broker, gateway and cloud under a steady load.
 
-One node sends blocks at a fixed rate over TLS, never with more than a window unacknowledged. Beside
-it a skin of 336 taxels sends frames, which a viewer and a page watch. In the end every block that
+One node sends frames at a fixed rate over TLS, never with more than a window unacknowledged. Beside
+it a skin of 336 taxels sends frames, which a viewer and a page watch. In the end every frame that
 was acknowledged must be in the cloud's store. Writes ``build/soak.json``.
 """
 
@@ -48,14 +48,14 @@ _KEPT: Final = 0.99
 
 
 def main() -> None:
-    """Run, print, write; exit 1 unless memory is flat under that load, and no block is missing."""
+    """Run, print, write; exit 1 unless memory is flat under that load, and no frame is missing."""
     parser = argparse.ArgumentParser(prog="make soak", description=__doc__)
     parser.add_argument("--duration", type=float, default=3600.0, help="seconds of load")
-    parser.add_argument("--rate", type=float, default=1000.0, help="blocks a second")
+    parser.add_argument("--rate", type=float, default=1000.0, help="frames a second")
     options = parser.parse_args()
     console = Console()
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-soak-") as folder:
-        said = f"{options.rate:g} blocks/s for {options.duration:g} s …"
+        said = f"{options.rate:g} frames/s for {options.duration:g} s …"
         with console.status(said):
             found = soak(Path(folder) / "stack", duration=options.duration, rate=options.rate)
     console.print(_table(found))
@@ -65,7 +65,7 @@ def main() -> None:
     flat = all(part["verdict"] == "flat" for part in found["processes"].values())
     kept = found["rate"] >= _KEPT * options.rate
     if not kept:
-        console.print(f"[red]not the load that was asked for: {found['rate']:.0f} blocks/s")
+        console.print(f"[red]not the load that was asked for: {found['rate']:.0f} frames/s")
     if not found["frames"] or not found["pages"] or found["wrong"]:
         console.print(f"[red]the skin was not seen as it is: {found['wrong']}")
         kept = False
@@ -78,7 +78,7 @@ def soak(folder: Path, *, duration: float, rate: float, rest: float = _REST_S) -
     Args:
         folder: Takes all data.
         duration: Seconds.
-        rate: Blocks a second.
+        rate: Frames a second.
         rest: Seconds between the load and the last look at the memory.
 
     Returns:
@@ -99,7 +99,7 @@ def soak(folder: Path, *, duration: float, rate: float, rest: float = _REST_S) -
         seconds, samples, sent = _load(flood, parts, duration=duration, rate=rate)
         flood.wait_for(sent)
         took = time.monotonic() - begun
-        missing = _missing(stack, sent)
+        missing = _missing(flood, stack, sent)
         time.sleep(rest)
         after = memory(parts)
         watched = Seen.read(seen)
@@ -176,12 +176,12 @@ def _load(
     return seconds, samples, sent
 
 
-def _missing(stack: RealStack, sent: int) -> int:
-    """How many acknowledged blocks the store lacks, once it has had time to get them."""
+def _missing(flood: Flood, stack: RealStack, sent: int) -> int:
+    """How many acknowledged frames the store lacks, once it has had time to get them."""
     try:
-        wait_until(lambda: stack.stored_blocks() >= sent, "all blocks stored", seconds=120)
+        wait_until(lambda: flood.stored(stack.store) >= sent, "all frames stored", seconds=120)
     except AssertionError:
-        return sent - stack.stored_blocks()
+        return sent - flood.stored(stack.store)
     return 0
 
 
@@ -201,7 +201,7 @@ def _process(seconds: list[float], used: list[int], idle: int, after: int) -> di
 
 def _table(found: Mapping[str, Any]) -> Table:
     table = Table(
-        title=f"soak: {found['sent']} blocks at {found['rate']:.0f}/s, {found['missing']} missing; "
+        title=f"soak: {found['sent']} frames at {found['rate']:.0f}/s, {found['missing']} missing; "
         f"{found['frames']} frames were seen"
     )
     for heading in ("process", "idle MB", "mean", "most", "after", "growth an hour", "verdict"):

@@ -78,10 +78,10 @@ def demo(
 def audit(data: Data = _DATA) -> None:
     """Check every stored interval against the truth that the emulator kept.
 
-    Exit status 1 if one channel breaks its promise (a violation under bounded noise, or under
-    Gaussian noise more of them than the 1 - 1e-6 quantile of its coverage), or if a block or frame
-    that a node made is neither stored, nor under way, nor reported as lost, or is stored twice. Of
-    large skins it sums up the channels of each patch.
+    It sums up the channels of each patch, and opens what is sealed. Exit status 1 if one patch
+    breaks its promise (a violation under bounded noise, or under Gaussian noise more of them than
+    the 1 - 1e-6 quantile of its coverage), or if a frame that a node made is neither stored, nor
+    under way, nor reported as lost, or is stored twice.
     """
     from rich.console import Console
     from rich.progress import Progress
@@ -103,7 +103,7 @@ def audit(data: Data = _DATA) -> None:
     violations = sum(entry.violations for entry in found.channels)
     typer.echo(
         f"{'passed' if found.passes else 'FAILED'}: {samples} samples, {violations} violations, "
-        f"{len(found.channels)} channels"
+        f"{len(found.channels)} patches"
     )
     for entry in found.channels:
         if not entry.passes:
@@ -112,8 +112,7 @@ def audit(data: Data = _DATA) -> None:
         if not delivery.passes:
             first = delivery.missing[0]
             vanished = (
-                f"  vanished: {len(delivery.missing)} {_unit(found, delivery.node)} of "
-                f"{delivery.node}, the first at "
+                f"  vanished: {len(delivery.missing)} frames of {delivery.node}, the first at "
                 f"boot {first.boot}, sequence {first.sequence}"
             )
             typer.echo(printable(vanished))
@@ -124,26 +123,20 @@ def audit(data: Data = _DATA) -> None:
         raise typer.Exit(1)
 
 
-def _unit(found: Audit, node: str) -> str:
-    """What a node's samples come in."""
-    return "frames" if node in found.doubled else "blocks"
-
-
 def _remarks(found: Audit) -> Iterator[str]:
     for entry in found.channels:
         if _also(entry):
             yield f"{entry.node}/{entry.channel}: {_also(entry)}"
     for delivery in found.deliveries:
         yield (
-            f"{delivery.node}: of {delivery.made} {_unit(found, delivery.node)} "
-            f"{delivery.stored} are stored, "
+            f"{delivery.node}: of {delivery.made} frames {delivery.stored} are stored, "
             f"{delivery.waiting} under way, {delivery.lost} reported as lost, "
             f"{delivery.unborn} not yet in flash, {delivery.removed} removed as reported"
         )
     claims = Counter(entry.coverage for entry in found.channels)
     for coverage, count in sorted(claims.items()):
         claim = "1" if coverage == 1.0 else f"1 - {1.0 - coverage:.2g}"
-        yield f"claimed coverage of a sample: {claim} (channels: {count})"
+        yield f"claimed coverage of a sample: {claim} (patches: {count})"
     for row in found.damaged:
         yield f"damaged in the store, and not compared: {row}; bring it back from a backup"
     for letter, count in Counter(found.letters).items():
@@ -166,7 +159,7 @@ def _table(found: Sequence[ChannelAudit]) -> Table:
 
     title = "What is stored, against what was true"
     table = Table(title=title, box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
-    table.add_column("channel", no_wrap=True)
+    table.add_column("patch", no_wrap=True)
     for heading in ("samples", "violations", "allowed", "mean width"):
         table.add_column(heading, justify="right", no_wrap=True)
     for entry in found:
@@ -190,9 +183,9 @@ def _share(relative: float) -> str:
 def _also(entry: ChannelAudit) -> str:
     """What is worth a word, where there is any."""
     words = {
-        "blocks with a wrong time": entry.late,
-        "blocks under a wrong label": entry.mislabelled,
+        "frames with a wrong time": entry.late,
+        "frames under a wrong label": entry.mislabelled,
         "samples unbounded": entry.unbounded,
-        "blocks whose truth was dropped": entry.forgotten,
+        "frames whose truth was dropped": entry.forgotten,
     }
     return ", ".join(f"{count} {what}" for what, count in words.items() if count)

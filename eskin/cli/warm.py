@@ -84,10 +84,9 @@ def _has_stack() -> bool:
 
 
 def _of_gateway() -> Steps:
-    from eskin.wire.frames.warm_up import warm_up as warm_up_frames
-    from eskin.wire.messages.warm_up import warm_up
+    from eskin.wire.frames.warm_up import warm_up
 
-    return {"messages": warm_up, "frames": warm_up_frames}
+    return {"frames": warm_up}
 
 
 def _of_cloud() -> Steps:

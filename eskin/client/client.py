@@ -179,7 +179,7 @@ class Client(Queries):
             CloudError: As `nodes`.
         """
         with _bar(f"{node}/{channel}", wanted=progress) as advance:
-            return list(joined(self._blocks(node, channel, start, end, advance)))
+            return list(joined(self._pieces(node, channel, start, end, advance)))
 
     def pieces(
         self,
@@ -189,15 +189,15 @@ class Client(Queries):
         start: Moment | None = None,
         end: Moment | None = None,
     ) -> Iterator[Tube]:
-        """As `series`, but block by block while they come: for what does not fit into memory.
+        """As `series`, but frame by frame while they come: for what does not fit into memory.
 
         Raises:
             QueryError: As `series`.
             CloudError: As `nodes`.
         """
-        return self._blocks(node, channel, start, end, lambda *_: None)
+        return self._pieces(node, channel, start, end, lambda *_: None)
 
-    def _blocks(
+    def _pieces(
         self,
         node: str,
         channel: str,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def read_tubes(table: Any) -> Iterator[Tube]:
-    """A tube for each block of one channel.
+    """A tube for each frame of one channel.
 
     Args:
         table: An export's Arrow table; see docs/rest.md.

@@ -19,8 +19,7 @@ from eskin.errors import BrokenSealError, MessageError, PrivacyError
 from eskin.privacy.derivation import derive, nonce
 from eskin.privacy.sealed_message import MAC_BYTES, SALT_BYTES, UNREAD, SealedMessage, whole_minutes
 from eskin.wire.frames import FrameSummary, Statements
-from eskin.wire.messages import Block, Peak, Position, decode_message
-from eskin.wire.messages.header import Kind
+from eskin.wire.messages.header import Kind, Position
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.ciphers.aead import AESGCM
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from eskin.privacy.sealed_message import Place
     from eskin.privacy.subject import Subject
 
-Sealable: TypeAlias = Block | Peak | FrameSummary | Statements
+Sealable: TypeAlias = FrameSummary | Statements
 """A message whose samples, or what is concluded from them, may be about a person."""
 _KEPT: Final = 256
 _MOST_LETTER: Final = 60_000
@@ -146,10 +145,9 @@ class Decryptor:
             raise BrokenSealError(
                 f"what {node} said as {encrypted.position} is no message"
             ) from error
-        if (
-            not isinstance(message, Sealable)
-            or message.position != encrypted.position
-            or _find_place(message) != (encrypted.place, encrypted.kind)
+        if message.position != encrypted.position or _find_place(message) != (
+            encrypted.place,
+            encrypted.kind,
         ):
             raise BrokenSealError(f"what {node} said as {encrypted.position} is not what it claims")
         return message, data
@@ -176,18 +174,14 @@ class _Keys:
                 del self._cache[place]
 
 
-def _decode(kind: Kind, data: bytes) -> object:
-    if kind is Kind.FRAME:
-        return FrameSummary.decode(data)
-    return Statements.decode(data) if kind is Kind.STATEMENTS else decode_message(data)
+def _decode(kind: Kind, data: bytes) -> Sealable:
+    return FrameSummary.decode(data) if kind is Kind.FRAME else Statements.decode(data)
 
 
 def _find_place(message: Sealable) -> tuple[Place, Kind]:
     if isinstance(message, FrameSummary):
         return (message.layout, message.page), Kind.FRAME
-    if isinstance(message, Statements):
-        return message.layout, Kind.STATEMENTS
-    return message.channel, Kind.BLOCK if isinstance(message, Block) else Kind.PEAK
+    return message.layout, Kind.STATEMENTS
 
 
 def span(message: Sealable) -> tuple[int, int]:
@@ -195,17 +189,12 @@ def span(message: Sealable) -> tuple[int, int]:
 
     Columns of a frame that are sampled later than their row may be later still.
     """
-    if isinstance(message, Peak):
-        return message.time
     if isinstance(message, Statements):
         times = [each.time for each in message.peaks]
         times += [each.time for each in message.contacts]
         times += [each.time for each in message.verdicts]
         times += [each.time for each in message.gaps]
         return min(lo for lo, _ in times), max(hi for _, hi in times)
-    if isinstance(message, FrameSummary):
-        first = min(grid.delay for grid in message.grids)
-        last = max(grid.delay + grid.period * (grid.rows - 1) for grid in message.grids)
-        return message.time[0] + first, message.time[1] + last
-    tube = message.tube
-    return tube.time[0], tube.time[1] + tube.dt * (len(tube) - 1)
+    first = min(grid.delay for grid in message.grids)
+    last = max(grid.delay + grid.period * (grid.rows - 1) for grid in message.grids)
+    return message.time[0] + first, message.time[1] + last

@@ -1,8 +1,7 @@
 """A biometric message, encrypted under its subject's key.
 
 In the clear stands what is needed to keep it once, to find it again, and to forget it in time:
-position, kind, pseudonym, the whole minutes in which it lies, and its channel; or, of a frame, its
-layout and page, and of statements their layout.
+position, kind, pseudonym, the whole minutes in which it lies, the layout, and of a frame its page.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from eskin.wire.messages.cbor_map import (
     octets,
     pair,
 )
-from eskin.wire.messages.header import Kind, Position, position_fields, read_channel, read_position
+from eskin.wire.messages.header import Kind, Position, position_fields, read_position
 from eskin.wire.timestamp import MOST_MOMENT
 
 if TYPE_CHECKING:
@@ -35,22 +34,21 @@ MINUTE: Final = 60 * 10**9
 SALT_BYTES: Final = 16
 MAC_BYTES: Final = 8
 UNREAD: Final = "unread.unread"
-"""In place of a channel where a message could not be read."""
+"""The place of what could not be read."""
 Place: TypeAlias = str | bytes | tuple[bytes, int]
-"""Where messages are found again: a channel, a layout's hash, or such a hash and a page."""
-_OF_CHANNELS: Final = frozenset({Kind.BLOCK, Kind.PEAK, Kind.ENCRYPTED})
+"""Where messages are found again: a layout's hash, such a hash and a page, or `UNREAD`."""
+_KINDS: Final = frozenset({Kind.FRAME, Kind.STATEMENTS, Kind.ENCRYPTED})
 _FIELDS: Final = frozenset(range(1, 12))
 _BEGINNING: Final = bytes([0xA0 | len(_FIELDS), 1, Kind.ENCRYPTED])
 
 
 @dataclass(frozen=True, slots=True)
 class SealedMessage:
-    """A sealed block, peak, frame, or statements.
+    """A sealed frame, or sealed statements.
 
     Attributes:
         position: Boot and sequence.
-        place: ``{taxel}.{quantity}`` of a block or peak; layout and page of a frame; the layout of
-            statements.
+        place: Layout and page of a frame; the layout of statements; `UNREAD` of other bytes.
         kind: What is inside: such a message, or (``ENCRYPTED``) bytes that are none.
         subject: Whose: a pseudonym.
         time: UTC ns, whole minutes that enclose the message's.
@@ -76,11 +74,6 @@ class SealedMessage:
         return dump(self._head() | {10: self.ciphertext})
 
     @property
-    def channel(self) -> str | None:
-        """The channel of a block or peak."""
-        return self.place if isinstance(self.place, str) else None
-
-    @property
     def layout(self) -> bytes | None:
         """Hash of the layout by which a frame or statements are read."""
         if isinstance(self.place, tuple):
@@ -89,7 +82,7 @@ class SealedMessage:
 
     @property
     def place_name(self) -> str:
-        """The place as a text: a channel, or a hash in hexadecimal, with a page behind a point."""
+        """The place as a text: a hash in hexadecimal, of a frame with its page; or `UNREAD`."""
         return name_place(self.place)
 
     @property
@@ -118,10 +111,8 @@ class SealedMessage:
         """Read a encrypted message from its decoded fields."""
         fields.only(_FIELDS)
         kind = fields.integer(5, 0, 255)
-        if kind not in {*_OF_CHANNELS, Kind.FRAME, Kind.STATEMENTS}:
-            raise MessageError(
-                f"field 5 is {kind}; only blocks, peaks, frames and statements are encrypted"
-            )
+        if kind not in _KINDS:
+            raise MessageError(f"field 5 is {kind}; only frames and statements are encrypted")
         subject = fields.text(6, 32)
         if not is_pseudonym(subject):
             raise MessageError("field 6 is no pseudonym of 32 hexadecimal digits")
@@ -151,14 +142,14 @@ def is_sealed(data: bytes) -> bool:
 def whole_minutes(time: tuple[int, int]) -> tuple[int, int]:
     """The whole minutes that enclose a time; not beyond what 64 bit hold.
 
-    Exact moments of blocks and peaks are biometric; the minute is less so.
+    Exact moments are biometric; the minute is less so.
     """
     lo, hi = time[0] // MINUTE * MINUTE, -(-time[1] // MINUTE) * MINUTE
     return max(lo, -MOST_MOMENT), min(hi, MOST_MOMENT)
 
 
 def name_place(place: Place) -> str:
-    """A place as a text; no channel has such a name."""
+    """A place as a text."""
     if isinstance(place, str):
         return place
     return place.hex() if isinstance(place, bytes) else f"{place[0].hex()}.{place[1]}"
@@ -173,8 +164,10 @@ def read_page(name: str) -> tuple[bytes, int] | None:
 
 
 def _place(fields: Fields, kind: Kind) -> Place:
-    if kind in _OF_CHANNELS:
-        return read_channel(fields, 4)
+    if kind is Kind.ENCRYPTED:
+        if fields.text(4, len(UNREAD)) != UNREAD:
+            raise MessageError(f"field 4 is not {UNREAD!r}, the place of what could not be read")
+        return UNREAD
     if kind is Kind.STATEMENTS:
         return fields.octets(4, HASH_BYTES, HASH_BYTES)
     layout, page = pair(fields.raw(4), "field 4")

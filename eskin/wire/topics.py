@@ -1,8 +1,9 @@
 """MQTT topics of the wire contract.
 
 Private, sealed: ``eskin/v1/nodes/{node}/STREAM``, the streams as in `Stream`.
-Public, read only, plain JSON: ``eskin/v1/live/{node}/{channel}``, ``…/events``, ``…/status``;
-as SenML ``eskin/v1/senml/{node}/{channel}``; for Home Assistant ``homeassistant/#``.
+Public, read only, plain JSON: ``eskin/v1/live/{node}/{channel}`` of a small skin,
+``…/patches/{patch}`` of a large one, ``…/events``, ``…/status``; as SenML the same below
+``eskin/v1/senml``; for Home Assistant ``homeassistant/#``.
 """
 
 from __future__ import annotations
@@ -29,7 +30,6 @@ _NODE_TOPIC = re.compile(rf"{NODES}/([a-z0-9][a-z0-9_-]{{0,62}})/([a-z]+)")
 class Stream(StrEnum):
     """What a private topic of a node carries."""
 
-    BLOCKS = "blocks"
     FRAMES = "frames"
     LAYOUTS = "layouts"
     EVENTS = "events"
@@ -38,7 +38,7 @@ class Stream(StrEnum):
     COMMANDS = "commands"
 
 
-FROM_NODE = (Stream.BLOCKS, Stream.FRAMES, Stream.LAYOUTS, Stream.EVENTS, Stream.STATUS)
+FROM_NODE = (Stream.FRAMES, Stream.LAYOUTS, Stream.EVENTS, Stream.STATUS)
 """The streams that a node writes."""
 
 
@@ -62,10 +62,10 @@ def parse_node_topic(topic: str) -> tuple[str, Stream]:
 
 @lru_cache(maxsize=16_384)
 def live_topic(node: str, leaf: str) -> str:
-    """The public topic of a node's channel, or of its ``events`` or ``status``."""
+    """The public topic of a node's channel or patch, or of its ``events`` or ``status``."""
     return f"{LIVE}/{node}/{leaf}"
 
 
-def senml_topic(node: str, channel: str) -> str:
-    """The public topic of a channel's hulls as SenML."""
-    return f"{SENML}/{node}/{channel}"
+def senml_topic(node: str, leaf: str) -> str:
+    """The public topic of a channel's or patch's hulls as SenML."""
+    return f"{SENML}/{node}/{leaf}"

@@ -15,8 +15,7 @@ from eskin.identity.identity import ROOT_FILE
 from eskin.privacy import open_keystore
 from eskin.runtime.memory import freeze_gc
 from eskin.runtime.supervised import Backoff
-from eskin.wire.frames.warm_up import warm_up as warm_up_frames
-from eskin.wire.messages.warm_up import warm_up
+from eskin.wire.frames.warm_up import warm_up
 from eskin.wire.timestamp import SECOND
 from eskin_gateway.commands.poller import CommandPoller, CommandsClient
 from eskin_gateway.commands.publisher import CommandPublisher, PendingCommands
@@ -45,7 +44,7 @@ from eskin_gateway.upstream.certificates_client import CertificatesClient
 from eskin_gateway.upstream.cloud_client import CloudClient
 from eskin_gateway.upstream.confirmations_client import ConfirmationsClient
 from eskin_gateway.upstream.descriptions_client import DescriptionsClient
-from eskin_gateway.upstream.ingest_client import IngestClient, Viewers
+from eskin_gateway.upstream.ingest_client import IngestClient
 from eskin_gateway.upstream.subjects_client import SubjectsClient
 
 if TYPE_CHECKING:
@@ -73,7 +72,6 @@ def run(settings: GatewaySettings) -> None:
         signal.signal(number, end)
     gateway = Gateway(settings)
     warm_up()
-    warm_up_frames()
     gateway.start()
     freeze_gc()
     log.info(
@@ -129,7 +127,6 @@ class Gateway:
             receive_queue=self.receive_queue,
             backoff=Backoff(0.2, 10.0, random=SystemRandom()),
         )
-        self._viewers = Viewers()
         self.commit_loop = self._make_commit_loop()
         cloud_client = partial(
             CloudClient,
@@ -143,7 +140,7 @@ class Gateway:
         self.forwarder = Forwarder(
             settings.cloud,
             spool=self.spool,
-            ingest_client=IngestClient(self._client, self._viewers),
+            ingest_client=IngestClient(self._client),
             certificates_client=self.certificates_client,
             descriptions_client=DescriptionsClient(self._client, self.spool),
             backoff=self._make_cloud_backoff(),
@@ -212,7 +209,6 @@ class Gateway:
                 presence=self._presence,
                 descriptions=descriptions,
                 metrics=self.metrics,
-                viewers=self._viewers,
                 discovery=self._make_discovery(node_certificates, descriptions),
                 senml=self._settings.public.senml,
             ),

@@ -24,7 +24,7 @@ class BrokerSection(Section):
     group: str = Field(
         default="",
         pattern=r"^[A-Za-z0-9_-]{0,64}$",
-        description="shared subscription ($share) for blocks, frames and events; empty: not shared",
+        description="shared subscription ($share) for frames and events; empty: not shared",
     )
     receive_queue_messages: int = Field(
         default=4096,
@@ -174,7 +174,7 @@ class PublicSection(Section):
         description="days without a status after which a node's channels are removed",
     )
     senml: bool = Field(
-        default=False, description="whether blocks are published as SenML, too (`eskin/v1/senml`)"
+        default=False, description="whether hulls are published as SenML, too (`eskin/v1/senml`)"
     )
 
 

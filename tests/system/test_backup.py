@@ -22,7 +22,7 @@ from eskin_gateway.upstream.certificates_client import CertificatesClient
 from eskin_gateway.upstream.cloud_client import CloudClient
 from eskin_gateway.upstream.confirmations_client import ConfirmationsClient
 from eskin_gateway.upstream.descriptions_client import DescriptionsClient
-from eskin_gateway.upstream.ingest_client import IngestClient, Viewers
+from eskin_gateway.upstream.ingest_client import IngestClient
 
 from eskin.cli.backup import backup, copy
 from eskin.errors import IdentityError, SettingsError
@@ -167,7 +167,7 @@ def forwarding(spool: Spool, cloud: Service) -> Iterator[Forwarder]:
     forwarder = Forwarder(
         CloudSection(),
         spool=spool,
-        ingest_client=IngestClient(client, Viewers()),
+        ingest_client=IngestClient(client),
         certificates_client=certificates,
         descriptions_client=DescriptionsClient(client, spool),
         backoff=quick(),

@@ -3,37 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain, pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
-from eskin_cloud.store.compacted_rows import block_bytes
-from eskin_cloud.store.damage import DamagedRowError, RowHeader, collect_damaged_rows
+from eskin_cloud.store.damage import collect_damaged_rows
 from eskin_cloud.store.location import StoreLocation, reading_engine
-from eskin_cloud.store.schema.tables import blocks as table
-from eskin_sensor_node.node.ground_truth import GroundTruth
-from sqlalchemy import func, select
 
-from eskin.demo.audit.channel import ChannelAudit
 from eskin.demo.audit.delivery import Delivery, UnderWay, deliveries
 from eskin.demo.audit.frames import StoredFrames, audit_frames, count_frames
-from eskin.demo.audit.sealed import count_sealed, sealed_pages
+from eskin.demo.audit.sealed import count_sealed, open_keys
 from eskin.errors import AuditError
-from eskin.wire.messages import Block, Position
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from sqlalchemy import Connection
 
+    from eskin.demo.audit.channel import ChannelAudit
     from eskin.demo.layout import Layout
-
-_PAGE: Final = 500
-_COLUMNS: Final = [
-    table.c[name]
-    for name in ("channel", "t", "t_end", "t_lo", "t_hi", "dt", "n", "lo", "hi", "coverage")
-]
-_ROW: Final = [table.c[name] for name in ("data", "head", *RowHeader._fields)]
+    from eskin.wire.messages import Position
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +29,7 @@ class Audit:
     """What the audit found.
 
     Attributes:
-        channels: One entry a channel, by node and channel.
+        channels: One entry a patch, by node and patch.
         deliveries: One entry a node.
         letters: Messages that the gateway refused to take: the node and the reason.
         doubled: Frames that are stored twice, by node.
@@ -56,7 +44,7 @@ class Audit:
 
     @property
     def passes(self) -> bool:
-        """Whether every channel keeps its promise, and nothing vanished silently."""
+        """Whether every patch keeps its promise, and nothing vanished silently."""
         kept = all(entry.passes for entry in self.channels)
         once = not any(self.doubled.values())
         return kept and once and not self.damaged and all(each.passes for each in self.deliveries)
@@ -68,7 +56,7 @@ def audit(
     store: StoreLocation | None = None,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> Audit:
-    """Compare all blocks and frames in the store with the truth; also while the demo runs.
+    """Compare all frames in the store with the truth; also while the demo runs.
 
     Args:
         layout: The demo's data folder.
@@ -76,7 +64,7 @@ def audit(
         progress: Called with rows done and rows in all.
 
     Raises:
-        AuditError: There is no store, no block, or a block that no node's emulator knows.
+        AuditError: There is no store, no frame, or a frame that no node's emulator knows.
     """
     if store is None and not layout.store.exists():
         raise AuditError(f"{layout.root}: no store here; has `eskin demo` run on this folder?")
@@ -99,11 +87,8 @@ def _audit(
     connection: Connection,
     progress: Callable[[int, int], None],
 ) -> tuple[list[ChannelAudit], dict[str, StoredFrames]]:
-    messages = func.sum(func.coalesce(table.c.packed, 1))
-    counts = select(table.c.node, messages).group_by(table.c.node).order_by(table.c.node)
-    nodes = {row[0]: int(row[1]) for row in connection.execute(counts)}
     sealed, framed = count_sealed(connection), count_frames(connection)
-    total, done = sum(sum(each.values()) for each in (nodes, sealed, framed)), 0
+    total, done = sum(sum(each.values()) for each in (sealed, framed)), 0
     if total == 0:
         raise AuditError(f"{layout.store}: the store holds no samples yet; let the demo run longer")
     found: list[ChannelAudit] = []
@@ -114,95 +99,13 @@ def _audit(
         done += rows
         progress(done, total)
 
-    for node in sorted(nodes.keys() | sealed.keys() | framed.keys()):
+    reader = open_keys(layout) if sealed else None
+    for node in sorted(sealed.keys() | framed.keys()):
         path = files.get(node)
         if path is None:
             raise AuditError(f"{layout.nodes}: the emulator's truth of node {node!r} is missing")
-        closed = sealed_pages(layout, connection, node) if node in sealed else ()
-        pages = chain(_pages(connection, node), closed)
-        entries = _audit_blocks(path, node, pages, advance)
-        if node in framed:
-            stored[node] = audit_frames(path, connection, node, advance)
-            entries |= {entry.channel: entry for entry in stored[node].patches}
-        found += (entries[channel] for channel in sorted(entries))
+        stored[node] = audit_frames(path, connection, node, advance, reader=reader)
+        found += sorted(stored[node].patches, key=lambda entry: entry.channel)
     if not any(entry.samples for entry in found):
         raise AuditError(f"{layout.nodes}: the emulator has dropped the truth behind all samples")
     return found, stored
-
-
-def _audit_blocks(
-    path: Path,
-    node: str,
-    pages: Iterable[list[tuple[Block, bool]]],
-    advance: Callable[[int], None],
-) -> dict[str, ChannelAudit]:
-    """Compare the blocks of a node; gives an entry a channel."""
-    found: dict[str, ChannelAudit] = {}
-    for page in pages:
-        truths = GroundTruth.read(path, [block.position for block, _ in page], node=node)
-        oldest = GroundTruth.oldest(path, node=node)
-        for block, fits in page:
-            new = ChannelAudit(node, block.channel, block.tube.unit)
-            entry = found.setdefault(block.channel, new)
-            entry.mislabelled += not fits
-            truth = truths.get(block.position)
-            if truth is not None and len(truth.values) == len(block.tube):
-                entry.compare(block, truth.time, truth.values)
-                entry.mislabelled += (truth.channel, truth.dt) != (block.channel, block.tube.dt)
-            elif oldest is not None and block.position < oldest:
-                entry.forgotten += 1
-            else:
-                raise AuditError(f"{path}: no truth behind {block.position} of node {node!r}")
-        advance(len(page))
-    return found
-
-
-def _columns_of(blocks: Sequence[Block]) -> tuple[object, ...]:
-    """What the store's columns, from which queries are answered first, must say of a row's blocks.
-
-    A pack's blocks follow each other in even steps.
-    """
-    tubes = [block.tube for block in blocks]
-    even = all(a.moments[-1] + a.dt == b.first_moment for a, b in pairwise(tubes))
-    (channel,) = {block.channel for block in blocks}
-    (dt,) = {tube.dt for tube in tubes}
-    return (
-        channel if even else None,
-        tubes[0].first_moment,
-        int(tubes[-1].moments[-1]),
-        *tubes[0].time,
-        dt,
-        sum(map(len, tubes)),
-        min(block.bounds[0] for block in blocks),
-        max(block.bounds[1] for block in blocks),
-        min(tube.coverage for tube in tubes),
-    )
-
-
-def _pages(connection: Connection, node: str) -> Iterator[list[tuple[Block, bool]]]:
-    """The node's blocks, and whether their columns fit, in order; one page in memory at most."""
-    last = Position(-1, -1)
-    while True:
-        query = (
-            select(*_ROW)
-            .where(table.c.node == node)
-            .where(
-                (table.c.boot > last.boot)
-                | ((table.c.boot == last.boot) & (table.c.sequence > last.sequence))
-            )
-            .order_by(table.c.boot, table.c.sequence)
-            .limit(_PAGE)
-        )
-        rows = connection.execute(query).mappings().all()
-        if not rows:
-            return
-        page = []
-        for row in rows:
-            try:
-                blocks = [Block.decode(data) for data in block_bytes(row)]
-            except DamagedRowError:
-                continue  # it is collected
-            fits = tuple(row[column.name] for column in _COLUMNS) == _columns_of(blocks)
-            page += [(block, fits) for block in blocks]
-        yield page
-        last = Position(rows[-1]["boot"], rows[-1]["sequence"])

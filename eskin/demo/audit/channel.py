@@ -1,41 +1,36 @@
-"""What the audit found of one channel, or of one patch of a large skin."""
+"""What the audit found of one patch."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
-
-import numpy as np
-
-if TYPE_CHECKING:
-    from eskin.interval import Floats
-    from eskin.wire.messages import Block
+from typing import Final
 
 CONFIDENCE: Final = 1.0 - 1e-6
 """Chance brings more violations than allowed once in a million audits of a channel."""
 _SUMS: Final = (
-    *("blocks", "samples", "violations", "mislabelled", "late", "unbounded", "forgotten"),
+    *("frames", "samples", "violations", "mislabelled", "late", "unbounded", "forgotten"),
     *("width", "magnitude"),
 )
 
 
 @dataclass(slots=True)
 class ChannelAudit:
-    """Sums over the blocks of one channel, or over the frames of one patch.
+    """Sums over the frames of one patch.
 
     Attributes:
         node: The node.
-        channel: ``{taxel}.{quantity}``, or ``{patch}.{quantity}``.
+        channel: ``{patch}.{quantity}``.
         unit: UCUM code.
-        coverage: The least that any of its blocks claims.
-        blocks: Blocks compared.
+        coverage: The least that any of its frames claims.
+        frames: Frames compared.
         samples: Samples compared.
         violations: Samples whose interval does not hold the truth.
-        mislabelled: Blocks whose channel, period or columns in the store are not their own.
-        late: Blocks whose enclosure of time does not hold the true time.
+        mislabelled: Frames whose columns in the store are not their own, or that are not those
+            that were made.
+        late: Frames whose enclosure of time does not hold the true time.
         unbounded: Samples with an unbounded side; they hold, but have no width.
-        forgotten: Blocks whose truth the emulator has dropped (beyond its limit).
+        forgotten: Frames whose truth the emulator has dropped (beyond its limit).
         width: Sum of the finite widths.
         magnitude: Sum of the true values' sizes, over the same samples.
     """
@@ -44,7 +39,7 @@ class ChannelAudit:
     channel: str
     unit: str
     coverage: float = 1.0
-    blocks: int = 0
+    frames: int = 0
     samples: int = 0
     violations: int = 0
     mislabelled: int = 0
@@ -54,28 +49,8 @@ class ChannelAudit:
     width: float = field(default=0.0)
     magnitude: float = field(default=0.0)
 
-    def compare(self, block: Block, time: int, truth: Floats) -> None:
-        """Compare a block with the truth behind it.
-
-        Args:
-            block: As the cloud stored it.
-            time: True UTC of the first sample, ns.
-            truth: True values, as many as the block has samples.
-        """
-        values = block.tube.values
-        self.blocks += 1
-        self.samples += len(truth)
-        self.coverage = min(self.coverage, block.tube.coverage)
-        self.violations += int(np.count_nonzero(~values.contains(truth)))
-        earliest, latest = block.tube.time
-        self.late += not earliest <= time <= latest
-        finite = np.isfinite(values.inf) & np.isfinite(values.sup)
-        self.unbounded += int(np.count_nonzero(~finite))
-        self.width += float(np.sum(values.wid[finite]))
-        self.magnitude += float(np.sum(np.abs(truth[finite])))
-
     def add(self, other: ChannelAudit) -> None:
-        """Add the sums of other blocks of the channel."""
+        """Add the sums of other frames of the patch."""
         self.coverage = min(self.coverage, other.coverage)
         for name in _SUMS:
             setattr(self, name, getattr(self, name) + getattr(other, name))

@@ -1,4 +1,4 @@
-"""Whether all blocks and frames that a node made are stored, under way, or reported as lost."""
+"""Whether all frames that a node made are stored, under way, or reported as lost."""
 
 from __future__ import annotations
 
@@ -8,23 +8,19 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from eskin_cloud.store.damage import DamagedRow, RowHeader, is_intact, report_damaged
-from eskin_cloud.store.removal import RemovalReason
-from eskin_cloud.store.schema.sealed_tables import removals
-from eskin_cloud.store.schema.tables import blocks, events, sequences
+from eskin_cloud.store.damage import DamagedRow, report_damaged
+from eskin_cloud.store.schema.tables import events, sequences
 from eskin_cloud.store.write.duplicates import find_digest
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from sqlalchemy import and_, exists, select
 
 from eskin.demo.audit.frames import removed_frames
-from eskin.demo.audit.sealed import sealed_positions
 from eskin.errors import AuditError
 from eskin.privacy import SealedMessage, is_sealed
 from eskin.runtime.digest import digest
-from eskin.wire import frames
-from eskin.wire.messages import Gap, Kind, Position
+from eskin.wire.frames import Statements
+from eskin.wire.messages import Kind, Position
 from eskin.wire.messages.cbor_map import MOST_COUNT, load
-from eskin.wire.messages.compacted_block import Pack
 from eskin.wire.messages.header import read_position
 from eskin.wire.sequence_set import SequenceRanges
 
@@ -36,6 +32,7 @@ if TYPE_CHECKING:
 
     from eskin.demo.audit.frames import StoredFrames
     from eskin.demo.layout import Layout
+    from eskin.wire.frames import Gap
 
 _WAITING: Final = (
     "SELECT name, message.boot, sequence FROM message JOIN member ON member.id = message.member"
@@ -45,7 +42,7 @@ _ENDED: Final = "SELECT name, ended.boot, last FROM ended JOIN member ON member.
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """Where the blocks and frames of one node are.
+    """Where the frames of one node are.
 
     Attributes:
         node: The node.
@@ -154,7 +151,7 @@ class UnderWay:
 def deliveries(
     seen: UnderWay, connection: Connection, framed: Mapping[str, StoredFrames]
 ) -> list[Delivery]:
-    """Look for every block and frame that the nodes made, in what was seen and in the store.
+    """Look for every frame that the nodes made, in what was seen and in the store.
 
     Args:
         seen: What was seen.
@@ -167,9 +164,7 @@ def deliveries(
 def _delivery(
     node: str, seen: UnderWay, connection: Connection, framed: StoredFrames | None
 ) -> Delivery:
-    stored = _stored(node, connection)
-    for position in framed.complete if framed is not None else ():
-        stored.span(position.boot, position.sequence, position.sequence)
+    stored = Sightings(sorted(framed.complete) if framed is not None else ())
     lost, sighted = _lost(node, connection), _sighted(node, connection)
     waiting = seen.waiting[node]
     counts = {"stored": 0, "waiting": 0, "lost": 0, "unborn": 0}
@@ -192,10 +187,8 @@ def _delivery(
             gone.append(position)
         else:
             missing.append(position)
-    path = seen.truths[node]
-    excused = _removed(node, gone, path, connection)
     parts = {} if framed is None else framed.parts
-    excused |= removed_frames(path, connection, node, gone, parts)
+    excused = removed_frames(seen.truths[node], connection, node, gone, parts)
     missing += [position for position in gone if position not in excused]
     return Delivery(
         node=node,
@@ -204,49 +197,6 @@ def _delivery(
         missing=tuple(sorted(missing)),
         **counts,
     )
-
-
-def _removed(
-    node: str, gone: Sequence[Position], path: Path, connection: Connection
-) -> set[Position]:
-    """Which of what the cloud has no more was removed by age or erasure, as its records say."""
-    if not gone:
-        return set()
-    r = removals.c
-    query = select(r.channel, r.reason, r.messages, r.before).where(r.node == node)
-    records = defaultdict(list)
-    for channel, reason, messages, before in connection.execute(query):
-        records[channel].append((reason, messages, before))
-    found = defaultdict(set)
-    for position, block in GroundTruth.read(path, gone, node=node).items():
-        for reason, _, before in records[block.channel]:
-            if reason == RemovalReason.ERASURE or block.end - block.dt < before:
-                found[block.channel].add(position)
-    # Removal excuses no more than it removed, and which ones cannot be known.
-    return {
-        position
-        for channel, positions in found.items()
-        if len(positions) <= sum(messages for _, messages, _ in records[channel])
-        for position in positions
-    }
-
-
-def _stored(node: str, connection: Connection) -> Sightings:
-    b = blocks.c
-    query = select(b.boot, b.sequence).where(b.node == node, b.packed.is_(None))
-    rows = connection.execute(query.order_by(b.boot, b.sequence))
-    found = Sightings((row[0], row[1]) for row in rows)
-    packs = select(b.data, b.head, *(b[name] for name in RowHeader._fields))
-    packs = packs.where(b.node == node, b.packed.is_not(None))
-    for data, own, *head in connection.execute(packs):
-        if not is_intact(RowHeader(*head), own, data):
-            continue
-        pack = Pack.read(data)
-        for sequence in pack.column("sequence").tolist():
-            found.span(pack.boot, sequence, sequence)
-    for boot, sequence in sealed_positions(connection, node):
-        found.span(boot, sequence, sequence)
-    return found
 
 
 def _position(body: bytes) -> Position:
@@ -273,13 +223,12 @@ def _lost(node: str, connection: Connection) -> Sightings:
     return lost
 
 
-def _gaps(data: bytes) -> Sequence[Gap | frames.Gap]:
+def _gaps(data: bytes) -> Sequence[Gap]:
     """The gaps that a message states."""
     fields = load(data)
-    kind = fields.integer(1, 0, 255)
-    if kind == Kind.STATEMENTS:
-        return frames.Statements.read(fields).gaps
-    return [Gap.read(fields)] if kind == Kind.GAP else ()
+    if fields.integer(1, 0, 255) != Kind.STATEMENTS:
+        return ()
+    return Statements.read(fields).gaps
 
 
 def _sighted(node: str, connection: Connection) -> Sightings:

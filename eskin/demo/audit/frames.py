@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -20,7 +20,9 @@ from eskin_sensor_node.node.ground_truth import GroundTruth, TrueFrame
 from sqlalchemy import func, select, tuple_
 
 from eskin.demo.audit.channel import ChannelAudit
+from eskin.demo.audit.sealed import has_columns, open_frame, sealed_rows
 from eskin.errors import AuditError
+from eskin.privacy.sealed_message import name_place
 from eskin.wire.frames import FrameSummary
 from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin.wire.messages import Position
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
 
     from eskin.interval import Floats
+    from eskin.privacy import Decryptor
     from eskin.wire.frames import DescribedLayout, Patch
 
     Integers = NDArray[np.int64]
@@ -50,7 +53,7 @@ class StoredFrames(NamedTuple):
 
     Attributes:
         patches: One entry a patch.
-        complete: Positions of frames of which all patches are stored.
+        complete: Positions of frames of which all patches are stored, also sealed.
         parts: How many patches are stored of each frame that was compacted.
         doubled: Positions of frames of which a patch is stored twice.
     """
@@ -71,7 +74,12 @@ def count_frames(connection: Connection) -> dict[str, int]:
 
 
 def audit_frames(
-    path: Path, connection: Connection, node: str, progress: Callable[[int], None]
+    path: Path,
+    connection: Connection,
+    node: str,
+    progress: Callable[[int], None],
+    *,
+    reader: Decryptor | None,
 ) -> StoredFrames:
     """Compare all frames of a node with the truth.
 
@@ -80,11 +88,16 @@ def audit_frames(
         connection: Reads the store.
         node: The node.
         progress: Takes how many rows are done more.
+        reader: Opens sealed frames; ``None`` where the store has none.
 
     Raises:
         AuditError: There is no truth behind a frame, and there never was.
     """
     found = _Comparison(path, connection, node)
+    if reader is not None:
+        for rows in sealed_rows(connection, node, _FRAMES):
+            found.compare_sealed(rows, reader)
+            progress(len(rows))
     for rows in _frame_rows(connection, node):
         found.compare_frames(rows)
         progress(len(rows))
@@ -101,7 +114,7 @@ def removed_frames(
     gone: Sequence[Position],
     parts: Mapping[Position, int],
 ) -> set[Position]:
-    """Which of the missing or incomplete frames were removed because of their age.
+    """Which of the missing or incomplete frames were removed by their age, or with their subject.
 
     Args:
         path: Of the truth.
@@ -111,21 +124,38 @@ def removed_frames(
         parts: How many of their patches are stored.
     """
     r = removals.c
-    query = select(r.channel, r.messages, r.before)
-    query = query.where(r.node == node, r.reason == RemovalReason.AGE)
-    records = {patch: (messages, before) for patch, messages, before in connection.execute(query)}
-    found: set[Position] = set()
+    query = select(r.channel, r.reason, r.messages, r.before).where(r.node == node)
+    records = defaultdict(list)
+    for name, reason, messages, before in connection.execute(query):
+        records[name].append((reason, messages, before))
+    found: dict[Position, list[str]] = {}
     counts: Counter[str] = Counter()
     for position, truth in GroundTruth.read_frames(path, gone, node=node).items():
-        patches = find_layout(connection, node, truth.layout).patches
-        names = [patches[number].patch_id for number in truth.sizes[:, 0].tolist()]
-        removed = [name for name in names if truth.end < records.get(name, (0, truth.end))[1]]
+        names = _removable(find_layout(connection, node, truth.layout), truth)
+        removed = [
+            name
+            for name in names
+            if any(why == RemovalReason.ERASURE or truth.end < end for why, _, end in records[name])
+        ]
         if len(removed) + parts.get(position, 0) >= len(names):
-            found.add(position)
+            found[position] = removed
             counts.update(removed)
     # Removal excuses no more than it removed, and which ones cannot be known.
-    fits = all(count <= records[name][0] for name, count in counts.items())
-    return found if fits else set()
+    limits = {name: sum(messages for _, messages, _ in each) for name, each in records.items()}
+    return {
+        position
+        for position, names in found.items()
+        if all(counts[name] <= limits[name] for name in names)
+    }
+
+
+def _removable(described: DescribedLayout, truth: TrueFrame) -> list[str]:
+    """The names under which the store states the removal of a frame, or of its patches."""
+    numbers = truth.sizes[:, 0].tolist()
+    page = next(p for p, on_page in enumerate(described.page_ranges) if numbers[0] in on_page)
+    if page in described.biometric_pages:
+        return [name_place((truth.layout, page))]
+    return [described.patches[number].patch_id for number in numbers]
 
 
 @dataclass(slots=True)
@@ -139,7 +169,7 @@ class _Sums:
 
     def __post_init__(self) -> None:
         patches = len(self.described.patches)
-        names = ("blocks", "samples", "violations", "late", "unbounded", "forgotten", "mislabelled")
+        names = ("frames", "samples", "violations", "late", "unbounded", "forgotten", "mislabelled")
         self.counts = {name: np.zeros(patches, np.int64) for name in names}
         self.amounts = {name: np.zeros(patches) for name in ("width", "magnitude")}
         self.coverage = np.ones(patches)
@@ -162,7 +192,7 @@ class _Sums:
         magnitude = np.where(bounded, np.abs(truth), 0.0)
         sizes = np.diff(begins, append=len(lo))
         sums = {"violations": broken, "unbounded": ~bounded}
-        self.count("blocks", numbers)
+        self.count("frames", numbers)
         np.add.at(self.counts["samples"], numbers, sizes)
         for name, flags in sums.items():
             np.add.at(self.counts[name], numbers, np.add.reduceat(flags, begins, dtype=np.int64))
@@ -184,6 +214,20 @@ class _Sums:
                 yield entry
 
 
+class _Stored(NamedTuple):
+    """A frame from the store.
+
+    Attributes:
+        summary: The frame.
+        data: Its bytes.
+        fits: Whether its row's columns are its own.
+    """
+
+    summary: FrameSummary
+    data: bytes
+    fits: bool
+
+
 class _Comparison:
     """Compares rows of one node."""
 
@@ -198,13 +242,24 @@ class _Comparison:
 
     def compare_frames(self, rows: Sequence[RowMapping]) -> None:
         """Compare rows of frames."""
-        by_layout: dict[bytes, list[RowMapping]] = {}
+        found: list[_Stored] = []
         for row in rows:
             self._whole.add(_position(row))
             if is_intact_row(FrameHeader, row):
-                by_layout.setdefault(bytes(row["layout"]), []).append(row)
-        for name, alike in by_layout.items():
-            self._compare_frames(self._sums_of(name), alike)
+                data = bytes(row["data"])
+                summary = FrameSummary.decode(data)
+                found.append(_Stored(summary, data, self._has_columns(row, summary, data)))
+        self._compare(found)
+
+    def compare_sealed(self, rows: Sequence[RowMapping], reader: Decryptor) -> None:
+        """Compare rows of sealed frames; those of erased subjects are left out."""
+        found: list[_Stored] = []
+        for row in rows:
+            self._whole.add(_position(row))
+            opened = open_frame(reader, row)
+            if opened is not None:
+                found.append(_Stored(*opened, has_columns(row, opened[0])))
+        self._compare(found)
 
     def compare_patches(self, rows: Sequence[RowMapping]) -> None:
         """Compare rows into which frames were compacted."""
@@ -233,23 +288,30 @@ class _Comparison:
             self._sums[layout] = _Sums(find_layout(self._connection, self._node, layout))
         return self._sums[layout]
 
-    def _compare_frames(self, sums: _Sums, rows: Sequence[RowMapping]) -> None:
-        truths = self._find([_position(row) for row in rows])
-        known: list[tuple[RowMapping, TrueFrame]] = []
-        for row in rows:
-            summary = FrameSummary.decode(bytes(row["data"]))
-            numbers = summary.records["patch"]
-            truth = truths[_position(row)]
+    def _compare(self, found: Sequence[_Stored]) -> None:
+        by_layout: dict[bytes, list[_Stored]] = {}
+        for each in found:
+            by_layout.setdefault(each.summary.layout, []).append(each)
+        for name, alike in by_layout.items():
+            self._compare_alike(self._sums_of(name), alike)
+
+    def _compare_alike(self, sums: _Sums, found: Sequence[_Stored]) -> None:
+        """Compare frames of one layout."""
+        truths = self._find([each.summary.position for each in found])
+        known: list[tuple[_Stored, TrueFrame]] = []
+        for each in found:
+            numbers = each.summary.records["patch"]
+            truth = truths[each.summary.position]
             if truth is None:
                 sums.count("forgotten", numbers)
-            elif self._is_alike(row, summary, truth, sums.described):
-                known.append((row, truth))
+            elif each.fits and _is_alike(each.summary, truth):
+                known.append((each, truth))
             else:
                 sums.count("mislabelled", numbers)
         if not known:
             return
         wanted = np.ones(len(sums.described.patches), np.bool_)
-        records = scan_frames([row["data"] for row, _ in known], wanted)
+        records = scan_frames([each.data for each, _ in known], wanted)
         whole = records.whole
         values = np.concatenate([truth.values for _, truth in known])
         numbers = whole[:, Part.PATCH]
@@ -262,21 +324,12 @@ class _Comparison:
         inside &= (earliest + lasting <= end) & (end <= latest + lasting)
         sums.count("late", numbers[~inside])
 
-    def _is_alike(
-        self, row: RowMapping, summary: FrameSummary, truth: TrueFrame, described: DescribedLayout
-    ) -> bool:
-        """Whether a row's columns are those of its frame, and this is the one that was made."""
-        data, digest = bytes(row["data"]), bytes(row["digest"])
-        fitting = fit_frame(summary, described, data)
+    def _has_columns(self, row: RowMapping, summary: FrameSummary, data: bytes) -> bool:
+        """Whether the columns of a row are those of its frame."""
+        fitting = fit_frame(summary, self._sums_of(summary.layout).described, data)
+        digest = bytes(row["digest"])
         own = FrameRow.of(self._node, summary, fitting, data, digest, cursor=0, now=0)
-        records = summary.records
-        sizes = np.stack([records["patch"], records["samples"]], axis=1)
-        return (
-            all(getattr(own, name) == row[name] for name in _COMPARED)
-            and (summary.position, summary.layout) == (truth.position, truth.layout)
-            and summary.ticks == truth.ticks
-            and np.array_equal(sizes, truth.sizes)
-        )
+        return all(getattr(own, name) == row[name] for name in _COMPARED)
 
     def _compare_runs(self, row: RowMapping, runs: Sequence[PatchRun]) -> None:
         """Compare one row of a patch."""
@@ -340,6 +393,17 @@ class _Comparison:
     def _is_dropped(self, position: Position) -> bool:
         oldest = GroundTruth.oldest(self._path, node=self._node)
         return oldest is not None and position < oldest
+
+
+def _is_alike(summary: FrameSummary, truth: TrueFrame) -> bool:
+    """Whether a frame is the one that was made."""
+    records = summary.records
+    sizes = np.stack([records["patch"], records["samples"]], axis=1)
+    return (
+        (summary.position, summary.layout) == (truth.position, truth.layout)
+        and summary.ticks == truth.ticks
+        and np.array_equal(sizes, truth.sizes)
+    )
 
 
 def _channel(patch: Patch) -> str:

@@ -12,7 +12,6 @@ from eskin.wire.messages.cbor_map import Fields, load
 from eskin.wire.messages.command import Command
 from eskin.wire.messages.command_schema import CommandName, Mode
 from eskin.wire.messages.encoding import Encoding
-from eskin.wire.messages.fast_decode import scan
 from eskin.wire.messages.gap import Gap
 from eskin.wire.messages.header import Kind, Position
 from eskin.wire.messages.peak import Peak
@@ -48,18 +47,12 @@ __all__ = [
     "Result",
     "Shedding",
     "Status",
-    "Summary",
     "TaxelFaults",
     "decode_message",
-    "decode_summary",
 ]
 
 Message: TypeAlias = Block | Peak | Gap | Status | Result
 """Whatever a node says in its sequence."""
-
-
-Summary: TypeAlias = BlockSummary | Peak | Gap | Status | Result
-"""The same, blocks without their samples."""
 
 
 def decode_message(data: bytes) -> Message:
@@ -74,22 +67,6 @@ def decode_message(data: bytes) -> Message:
     fields = load(data)
     kind = fields.integer(1, 0, 255)
     return Block.read(fields, data) if kind == Kind.BLOCK else _read_event(kind, fields)
-
-
-def decode_summary(data: bytes) -> Summary:
-    """Read whatever a node said; a block's samples are checked, not kept: ten times as fast.
-
-    Args:
-        data: The plaintext, deterministic CBOR.
-
-    Raises:
-        MessageError: It is no message of a node.
-    """
-    said = scan(data)
-    if said is not None:
-        return said
-    message = decode_message(data)
-    return message.summary if isinstance(message, Block) else message
 
 
 def _read_event(kind: int, fields: Fields) -> Peak | Gap | Status | Result:

@@ -13,10 +13,9 @@ from eskin.wire.messages.header import Kind
 from eskin.wire.timestamp import MOST_MOMENT
 
 MOST_SPANS: Final = 1000
-MOST_WATCHED: Final = 60_000
 MOST_WANTED: Final = 256
 _HASH_BYTES: Final = sha256().digest_size
-_FIELDS: Final = frozenset({1, 2, 3, 4, 5})
+_FIELDS: Final = frozenset({1, 2, 3, 4})
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,22 +25,19 @@ class Acknowledgement:
     Attributes:
         time: The gateway's clock, UTC ns.
         spans: ``(boot, first, last)`` of the messages.
-        watched: ms for which a viewer is expected to look at the node's data; 0: no viewer.
         want: Hashes of patches and layouts of the node that the gateway lacks. The node sends them,
             and what it sent that is not acknowledged, again.
     """
 
     time: int
     spans: tuple[tuple[int, int, int], ...]
-    watched: int = 0
     want: tuple[bytes, ...] = ()
 
     def encode(self) -> bytes:
         """Write as CBOR."""
         spans = [list(span) for span in self.spans]
         fields: dict[int, object] = {1: int(Kind.ACKNOWLEDGEMENT), 2: self.time, 3: spans}
-        fields |= {4: self.watched} if self.watched else {}
-        return dump(fields | ({5: list(self.want)} if self.want else {}))
+        return dump(fields | ({4: list(self.want)} if self.want else {}))
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
@@ -58,9 +54,8 @@ class Acknowledgement:
         return cls(
             time=fields.integer(2, -MOST_MOMENT, MOST_MOMENT),
             spans=tuple(read_span(span, "field 3") for span in fields.items(3, MOST_SPANS)),
-            watched=fields.integer(4, 1, MOST_WATCHED) if fields.has(4) else 0,
             want=tuple(
-                octets(wanted, "field 5", _HASH_BYTES, _HASH_BYTES)
-                for wanted in fields.optional_items(5, MOST_WANTED)
+                octets(wanted, "field 4", _HASH_BYTES, _HASH_BYTES)
+                for wanted in fields.optional_items(4, MOST_WANTED)
             ),
         )

@@ -5,14 +5,12 @@ from __future__ import annotations
 import hmac
 from typing import TYPE_CHECKING, Final
 
-from eskin.privacy import Encryptor, is_biometric, is_not_biometric
+from eskin.privacy import Encryptor, is_not_biometric
 from eskin.privacy.cipher import span
-from eskin.wire.messages import Block, BlockSummary, Peak, decode_message
 
 if TYPE_CHECKING:
     from eskin.privacy.cipher import Sealable
     from eskin.wire.messages import Position
-    from eskin_gateway.ingest.node_messages import Numbered
     from eskin_gateway.spool.batch import DeadLetter
     from eskin_gateway.spool.subject_assignments import SubjectAssignments
 
@@ -20,7 +18,7 @@ WITHHELD: Final = "unreadable; encrypted with the reason, as it may be biometric
 
 
 class BiometricEncryptor:
-    """Encrypts messages of biometric channels. Not thread-safe.
+    """Encrypts messages of biometric patches. Not thread-safe.
 
     Args:
         assignments: Finds the subject of a message.
@@ -34,28 +32,12 @@ class BiometricEncryptor:
         """Drop keys derived from an erased subject's key. Thread-safe."""
         self._encryptor.forget(pseudonym)
 
-    def read(self, summary: Numbered, plaintext: bytes) -> Block | Peak | None:
-        """Decode a biometric block or peak completely: behind the gateway it cannot be checked.
-
-        Returns:
-            The message, or ``None`` if it is not biometric, or if its layout tells.
-
-        Raises:
-            MessageError: It is invalid.
-        """
-        if not isinstance(summary, BlockSummary | Peak) or not is_biometric(summary.channel):
-            return None
-        message = decode_message(plaintext)
-        return message if isinstance(message, Block | Peak) else None
-
-    def encrypt(self, node: str, message: Sealable | None, plaintext: bytes) -> bytes:
-        """Encrypt a biometric message; return the plaintext where there is none.
+    def encrypt(self, node: str, message: Sealable, plaintext: bytes) -> bytes:
+        """Encrypt a biometric message.
 
         Raises:
             PrivacyError: The subject has no key.
         """
-        if message is None:
-            return plaintext
         subject = self._assignments.subject(node, span(message)[0])
         return self._encryptor.encrypt(subject, node, message, plaintext).encode()
 

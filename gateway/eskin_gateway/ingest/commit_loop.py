@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from eskin.errors import SpoolError, UntrustedCertificateError
 from eskin.runtime.supervised import Backoff, Supervised
 from eskin.wire.frames import DescribedLayout, Privacy, Statements
-from eskin.wire.messages import Acknowledgement, BlockSummary, Gap, Peak, Status
+from eskin.wire.messages import Acknowledgement, Status
 from eskin.wire.messages.acknowledgement import MOST_WANTED
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.topics import Stream, node_topic
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from eskin_gateway.mqtt.receive_queue import ReceiveQueue
     from eskin_gateway.mqtt.sealer_cache import SealerCache
     from eskin_gateway.mqtt.transport import Publication, ReceivedMessage, Transport
+    from eskin_gateway.publish.frame_hulls import PatchHull
     from eskin_gateway.publish.homeassistant import Discovery
     from eskin_gateway.publish.presence import Presence
     from eskin_gateway.settings import SpoolSection
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from eskin_gateway.spool.descriptions import Descriptions
     from eskin_gateway.spool.node_certificates import NodeCertificates
     from eskin_gateway.spool.spool import Spool
-    from eskin_gateway.upstream.ingest_client import Viewers
 
 
 log = logging.getLogger(__name__)
@@ -58,10 +58,9 @@ class PostCommit:
         node_certificates: Finds the nodes' certificates.
         presence: Tracks which nodes are online.
         metrics: Counts messages.
-        viewers: Says how long nodes are viewed.
         discovery: Announces channels to Home Assistant, if enabled.
         descriptions: Finds the layouts of frames and statements.
-        senml: Whether blocks and frames are published as SenML, too.
+        senml: Whether hulls are published as SenML, too.
         clock: Monotonic seconds.
         now: UTC ns.
     """
@@ -75,7 +74,6 @@ class PostCommit:
         presence: Presence,
         descriptions: Descriptions,
         metrics: Metrics,
-        viewers: Viewers,
         discovery: Discovery | None = None,
         senml: bool = False,
         clock: Callable[[], float] = time.monotonic,
@@ -86,10 +84,9 @@ class PostCommit:
         self._node_certificates = node_certificates
         self._presence = presence
         self._metrics = metrics
-        self._viewers = viewers
         self._discovery = discovery
         self._descriptions = descriptions
-        self._frame_hulls = FrameHulls(senml=senml)
+        self._frame_hulls = FrameHulls()
         self._senml = senml
         self._clock = clock
         self._now = now
@@ -115,7 +112,7 @@ class PostCommit:
                 self._discovery.announce_all()
         self._was_connected = connected
         if connected:
-            self._publish(self._frame_hulls.run_periodic(now))
+            self._publish(self._hulls(self._frame_hulls.run_periodic(now)))
             self._publish(self._presence.expire(now))
             if self._discovery is not None:
                 self._publish(self._discovery.run_periodic())
@@ -140,7 +137,6 @@ class PostCommit:
             plaintext = Acknowledgement(
                 self._now(),
                 _spans(positions),
-                self._viewers.remaining(node),
                 tuple(result.want.get(node, ()))[:MOST_WANTED],
             ).encode()
             self._metrics.acknowledged.inc(len(positions))
@@ -150,23 +146,17 @@ class PostCommit:
     def _publications(self, result: IngestResult) -> Iterator[Publication]:
         now = self._clock()
         for node, message, live in result.messages:
-            public = not isinstance(message, BlockSummary | Peak) or public_payloads.is_public(
-                message
-            )
-            if public and isinstance(message, BlockSummary):
-                yield *public_payloads.live(node, message), False
-                if self._senml:
-                    for topic, pack in public_payloads.live_senml(node, message):
-                        yield topic, pack, False
-            elif public and isinstance(message, Peak | Gap):
-                yield *public_payloads.event(node, message), False
-            elif isinstance(message, EncodedFrame | Statements):
+            if isinstance(message, EncodedFrame | Statements):
                 yield from self._described(node, message, now)
             status = message if isinstance(message, Status) else None
             yield from self._presence.update(node, status, live=live, now=now)
             if status is not None and self._discovery is not None:
                 yield from self._discovery.update(node, status)
-        yield from self._frame_hulls.run_periodic(now)
+        yield from self._hulls(self._frame_hulls.run_periodic(now))
+
+    def _hulls(self, due: Iterable[tuple[str, PatchHull]]) -> Iterator[Publication]:
+        for node, hull in due:
+            yield from public_payloads.hulls(node, hull, senml=self._senml)
 
     def _described(self, node: str, message: Described, now: float) -> Iterator[Publication]:
         skin = self._descriptions.find(node, message.layout)
@@ -175,12 +165,12 @@ class PostCommit:
         if isinstance(message, Statements):
             if skin.require_statements(message) is Privacy.BIOMETRIC:
                 return
-            for topic, body in public_payloads.statements(node, message, skin):
-                yield topic, body, False
+            yield from public_payloads.statements(node, message, skin)
         elif message.summary.page in skin.biometric_pages:
             return
         else:
-            yield from self._frame_hulls.add(node, message.summary, message.data, skin, now=now)
+            frame, data = message
+            yield from self._hulls(self._frame_hulls.add(node, frame, data, skin, now=now))
         if self._discovery is not None:
             yield from self._discovery.describe(node, skin)
 

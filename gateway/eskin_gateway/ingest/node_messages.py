@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
+from eskin.errors import MessageError
 from eskin.wire.frames import FrameSummary, Layout, Patch, Statements
-from eskin.wire.messages import Kind, Position, Summary, decode_summary
+from eskin.wire.messages import Kind, Result, Status
+from eskin.wire.messages.cbor_map import load
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from eskin.wire.messages import Position
 
 
 class EncodedFrame(NamedTuple):
@@ -35,10 +39,12 @@ class EncodedFrame(NamedTuple):
 
 Described: TypeAlias = EncodedFrame | Statements
 """A message that names a layout."""
-Numbered: TypeAlias = Summary | Described
+Numbered: TypeAlias = Status | Result | Described
 """A message with a position."""
 
-_DECODERS: Final[dict[int, Callable[[bytes], Described | Patch | Layout]]] = {
+_DECODERS: Final[dict[int, Callable[[bytes], Numbered | Patch | Layout]]] = {
+    Kind.STATUS: Status.decode,
+    Kind.RESULT: Result.decode,
     Kind.FRAME: lambda data: EncodedFrame(FrameSummary.decode(data), data),
     Kind.STATEMENTS: Statements.decode,
     Kind.PATCH: Patch.decode,
@@ -47,7 +53,7 @@ _DECODERS: Final[dict[int, Callable[[bytes], Described | Patch | Layout]]] = {
 
 
 def decode(plaintext: bytes) -> Numbered | Patch | Layout:
-    """Decode a message; blocks and frames without their samples, which are checked.
+    """Decode a message; a frame without its samples, which are checked.
 
     Raises:
         MessageError: It is none.
@@ -55,4 +61,7 @@ def decode(plaintext: bytes) -> Numbered | Patch | Layout:
     # Field 1, the kind, is the first of a map whose head has one byte.
     kind = plaintext[2] if len(plaintext) > 2 and plaintext[1] == 1 else 0
     decoder = _DECODERS.get(kind)
-    return decode_summary(plaintext) if decoder is None else decoder(plaintext)
+    if decoder is None:
+        kind = load(plaintext).integer(1, 0, 255)
+        raise MessageError(f"field 1 is {kind}; a node sends kinds {sorted(map(int, _DECODERS))}")
+    return decoder(plaintext)

@@ -22,14 +22,7 @@ from eskin.errors import (
 )
 from eskin.wire.envelope import MOST_ENVELOPE, Opened, introduction
 from eskin.wire.frames import DescribedLayout, Layout, Patch, Privacy, Statements
-from eskin.wire.messages import (
-    BlockSummary,
-    Gap,
-    Peak,
-    Position,
-    Result,
-    Status,
-)
+from eskin.wire.messages import Position, Result, Status
 from eskin.wire.messages.cbor_map import MOST_COUNT, integer, load_any
 from eskin.wire.topics import FROM_NODE, Stream, parse_node_topic
 from eskin_gateway.ingest.node_messages import Described, EncodedFrame, Numbered, decode
@@ -39,7 +32,6 @@ from eskin_gateway.spool.batch import Batch, DeadLetter, SpoolMessage
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from eskin.privacy.cipher import Sealable
     from eskin.wire.envelope import Opener
     from eskin_gateway.ingest.biometric import BiometricEncryptor
     from eskin_gateway.ingest.missing_layouts import MissingLayouts
@@ -52,10 +44,9 @@ log = logging.getLogger(__name__)
 
 _MAX_LOGGED_TOPIC: Final = 200
 _MESSAGE_TYPES: Final = {
-    Stream.BLOCKS: (BlockSummary,),
     Stream.FRAMES: (EncodedFrame,),
     Stream.LAYOUTS: (Patch, Layout),
-    Stream.EVENTS: (Peak, Gap, Result, Statements),
+    Stream.EVENTS: (Result, Statements),
     Stream.STATUS: (Status,),
 }
 _REASONS: Final = (
@@ -188,7 +179,6 @@ class Validator:
             if isinstance(message, Patch | Layout):
                 self._add_description(result, received_message, node, opened.plaintext)
                 return
-            biometric: Sealable | None = self._encryptor.read(message, opened.plaintext)
         except EskinError as error:
             self._add_dead_letter(result, received_message, node, opened.plaintext, str(error))
             return
@@ -196,6 +186,7 @@ class Validator:
         if state.is_duplicate(position):
             result.duplicates += 1
         else:
+            body = opened.plaintext
             if isinstance(message, EncodedFrame | Statements):
                 privacy = self._find_class(
                     result, received_message, node, message, opened.plaintext
@@ -203,8 +194,8 @@ class Validator:
                 if privacy is None:
                     return
                 if privacy is Privacy.BIOMETRIC:
-                    biometric = message if isinstance(message, Statements) else message.summary
-            body = self._encryptor.encrypt(node, biometric, opened.plaintext)
+                    read = message if isinstance(message, Statements) else message.summary
+                    body = self._encryptor.encrypt(node, read, body)
             state.add(position)
             result.batch.messages.append(SpoolMessage(node, received, body, *position))
             # A message of an earlier boot may be a duplicate that only the cloud can detect.

@@ -357,7 +357,6 @@ class MqttTransport:
         # Every gateway needs every layout, and every status: it carries the certificate. It is
         # retained, and a shared subscription gets no retained messages.
         wanted = [
-            shared + node_topic("+", Stream.BLOCKS),
             shared + node_topic("+", Stream.FRAMES),
             shared + node_topic("+", Stream.EVENTS),
             node_topic("+", Stream.LAYOUTS),

@@ -1,6 +1,6 @@
-"""Hulls of frames for any MQTT client: of a small skin's channels, of a large skin's patches.
+"""Hulls of frames by patch, at most two a second.
 
-A hull is published at most twice a second. It encloses all samples that came since the one before.
+A hull encloses all samples that came since the one before.
 """
 
 from __future__ import annotations
@@ -11,13 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import orjson
 
 from eskin.union_bound import union_coverage
-from eskin.wire import senml
 from eskin.wire.frames.column_hulls import ColumnHulls
-from eskin.wire.timestamp import format_timestamp
-from eskin.wire.topics import live_topic, senml_topic
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,7 +22,6 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin.wire.frames import DescribedLayout, FrameSummary, Patch
-    from eskin_gateway.mqtt.transport import Publication
 
 LARGE: Final = 64
 """Channels from which on a skin's patches are published, and not its channels."""
@@ -82,12 +77,15 @@ class PageHull:
         """The hulls of all patches of which there are samples."""
         if self._time is None:
             return
+        is_large = self.skin.channels >= LARGE
         for number, rows in self._rows.items():
             patch = self.skin.patches[self._first + number]
             at = slice(self._ends[number] - len(patch.taxels), self._ends[number])
             t0 = self._time[0] + min(patch.skew, default=0)
             t1 = self._time[1] + max(patch.skew, default=0)
-            yield PatchHull(patch, self._lo[at], self._hi[at], self._samples[at], t0, t1, rows)
+            yield PatchHull(
+                is_large, patch, self._lo[at], self._hi[at], self._samples[at], t0, t1, rows
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +93,7 @@ class PatchHull:
     """Encloses samples of a patch.
 
     Attributes:
+        is_large: Whether its skin has so many channels that it is published as a whole.
         patch: Its description.
         lo: Of each column, the least lower bound; infinite without samples.
         hi: Of each column, the greatest upper bound; minus infinite without samples.
@@ -104,6 +103,7 @@ class PatchHull:
         rows: How many rows there are, by the coverage of their samples.
     """
 
+    is_large: bool
     patch: Patch
     lo: Floats
     hi: Floats
@@ -140,21 +140,16 @@ class PatchHull:
 
 
 class FrameHulls:
-    """Publishes the hulls of frames. Not thread-safe.
+    """Collects the hulls of frames until they are due. Not thread-safe."""
 
-    Args:
-        senml: Whether hulls are published as SenML, too.
-    """
-
-    def __init__(self, *, senml: bool) -> None:
-        self._senml = senml
+    def __init__(self) -> None:
         self._recent: dict[tuple[str, int], tuple[float, PageHull | None]] = {}
         self._checked = -math.inf
 
     def add(
         self, node: str, frame: FrameSummary, data: bytes, skin: DescribedLayout, *, now: float
-    ) -> Iterator[Publication]:
-        """Enclose a frame, and publish what is due.
+    ) -> Iterator[tuple[str, PatchHull]]:
+        """Enclose a frame; return what is due, with its node.
 
         Args:
             node: The node.
@@ -166,17 +161,17 @@ class FrameHulls:
         key = node, frame.page
         published, hull = self._recent.get(key, (-math.inf, None))
         if hull is not None and hull.skin is not skin and hull.skin.layout != skin.layout:
-            yield from self._publish(node, hull)
+            yield from ((node, each) for each in hull.patches())
             hull = None
         hull = hull or PageHull(skin, frame.page)
         hull.add(frame, data)
         if now >= published + _PERIOD_S:
-            yield from self._publish(node, hull)
+            yield from ((node, each) for each in hull.patches())
             published, hull = now, None
         self._recent[key] = published, hull
 
-    def run_periodic(self, now: float) -> Iterator[Publication]:
-        """Publish what is due of pages of which nothing came since."""
+    def run_periodic(self, now: float) -> Iterator[tuple[str, PatchHull]]:
+        """Return what is due of pages of which nothing came since."""
         if now < self._checked + _CHECK_S:
             return
         self._checked = now
@@ -187,69 +182,4 @@ class FrameHulls:
                 del self._recent[key]
             else:
                 self._recent[key] = now, None
-                yield from self._publish(key[0], hull)
-
-    def _publish(self, node: str, page: PageHull) -> Iterator[Publication]:
-        is_large = page.skin.channels >= LARGE
-        for hull in page.patches():
-            yield from _patch(node, hull) if is_large else _channels(node, hull)
-            if self._senml and hull.t0 >= senml.EARLIEST:
-                yield from _senml(node, hull, is_large=is_large)
-
-
-def _channels(node: str, hull: PatchHull) -> Iterator[Publication]:
-    """Topic and JSON of each channel, as of a block."""
-    lo, hi = (bounds.tolist() for bounds in hull.bounds)
-    common = _common(hull)
-    for column, channel in enumerate(hull.patch.channels):
-        if hull.samples[column]:
-            item = {**common, "lo": lo[column], "hi": hi[column], "n": int(hull.samples[column])}
-            yield live_topic(node, channel), orjson.dumps(item), False
-
-
-def _patch(node: str, hull: PatchHull) -> Iterator[Publication]:
-    lo, hi = hull.bounds
-    item = {
-        **_common(hull),
-        "n": int(hull.samples.max()),
-        "taxels": hull.patch.taxels,
-        "lo": lo.tolist(),  # orjson writes infinities as null
-        "hi": hi.tolist(),
-        "hull": {
-            "lo": float(lo.min()),
-            "hi": float(hi.max()),
-            "coverage": hull.coverage(len(lo)),
-        },
-        "contact": hull.contact,
-    }
-    yield live_topic(node, f"patches/{hull.patch.patch_id}"), orjson.dumps(item), False
-
-
-def _common(hull: PatchHull) -> dict[str, Any]:
-    return {
-        "t0": format_timestamp(hull.t0),
-        "t1": format_timestamp(hull.t1),
-        "unit": hull.patch.unit,
-        "coverage": hull.coverage(),
-    }
-
-
-def _senml(node: str, hull: PatchHull, *, is_large: bool) -> Iterator[Publication]:
-    """As SenML (RFC 8428): of each channel, or of all of a large skin's patch."""
-    lo, hi = hull.bounds
-    span = senml.seconds(hull.t1 - hull.t0), senml.SECONDS
-    if is_large:
-        leaf = f"patches/{hull.patch.patch_id}"
-        about = {"coverage": (hull.coverage(len(lo)), senml.RATIO), "span": span}
-        if hull.contact is not None:
-            about["contact/lo"] = float(hull.contact == "certain"), senml.RATIO
-            about["contact/hi"] = float(hull.contact != "impossible"), senml.RATIO
-        parts = [(leaf, float(lo.min()), float(hi.max()))]
-    else:
-        about = {"coverage": (hull.coverage(), senml.RATIO), "span": span}
-        sampled = np.flatnonzero(hull.samples).tolist()
-        channels = hull.patch.channels
-        parts = [(channels[k], float(lo[k]), float(hi[k])) for k in sampled]
-    for leaf, low, high in parts:
-        pack = senml.Pack(f"{node}/{leaf}/", hull.patch.unit, hull.t0, (0,), (low,), (high,), about)
-        yield senml_topic(node, leaf), senml.as_json(pack), False
+                yield from ((key[0], each) for each in hull.patches())

@@ -5,15 +5,10 @@ Source: home-assistant.io/integrations/mqtt (discovery) and /integrations/sensor
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any, Final
 
 import orjson
 
-from eskin.privacy import is_biometric
-from eskin.wire.messages import ChannelInfo
-from eskin.wire.messages.block_header import MOST_SAMPLES
-from eskin.wire.timestamp import SECOND
 from eskin.wire.topics import live_topic
 from eskin_gateway.publish.frame_hulls import LARGE
 from eskin_gateway.publish.presence import latest_statuses
@@ -43,7 +38,7 @@ _DEVICE_CLASSES: Final = {
 _UNITS: Final = {"m2": "m²", "1": None}
 _SLACK_S: Final = 60
 _LATE: Final = f"{{% set late = as_timestamp(now()) - as_timestamp(value_json.t1) > {_SLACK_S} %}}"
-"""Whether a block was delayed: Home Assistant would show it as the present state."""
+"""Whether a frame was delayed: Home Assistant would show it as the present state."""
 _STATE: Final = (
     _LATE + "{% set lo, hi = value_json.lo, value_json.hi %}"
     "{{ none if late or lo is none or hi is none else lo + (hi - lo) / 2 }}"
@@ -60,8 +55,8 @@ _PATCH_ATTRIBUTES: Final = (
     "'unit': value_json.unit} %}{{ ({} if late else shown) | tojson }}"
 )
 _CONTACT: Final = _LATE + "{{ none if late else value_json.contact }}"
-_ASSUMED_PERIOD: Final = SECOND
-"""Sampling period of frames, which no layout states, for the time until a state expires."""
+_EXPIRY_S: Final = 120
+"""Seconds without a hull after which a state is unknown: two of the longest stretches of a node."""
 _ONLINE: Final = "{{ 'online' if value_json.online else 'offline' }}"
 
 
@@ -144,7 +139,7 @@ class Discovery:
             status = self._announced[node]
             if self._is_expired(status) or self._node_certificates.find_latest(node) is None:
                 del self._announced[node]
-                for topic in configs(self._prefix, node, status, self._skins.pop(node, None)):
+                for topic in configs(self._prefix, node, status, self._skins.get(node)):
                     yield topic, b"", True
             elif node in self._again:
                 yield from self._replace(node, {})
@@ -158,19 +153,16 @@ def configs(
     prefix: str, node: str, status: Status, skin: DescribedLayout | None
 ) -> dict[str, bytes]:
     """Topics and JSON configurations of all that is announced of a node."""
-    channels = [each for each in status.channels if not is_biometric(each.channel)]
-    patches = [] if skin is None else skin.public_patches(node)
-    if skin is not None and skin.channels < LARGE:
-        channels += [
-            ChannelInfo(channel, patch.unit, _ASSUMED_PERIOD, 1.0)
-            for patch in patches
+    if skin is None:
+        return {}
+    if skin.channels < LARGE:
+        return {
+            config_topic(prefix, node, channel): config(node, status, channel, patch.unit)
+            for patch in skin.public_patches(node)
             for channel in patch.channels
-        ]
-        patches = []
-    found = {
-        config_topic(prefix, node, each.channel): config(node, status, each) for each in channels
-    }
-    for patch in patches:
+        }
+    found = {}
+    for patch in skin.public_patches(node):
         # No taxel begins with "_", so these are no topics of channels.
         leaf = f"{prefix}/sensor/{node}/_{patch.patch_id}/config"
         found[leaf] = patch_config(node, status, patch)
@@ -188,21 +180,20 @@ def config_topic(prefix: str, node: str, channel: str) -> str:
     return f"{prefix}/sensor/{node}/{channel.replace('.', '-')}/config"
 
 
-def config(node: str, status: Status, channel: ChannelInfo) -> bytes:
+def config(node: str, status: Status, channel: str, unit: str) -> bytes:
     """JSON configuration of a channel as a sensor of a device, which is the node.
 
     Texts that the node sent are values, never templates.
     """
-    taxel, _, quantity = channel.channel.partition(".")
+    taxel, _, quantity = channel.partition(".")
     item = {
         "name": f"{taxel} {quantity.replace('_', ' ')}",
-        "unique_id": f"eskin_{node}_{channel.channel}",
+        "unique_id": f"eskin_{node}_{channel}",
         "object_id": f"{node}_{taxel}_{quantity}",
         "value_template": _STATE,
         "json_attributes_template": _ATTRIBUTES,
-        "expire_after": _expiry(channel.dt),
     }
-    return _sensor(node, status, channel.channel, item | _measurement(channel.unit))
+    return _sensor(node, status, channel, item | _measurement(unit))
 
 
 def patch_config(node: str, status: Status, patch: Patch) -> bytes:
@@ -213,7 +204,6 @@ def patch_config(node: str, status: Status, patch: Patch) -> bytes:
         "object_id": f"{node}_{patch.patch_id}_{patch.quantity}",
         "value_template": _PATCH_STATE,
         "json_attributes_template": _PATCH_ATTRIBUTES,
-        "expire_after": _expiry(_ASSUMED_PERIOD),
     }
     leaf = f"patches/{patch.patch_id}"
     return _sensor(node, status, leaf, item | _measurement(patch.unit))
@@ -227,7 +217,6 @@ def contact_config(node: str, status: Status, patch: Patch) -> bytes:
         "object_id": f"{node}_{patch.patch_id}_contact",
         "value_template": _CONTACT,
         "json_attributes_template": _PATCH_ATTRIBUTES,
-        "expire_after": _expiry(_ASSUMED_PERIOD),
     }
     return _sensor(node, status, f"patches/{patch.patch_id}", item)
 
@@ -244,6 +233,7 @@ def _sensor(node: str, status: Status, leaf: str, item: dict[str, Any]) -> bytes
     item |= {
         "state_topic": topic,
         "json_attributes_topic": topic,
+        "expire_after": _EXPIRY_S,
         "availability_topic": live_topic(node, "status"),
         "availability_template": _ONLINE,
         "device": {
@@ -257,11 +247,6 @@ def _sensor(node: str, status: Status, leaf: str, item: dict[str, Any]) -> bytes
     return orjson.dumps(item)
 
 
-def _expiry(dt: int) -> int:
-    """Seconds after which the state is unknown: the longest block or frame, and some slack."""
-    return _SLACK_S + math.ceil(MOST_SAMPLES * dt / SECOND)
-
-
 def _identity(status: Status) -> tuple[object, ...]:
     """What an announcement depends on."""
-    return status.profile, status.description, status.channels
+    return status.profile, status.description

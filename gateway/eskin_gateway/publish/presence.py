@@ -88,5 +88,4 @@ def latest_statuses(spool: Spool) -> dict[str, Status]:
 
 def _publication(name: str, node: _Node) -> Iterator[Publication]:
     if node.status is not None:
-        topic, body = public_payloads.status(name, node.status, online=node.online is True)
-        yield topic, body, True
+        yield public_payloads.status(name, node.status, online=node.online is True)

@@ -1,15 +1,16 @@
-"""Public payloads for any MQTT client: plain JSON with exact numbers and whole intervals."""
+"""All public messages for any MQTT client: hulls, statements and status.
+
+Plain JSON with exact numbers and whole intervals, and SenML (RFC 8428).
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import orjson
 
-from eskin.privacy import is_biometric
-from eskin.union_bound import union_coverage
-from eskin.wire import senml
-from eskin.wire.messages import BlockSummary, Energy, Gap, Peak, Status
+from eskin.wire.senml import EARLIEST, RATIO, SECONDS, Pack, as_json, seconds
 from eskin.wire.timestamp import format_timestamp
 from eskin.wire.topics import live_topic, senml_topic
 
@@ -18,80 +19,101 @@ if TYPE_CHECKING:
 
     from eskin.wire import frames
     from eskin.wire.frames import DescribedLayout, Statements
-    from eskin.wire.messages import Position
+    from eskin.wire.messages import Energy, Position, Status
+    from eskin_gateway.mqtt.transport import Publication
+    from eskin_gateway.publish.frame_hulls import PatchHull
 
 
-def is_public(message: BlockSummary | Peak) -> bool:
-    """Whether a channel is not biometric."""
-    return not is_biometric(message.channel)
-
-
-def live(node: str, block: BlockSummary) -> tuple[str, bytes]:
-    """Topic and JSON of a block's hull.
+def hulls(node: str, hull: PatchHull, *, senml: bool) -> Iterator[Publication]:
+    """The hull of a patch: of each of its channels, or of a large skin's patch as a whole.
 
     ``t0`` is the earliest time of the first sample, ``t1`` the latest of the last. An infinite
     bound is null.
+
+    Args:
+        node: The node.
+        hull: What to publish.
+        senml: Whether it is published as SenML, too, unless its time is before 1978.
     """
-    lo, hi = block.bounds
-    body = orjson.dumps(
-        {
-            "t0": format_timestamp(block.time[0]),
-            "t1": format_timestamp(block.time[1] + (block.n - 1) * block.dt),
-            "lo": lo,  # orjson writes infinities as null
-            "hi": hi,
-            "unit": block.unit,
-            "coverage": union_coverage(block.coverage, n=block.n),
-            "n": block.n,
-        }
-    )
-    return live_topic(node, block.channel), body
+    yield from _patch(node, hull) if hull.is_large else _channels(node, hull)
+    if senml and hull.t0 >= EARLIEST:
+        yield from _senml(node, hull)
 
 
-def live_senml(node: str, block: BlockSummary) -> Iterator[tuple[str, bytes]]:
-    """Topic and SenML (RFC 8428) of a block's hull, which is valid for ``span`` s from its time.
+def _channels(node: str, hull: PatchHull) -> Iterator[Publication]:
+    """JSON of each channel that was sampled."""
+    lo, hi = (bounds.tolist() for bounds in hull.bounds)
+    common = _common(hull)
+    for column, channel in enumerate(hull.patch.channels):
+        if hull.samples[column]:
+            item = {**common, "lo": lo[column], "hi": hi[column], "n": int(hull.samples[column])}
+            yield live_topic(node, channel), orjson.dumps(item), False
 
-    Nothing is yielded for a time before 1978, which SenML reads as relative to now.
-    """
-    t0 = block.time[0]
-    if t0 < senml.EARLIEST:
-        return
-    t1 = block.time[1] + (block.n - 1) * block.dt
-    coverage = union_coverage(block.coverage, n=block.n)
-    extra = {
-        "coverage": (coverage, senml.RATIO),
-        "span": (senml.seconds(t1 - t0), senml.SECONDS),
+
+def _patch(node: str, hull: PatchHull) -> Iterator[Publication]:
+    lo, hi = hull.bounds
+    item = {
+        **_common(hull),
+        "n": int(hull.samples.max()),
+        "taxels": hull.patch.taxels,
+        "lo": lo.tolist(),  # orjson writes infinities as null
+        "hi": hi.tolist(),
+        "hull": {
+            "lo": float(lo.min()),
+            "hi": float(hi.max()),
+            "coverage": hull.coverage(len(lo)),
+        },
+        "contact": hull.contact,
     }
-    lo, hi = block.bounds
-    name = f"{node}/{block.channel}/"
-    pack = senml.Pack(name, block.unit, t0, (0,), (lo,), (hi,), extra)
-    yield senml_topic(node, block.channel), senml.as_json(pack)
+    yield live_topic(node, f"patches/{hull.patch.patch_id}"), orjson.dumps(item), False
 
 
-def event(node: str, message: Peak | Gap) -> tuple[str, bytes]:
-    """Topic and JSON of a peak or gap, with the fields of REST's ``/events``."""
-    item = _event(node, message.position, message.time)
-    item |= _peak(message) if isinstance(message, Peak) else {"detail": message.detail}
-    return live_topic(node, "events"), orjson.dumps(item)
+def _common(hull: PatchHull) -> dict[str, Any]:
+    return {
+        "t0": format_timestamp(hull.t0),
+        "t1": format_timestamp(hull.t1),
+        "unit": hull.patch.unit,
+        "coverage": hull.coverage(),
+    }
 
 
-def statements(
-    node: str, message: Statements, skin: DescribedLayout
-) -> Iterator[tuple[str, bytes]]:
-    """Topic and JSON of each statement, with the fields of an event. Their ``id``s are numbered."""
+def _senml(node: str, hull: PatchHull) -> Iterator[Publication]:
+    """As SenML (RFC 8428): of each channel, or of all of a large skin's patch."""
+    lo, hi = hull.bounds
+    span = seconds(hull.t1 - hull.t0), SECONDS
+    if hull.is_large:
+        leaf = f"patches/{hull.patch.patch_id}"
+        about = {"coverage": (hull.coverage(len(lo)), RATIO), "span": span}
+        if hull.contact is not None:
+            about["contact/lo"] = float(hull.contact == "certain"), RATIO
+            about["contact/hi"] = float(hull.contact != "impossible"), RATIO
+        parts = [(leaf, float(lo.min()), float(hi.max()))]
+    else:
+        about = {"coverage": (hull.coverage(), RATIO), "span": span}
+        sampled = np.flatnonzero(hull.samples).tolist()
+        channels = hull.patch.channels
+        parts = [(channels[k], float(lo[k]), float(hi[k])) for k in sampled]
+    for leaf, low, high in parts:
+        pack = Pack(f"{node}/{leaf}/", hull.patch.unit, hull.t0, (0,), (low,), (high,), about)
+        yield senml_topic(node, leaf), as_json(pack), False
+
+
+def statements(node: str, message: Statements, skin: DescribedLayout) -> Iterator[Publication]:
+    """Each statement, with the fields of an event of REST. Their ``id``s are numbered."""
     stated = [
-        *((peak.time, _stated_peak(peak, skin.patches[peak.patch])) for peak in message.peaks),
+        *((peak.time, _peak(peak, skin.patches[peak.patch])) for peak in message.peaks),
         *((contact.time, _contact(contact)) for contact in message.contacts),
         *((verdict.time, _monitor_verdict(verdict)) for verdict in message.verdicts),
-        *((gap.time, _stated_gap(gap, skin)) for gap in message.gaps),
+        *((gap.time, _gap(gap, skin)) for gap in message.gaps),
     ]
     for number, (time, fields) in enumerate(stated):
         item = _event(node, message.position, time)
         item |= {"id": f"{item['id']}/{number}"} | fields
-        yield live_topic(node, "events"), orjson.dumps(item)
+        yield live_topic(node, "events"), orjson.dumps(item), False
 
 
-def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
-    """Topic and JSON of a node's status."""
+def status(node: str, message: Status, *, online: bool) -> Publication:
+    """A node's status, retained."""
     item: dict[str, Any] = {
         "node": node,
         "online": online,
@@ -108,10 +130,6 @@ def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
         },
         "gaps": message.gaps,
         "cause": None if message.cause is None else message.cause.label,
-        "channels": [
-            {"id": c.channel, "unit": c.unit, "dt": c.dt, "coverage": c.coverage}
-            for c in message.channels
-        ],
     }
     if message.faults is not None:
         item["faults"] = [
@@ -121,7 +139,7 @@ def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
         ]
     if message.energy is not None:
         item["energy"] = _energy(message.energy)
-    return live_topic(node, "status"), orjson.dumps(item)
+    return live_topic(node, "status"), orjson.dumps(item), True
 
 
 def _energy(energy: Energy) -> dict[str, Any]:
@@ -152,7 +170,7 @@ def _event(node: str, position: Position, time: tuple[int, int]) -> dict[str, An
     }
 
 
-def _stated_peak(peak: frames.Peak, patch: frames.Patch) -> dict[str, Any]:
+def _peak(peak: frames.Peak, patch: frames.Patch) -> dict[str, Any]:
     return {
         "channel": patch.channels[peak.column],
         "kind": "peak",
@@ -197,7 +215,7 @@ def _monitor_verdict(verdict: frames.MonitorVerdict) -> dict[str, Any]:
     }
 
 
-def _stated_gap(gap: frames.Gap, skin: DescribedLayout) -> dict[str, Any]:
+def _gap(gap: frames.Gap, skin: DescribedLayout) -> dict[str, Any]:
     return {
         "detail": {
             "reason": gap.reason,
@@ -205,19 +223,6 @@ def _stated_gap(gap: frames.Gap, skin: DescribedLayout) -> dict[str, Any]:
             "samples": gap.samples,
             "patches": [skin.patches[number].patch_id for number in gap.patches],
         }
-    }
-
-
-def _peak(peak: Peak) -> dict[str, Any]:
-    return {
-        "channel": peak.channel,
-        "kind": "peak",
-        "verdict": peak.verdict.name.lower(),
-        "height": _interval(peak.height),
-        "prominence": _interval(peak.prominence),
-        "count": _interval(peak.count),
-        "unit": peak.unit,
-        "coverage": peak.coverage,
     }
 
 

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import math
-import time
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import orjson
 
 from eskin.errors import CloudError
-from eskin.wire.messages.acknowledgement import MOST_WATCHED
 from eskin.wire.messages.cbor_map import ARRAY, BYTES, TEXT, opening
 from eskin_gateway.upstream.cloud_client import parsing
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Sequence
 
     from eskin_gateway.upstream.cloud_client import CloudClient
-
-_MAX_VIEWED_NODES: Final = 4096
-"""Bounds the memory that the cloud's responses take."""
 
 
 class ItemResult(NamedTuple):
@@ -49,12 +43,10 @@ class IngestClient:
 
     Args:
         client: Posts to the cloud.
-        viewers: Updated with the nodes that are viewed.
     """
 
-    def __init__(self, client: CloudClient, viewers: Viewers) -> None:
+    def __init__(self, client: CloudClient) -> None:
         self._client = client
-        self._viewers = viewers
 
     def send(self, messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
         """Send messages (node, plaintext) and return a result for each, in order.
@@ -64,41 +56,10 @@ class IngestClient:
         """
         body = self._client.post("ingest", encode_batch(messages))
         with parsing(body):
-            response = orjson.loads(body)
-            results = [_item_result(item) for item in response["items"]]
-            watched = {n: _seconds(span) for n, span in response.get("watched", {}).items()}
+            results = [_item_result(item) for item in orjson.loads(body)["items"]]
         if len(results) != len(messages):
             raise CloudError(f"the cloud answered for {len(results)} of {len(messages)} messages")
-        self._viewers.update(watched)
         return results
-
-
-class Viewers:
-    """How long each node is viewed. One thread updates, another one reads.
-
-    Args:
-        clock: Monotonic seconds.
-    """
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
-        self._until: dict[str, float] = {}
-
-    def update(self, watched: Mapping[str, float]) -> None:
-        """Add nodes, with the seconds for which each is viewed."""
-        if not watched and not self._until:
-            return
-        now = self._clock()
-        until = {node: until for node, until in self._until.items() if until > now}
-        until |= {node: now + seconds for node, seconds in watched.items()}
-        self._until = dict(list(until.items())[-_MAX_VIEWED_NODES:])
-
-    def remaining(self, node: str) -> int:
-        """Milliseconds for which a node is viewed, or 0."""
-        until = self._until.get(node)
-        if until is None:
-            return 0
-        return max(0, min(MOST_WATCHED, round((until - self._clock()) * 1000)))
 
 
 def encode_batch(messages: Sequence[tuple[str, bytes]]) -> bytes:
@@ -114,13 +75,6 @@ def _encode_node(node: str) -> bytes:
     """Head of a pair, and its node."""
     name = node.encode()
     return opening(ARRAY, 2) + opening(TEXT, len(name)) + name
-
-
-def _seconds(span: Any) -> float:
-    seconds = float(span)
-    if not math.isfinite(seconds):
-        raise ValueError(f"no duration: {seconds}")
-    return seconds
 
 
 def _item_result(item: dict[str, Any]) -> ItemResult:

@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 STREAMS: Final = {
-    Kind.BLOCK: Stream.BLOCKS,
-    Kind.PEAK: Stream.EVENTS,
-    Kind.GAP: Stream.EVENTS,
     Kind.STATUS: Stream.STATUS,
     Kind.RESULT: Stream.EVENTS,
     Kind.FRAME: Stream.FRAMES,

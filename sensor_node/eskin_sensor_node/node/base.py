@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.message_writer import Record
     from eskin_sensor_node.firmware.outbox import Batch, Outbox
     from eskin_sensor_node.machine.clock import Clock
-    from eskin_sensor_node.node.ground_truth import GroundTruth, TrueBlock, TrueFrame
+    from eskin_sensor_node.node.ground_truth import GroundTruth, TrueFrame
     from eskin_sensor_node.settings import NodeSettings
 
 log = logging.getLogger(__name__)
@@ -92,7 +92,7 @@ class BaseNode(ABC):
         self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
         self._flash_retry = FlashRetry()
         self._batch: Batch
-        self._true: list[TrueBlock | TrueFrame] = []
+        self._true: list[TrueFrame] = []
         self._working = threading.RLock()
         self.machine = Machine(
             timeout=round(settings.machine.watchdog_s * BILLION),

@@ -1,7 +1,7 @@
-"""Ground truth: the true samples behind every block and frame, which only the emulator knows.
+"""Ground truth: the true samples behind every frame, which only the emulator knows.
 
 A file of its own for a node, or for a whole fleet, written before the flash's commit, so that every
-stored block and frame has its truth.
+stored frame has its truth.
 """
 
 from __future__ import annotations
@@ -36,16 +36,6 @@ CREATE TABLE IF NOT EXISTS supply (
     time INTEGER NOT NULL,   -- true UTC, ns since 1970
     energy REAL NOT NULL     -- what it held then, in J
 ) STRICT;
-CREATE TABLE IF NOT EXISTS truth (
-    id INTEGER PRIMARY KEY,  -- in the order of their making
-    node TEXT NOT NULL,
-    boot INTEGER NOT NULL,
-    sequence INTEGER NOT NULL,
-    channel TEXT NOT NULL,
-    time INTEGER NOT NULL,   -- true UTC of the first sample, ns since 1970
-    dt INTEGER NOT NULL,     -- sampling period in ns
-    samples BLOB NOT NULL    -- float64, little endian
-) STRICT;
 CREATE TABLE IF NOT EXISTS true_frame (
     id INTEGER PRIMARY KEY,  -- in the order of their making
     node TEXT NOT NULL,
@@ -66,20 +56,11 @@ CREATE TABLE IF NOT EXISTS settled (
     sequence INTEGER NOT NULL, -- below it all was in flash, or is named by a gap
     PRIMARY KEY (node, boot)
 ) STRICT, WITHOUT ROWID;
-CREATE UNIQUE INDEX IF NOT EXISTS truth_position ON truth (boot, sequence, node);
 """
 _INSERT: Final = (
-    "INSERT OR REPLACE INTO truth (node, boot, sequence, channel, time, dt, samples) "
-    "VALUES (?,?,?,?,?,?,?)"
-)
-_INSERT_FRAME: Final = (
     "INSERT OR REPLACE INTO true_frame (node, boot, sequence, layout, ticks, lasting, time, "
     '"end", sizes, samples) VALUES (?,?,?,?,?,?,?,?,?,?)'
 )
-_POSITIONS: Final = (
-    "SELECT node, boot, sequence FROM truth UNION ALL SELECT node, boot, sequence FROM true_frame"
-)
-_TABLES: Final = ("truth", "true_frame")
 _KEEP: Final = "INSERT OR REPLACE INTO fact VALUES (?, ?)"
 _LATER: Final = (
     "INSERT INTO fact VALUES ('end', ?) ON CONFLICT (key) DO UPDATE SET value = max(value, ?1)"
@@ -87,30 +68,6 @@ _LATER: Final = (
 _SETTLED: Final = "INSERT OR REPLACE INTO settled VALUES (?, ?, ?)"
 _SLACK: Final = 128
 _FORGOTTEN_AT_ONCE: Final = 64
-
-
-@dataclass(frozen=True, slots=True)
-class TrueBlock:
-    """The truth behind one block.
-
-    Attributes:
-        position: The block's boot and sequence.
-        channel: ``{taxel}.{quantity}``.
-        time: True UTC of the first sample, ns.
-        dt: Sampling period, ns.
-        values: True values in the channel's unit, without noise.
-    """
-
-    position: Position
-    channel: str
-    time: int
-    dt: int
-    values: Floats
-
-    @property
-    def end(self) -> int:
-        """True UTC after the last sample, ns."""
-        return self.time + self.dt * len(self.values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,44 +115,14 @@ class GroundTruth:
                 self._owner = opened.enter_context(LockFile(path))
                 self._db = opened.enter_context(closing(_connect(path)))
                 self._db.executescript(_SCHEMA)
-                self._used = sum(
-                    self._db.execute(
-                        f"SELECT coalesce(sum(length(samples) + {_SLACK}), 0) FROM {table}"  # noqa: S608 - a constant
-                    ).fetchone()[0]
-                    for table in _TABLES
-                )
+                self._used = self._db.execute(
+                    f"SELECT coalesce(sum(length(samples) + {_SLACK}), 0) FROM true_frame"  # noqa: S608 - a constant
+                ).fetchone()[0]
                 opened.pop_all()
         except LockedError as error:
             raise FlashError(f"{path}: another process writes this truth; stop it first") from error
         except (OSError, *UNREADABLE) as error:
             raise FlashError(f"{path}: the truth cannot be opened: {why(error)}") from error
-
-    @classmethod
-    def read(
-        cls, path: Path, positions: Sequence[Position], *, node: str | None = None
-    ) -> dict[Position, TrueBlock]:
-        """Read the truth behind some blocks, also while a node writes.
-
-        Args:
-            path: Database file.
-            positions: Of the blocks.
-            node: Whose; ``None`` where the file has but one.
-
-        Returns:
-            What is (still) there.
-
-        Raises:
-            FlashError: The file cannot be read.
-        """
-        query = "SELECT channel, time, dt, samples FROM truth WHERE boot = ? AND sequence = ?"
-        found: dict[Position, TrueBlock] = {}
-        with _reading(path) as db:
-            for position in positions:
-                row = db.execute(*_of(node, query, position.boot, position.sequence)).fetchone()
-                if row is not None:
-                    values = np.frombuffer(row[3], dtype="<f8").astype(np.float64)
-                    found[position] = TrueBlock(position, row[0], row[1], row[2], values)
-        return found
 
     @classmethod
     def read_frames(
@@ -227,14 +154,15 @@ class GroundTruth:
 
     @classmethod
     def made(cls, path: Path) -> dict[str, list[Position]]:
-        """Positions of all blocks and frames whose truth is there, in order, of each node.
+        """Positions of all frames whose truth is there, in order, of each node.
 
         Raises:
             FlashError: The file cannot be read.
         """
         found: dict[str, list[Position]] = defaultdict(list)
         with _reading(path) as db:
-            for node, boot, sequence in db.execute(f"{_POSITIONS} ORDER BY boot, sequence"):
+            query = "SELECT node, boot, sequence FROM true_frame ORDER BY boot, sequence"
+            for node, boot, sequence in db.execute(query):
                 found[node].append(Position(boot, sequence))
         return dict(found)
 
@@ -254,7 +182,7 @@ class GroundTruth:
         Raises:
             FlashError: The file cannot be read.
         """
-        query, values = _of(node, f"SELECT boot, sequence FROM ({_POSITIONS}) WHERE boot >= ?", 0)  # noqa: S608 - a constant
+        query, values = _of(node, "SELECT boot, sequence FROM true_frame WHERE boot >= ?", 0)
         with _reading(path) as db:
             row = db.execute(f"{query} ORDER BY boot, sequence LIMIT 1", values).fetchone()
         return None if row is None else Position(*row)
@@ -305,10 +233,10 @@ class GroundTruth:
 
     def store(
         self,
-        made: Mapping[str, Sequence[TrueBlock | TrueFrame]],
+        made: Mapping[str, Sequence[TrueFrame]],
         settled: Mapping[str, tuple[int, int]] | None = None,
     ) -> None:
-        """Store the truth behind blocks and frames of some nodes, in one commit.
+        """Store the truth behind frames of some nodes, in one commit.
 
         Args:
             made: By node.
@@ -318,23 +246,17 @@ class GroundTruth:
         Raises:
             FlashError: It cannot be written.
         """
-        rows: dict[str, list[tuple[Any, ...]]] = {_INSERT: [], _INSERT_FRAME: []}
-        for node, each in made.items():
-            for true in each:
-                insert = _INSERT_FRAME if isinstance(true, TrueFrame) else _INSERT
-                rows[insert].append(_row(node, true))
-        ends = [true.end for each in made.values() for true in each]
-        if not ends:
+        rows = [_row(node, true) for node, each in made.items() for true in each]
+        if not rows:
             return
-        used = self._used + sum(len(row[-1]) + _SLACK for each in rows.values() for row in each)
+        end = max(true.end for each in made.values() for true in each)
+        used = self._used + sum(len(row[-1]) + _SLACK for row in rows)
         with self._commit(), self._writing():
-            for insert, inserted in rows.items():
-                self._db.executemany(insert, inserted)
-            self._db.execute(_LATER, (max(ends),))
+            self._db.executemany(_INSERT, rows)
+            self._db.execute(_LATER, (end,))
             settled_rows = [(node, *position) for node, position in (settled or {}).items()]
             self._db.executemany(_SETTLED, settled_rows)
-            for table in _TABLES:
-                used -= self._drop(table, used - self._limit)
+            used -= self._drop(used - self._limit)
         self._used = used
 
     @contextmanager
@@ -373,12 +295,13 @@ class GroundTruth:
         row = self._db.execute("SELECT value FROM fact WHERE key = ?", (key,)).fetchone()
         return None if row is None else int(row[0])
 
-    def _drop(self, table: str, excess: int) -> int:
-        """Drop the oldest of a table; gives the bytes that this frees."""
+    def _drop(self, excess: int) -> int:
+        """Drop the oldest; gives the bytes that this frees."""
         freed = 0
         while freed < excess:
             rows = self._db.execute(
-                f"DELETE FROM {table} WHERE id IN (SELECT id FROM {table} ORDER BY id LIMIT ?) "  # noqa: S608 - our own names
+                "DELETE FROM true_frame WHERE id IN "
+                "(SELECT id FROM true_frame ORDER BY id LIMIT ?) "
                 "RETURNING length(samples)",
                 (_FORGOTTEN_AT_ONCE,),
             ).fetchall()
@@ -402,13 +325,11 @@ def _of(node: str | None, query: str, *values: int) -> tuple[str, tuple[int | st
     return (query, values) if node is None else (f"{query} AND node = ?", (*values, node))
 
 
-def _row(node: str, true: TrueBlock | TrueFrame) -> tuple[Any, ...]:
+def _row(node: str, true: TrueFrame) -> tuple[Any, ...]:
     place = node, true.position.boot, true.position.sequence
-    if isinstance(true, TrueFrame):
-        moments = true.ticks, true.lasting, true.time, true.end
-        sizes = true.sizes.astype("<u4").tobytes()
-        return *place, true.layout, *moments, sizes, _deflated(true.values)
-    return *place, true.channel, true.time, true.dt, true.values.astype("<f8").tobytes()
+    moments = true.ticks, true.lasting, true.time, true.end
+    sizes = true.sizes.astype("<u4").tobytes()
+    return *place, true.layout, *moments, sizes, _deflated(true.values)
 
 
 def _deflated(values: Floats) -> bytes:

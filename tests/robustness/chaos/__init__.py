@@ -1,1 +1,1 @@
-"""The real stack under fire: a seeded plan of faults, then every block accounted for."""
+"""The real stack under fire: a seeded plan of faults, then every frame accounted for."""

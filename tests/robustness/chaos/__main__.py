@@ -1,6 +1,6 @@
 """``make chaos``: the real stack under a seeded plan of faults.
 
-Exit status 1 if a block or frame vanished or came twice, a gap has no cause, or a process died.
+Exit status 1 if a frame vanished or came twice, a gap has no cause, or a process died.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def main() -> int:
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-chaos-") as fresh:
         root = (options.data or Path(fresh) / "site").resolve()
         with Site(root, server=server) as site:
-            wait_until(site.has_begun, "a block and a frame are stored", seconds=_START_S)
+            wait_until(site.has_begun, "frames of all nodes are stored", seconds=_START_S)
             site.watch()
             blows = _play(site, plan, console.print)
             console.print("all faults are over; waiting until everything has arrived")
@@ -99,18 +99,14 @@ def _play(site: Site, plan: Sequence[Stroke], say: Callable[[str], None]) -> lis
 def _report(verdict: Verdict, plan: Sequence[Stroke], say: Callable[[str], None]) -> None:
     say(f"faults: {dict(Counter(stroke.fault for stroke in plan))}")
     say(
-        f"blocks and frames: {verdict.made} made, {verdict.stored} stored, "
+        f"frames: {verdict.made} made, {verdict.stored} stored, "
         f"{verdict.stated} stated as lost, {verdict.unborn} never in flash"
     )
     say(f"samples within their intervals: {verdict.samples}; gaps: {verdict.gaps}")
     say(f"the skin's viewer got {verdict.seen} frames, its page {verdict.pages} rounds of answers")
     for fault in verdict.faults:
         say(f"WRONG: {fault}")
-    say(
-        "FAILED"
-        if verdict.faults
-        else "passed: each block and frame stored once, each gap explained"
-    )
+    say("FAILED" if verdict.faults else "passed: each frame stored once, each gap explained")
 
 
 if __name__ == "__main__":

@@ -45,7 +45,7 @@ def main() -> None:
 
 def _flood(client: paho.Client) -> None:
     for number in range(_RUBBISH):
-        stream = ("blocks", "events", "status")[number % 3]
+        stream = ("frames", "events", "status")[number % 3]
         client.publish(f"eskin/v1/nodes/stranger-{number % 50}/{stream}", os.urandom(2000), qos=1)
     while client.is_connected() and client.want_write():
         time.sleep(_PAUSE_S)

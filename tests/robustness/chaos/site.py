@@ -142,10 +142,11 @@ class Site:
             running.start()
 
     def has_begun(self) -> bool:
-        """Whether a block and a frame are stored."""
-        return self.store_is_made() and all(
-            ask_store(self.store, f"SELECT count(*) FROM {table}")[0][0] > 0  # noqa: S608 - our words
-            for table in ("blocks", "frames")
+        """Whether frames of all nodes are stored."""
+        if not self.store_is_made():
+            return False
+        return bool(
+            ask_store(self.store, "SELECT count(DISTINCT node) FROM pages")[0][0] >= len(NODES)
         )
 
     def watch(self) -> None:

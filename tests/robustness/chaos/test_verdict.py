@@ -7,33 +7,30 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_cloud.store import Store
-from eskin_cloud.store.compaction import compact_page
 
-from eskin.wire.messages import Encoding
 from eskin.wire.timestamp import SECOND
 from tests.robustness.chaos.plan import Blow, Stroke
 from tests.robustness.chaos.verdict import Verdict, add_up, explain
-from tests.support.files import ask
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, gap
+from tests.unit.cloud.messages import NODE, START, gap, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from eskin.wire.messages import Gap
+    from eskin.wire.frames import Statements
 
 
 @pytest.fixture
 def burnt(tmp_path: Path) -> Iterator[Store]:
     with Store(tmp_path / "store.sqlite") as store:
-        put(store, block(0), block(1), naming(2))
+        put(store, stretch(0), stretch(1), naming(2))
         yield store
 
 
-def naming(sequence: int, *lost: tuple[int, int, int]) -> Gap:
+def naming(sequence: int, *lost: tuple[int, int, int]) -> Statements:
     """A gap that names messages."""
-    return replace(gap(sequence), lost=lost)
+    return gap(sequence, lost=lost)
 
 
 def blow(fault: str, part: str, begin: float = 0.0, end: float = 5.0) -> Blow:
@@ -93,7 +90,10 @@ def test_what_a_node_does_by_itself_is_explained_by_its_own_faults_alone(
 ) -> None:
     with Store(tmp_path / "store.sqlite") as store:
         time = (START + 10 * SECOND, START + 12 * SECOND)
-        put(store, block(0), replace(gap(1), reason=reason, time=time, lost=(), messages=0))
+        said = gap(1, time=time, lost=())
+        (stated,) = said.gaps
+        stated = stated._replace(reason=reason, messages=0)
+        put(store, stretch(0), replace(said, gaps=(stated,)))
         own = blow(cause, NODE, 9.0, 12.0)
         assert wrong(store, own) == []
         early, late = blow(cause, NODE, 1.0, 7.0), blow(cause, NODE, 15.0, 16.0)
@@ -106,7 +106,7 @@ def test_what_a_node_does_by_itself_is_explained_by_its_own_faults_alone(
 
 def test_each_of_many_gaps_needs_its_own_cause(burnt: Store) -> None:
     later = START + 600 * SECOND
-    put(burnt, replace(gap(3), time=(later, later + SECOND), lost=()))
+    put(burnt, gap(3, time=(later, later + SECOND), lost=()))
     (fault,) = wrong(burnt, CUT)
     assert "from 600.0 to 601.0 s" in fault
     assert wrong(burnt, CUT, blow("hang", "database", 595.0, 601.0)) == []
@@ -115,8 +115,8 @@ def test_each_of_many_gaps_needs_its_own_cause(burnt: Store) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("DELETE FROM blocks WHERE sequence = 1", "1 and"),
-        ("UPDATE channels SET samples = samples + 1", "are stored"),
+        ("DELETE FROM frames WHERE sequence = 1", "page 0 has 1"),
+        ("UPDATE pages SET samples = samples + 1", "by its totals"),
         ("UPDATE sequences SET first = 1", "holes: 1 ranges from 1"),
         (
             (
@@ -127,30 +127,18 @@ def test_each_of_many_gaps_needs_its_own_cause(burnt: Store) -> None:
         ),
     ],
 )
-def test_sums_must_be_those_of_the_blocks(burnt: Store, change: str, words: str) -> None:
+def test_sums_must_be_those_of_the_frames(burnt: Store, change: str, words: str) -> None:
     burnt.write(lambda connection: connection.exec_driver_sql(change)).result(120)
     (fault,) = wrong(burnt, CUT)
     assert words in fault
 
 
 def test_hole_that_a_gap_names_is_none(burnt: Store) -> None:
-    put(burnt, block(5))
+    put(burnt, stretch(5))
     (fault,) = wrong(burnt, CUT)
     assert "holes: 2 ranges from 0" in fault
     put(burnt, naming(6, (1, 3, 4)))
     assert wrong(burnt, CUT) == []
-
-
-def test_packed_blocks_are_counted_one_by_one(tmp_path: Path) -> None:
-    span, ones = 100 * DT, [1.0] * 100
-    path = tmp_path / "store.sqlite"
-    with Store(path) as store:
-        for number in range(30):
-            time = START + number * span
-            put(store, block(number, ones, ones, time=(time, time), encoding=Encoding.Q16))
-        compact_page(store, (NODE, CHANNEL), 0)
-        assert ask(path, "SELECT count(*), max(packed) FROM blocks") == [(10, 21)]
-        assert wrong(store) == []
 
 
 def test_stroke_reads_well() -> None:

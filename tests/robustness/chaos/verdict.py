@@ -1,4 +1,4 @@
-"""What is left after the fire: each block stored once, each gap explained, each sum right."""
+"""What is left after the fire: each frame stored once, each gap explained, each sum right."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from eskin.demo.audit import audit
-from eskin.wire import frames
-from eskin.wire.messages import Gap, Kind, decode_message
+from eskin.wire.frames import Statements
+from eskin.wire.messages import Kind
 from eskin.wire.messages.cbor_map import load
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.timestamp import SECOND
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from eskin_cloud.store.location import StoreLocation
 
+    from eskin.wire.frames import Gap
     from tests.robustness.chaos.plan import Blow
     from tests.robustness.chaos.site import Site
 
@@ -87,7 +88,7 @@ class Verdict:
     """What was found.
 
     Attributes:
-        made: Blocks and frames that the nodes made.
+        made: Frames that the nodes made.
         stored: Those in the store.
         stated: Those that a gap tells as lost.
         unborn: Those that never came to be in flash: killed between truth and commit.
@@ -129,11 +130,11 @@ def _compare(site: Site, verdict: Verdict) -> None:
         verdict.unborn += delivery.unborn
         if delivery.missing:
             verdict.faults.append(
-                f"{delivery.node}: {len(delivery.missing)} blocks vanished, the first at "
+                f"{delivery.node}: {len(delivery.missing)} frames vanished, the first at "
                 f"{delivery.missing[0]}"
             )
         if delivery.waiting:
-            verdict.faults.append(f"{delivery.node}: {delivery.waiting} blocks still wait")
+            verdict.faults.append(f"{delivery.node}: {delivery.waiting} frames still wait")
     for node, doubled in found.doubled.items():
         if doubled:
             verdict.faults.append(f"{node}: {len(doubled)} frames are stored twice: {doubled[0]}")
@@ -168,23 +169,7 @@ def _shown(gap: Lost, blows: Sequence[Blow]) -> str:
 
 
 def add_up(store: StoreLocation, verdict: Verdict) -> None:
-    """Sums that are kept while blocks arrive must be those of the blocks: nothing counted twice.
-
-    A row may hold several blocks, packed.
-    """
-    query = """
-        SELECT c.node || '/' || c.channel, c.blocks, c.samples,
-            coalesce(sum(CASE WHEN b.n IS NULL THEN 0 ELSE coalesce(b.packed, 1) END), 0),
-            coalesce(sum(b.n), 0)
-        FROM channels AS c LEFT JOIN blocks AS b ON b.node = c.node AND b.channel = c.channel
-        GROUP BY c.node, c.channel
-    """
-    for place, blocks, samples, counted, summed in ask_store(store, query):
-        if (blocks, samples) != (counted, summed):
-            verdict.faults.append(
-                f"{place}: {blocks} blocks and {samples} samples are stated, "
-                f"{counted} and {summed} are stored"
-            )
+    """Sums that are kept while frames arrive must be those of the frames: none counted twice."""
     query = """
         SELECT p.node, p.page, max(p.frames), max(p.samples), count(f.sequence),
             coalesce(sum(f.samples), 0)
@@ -242,10 +227,9 @@ def _numbers(store: StoreLocation) -> dict[tuple[str, int], SequenceRanges]:
     return found
 
 
-def _told(data: bytes) -> Sequence[Gap | frames.Gap]:
+def _told(data: bytes) -> Sequence[Gap]:
     """The gaps that a message states."""
     fields = load(data)
-    if fields.integer(1, 0, 255) == Kind.STATEMENTS:
-        return frames.Statements.read(fields).gaps
-    gap = decode_message(data)
-    return [gap] if isinstance(gap, Gap) else ()
+    if fields.integer(1, 0, 255) != Kind.STATEMENTS:
+        return ()
+    return Statements.read(fields).gaps

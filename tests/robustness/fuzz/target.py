@@ -33,7 +33,6 @@ NAMES: Final = (
     "questions",
     "requests",
     "enrolment",
-    "compression",
     "flash",
     "spool",
 )

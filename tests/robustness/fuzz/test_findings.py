@@ -8,7 +8,6 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -38,11 +37,7 @@ from eskin.errors import (
     UntrustedCertificateError,
 )
 from eskin.identity import ChainVerifier, IdentityKind, der, new_key
-from eskin.interval import Interval
-from eskin.tube import Tube
-from eskin.wire.messages import Block, Encoding, Position, decode_message
-from eskin.wire.messages.compression import compress_all
-from eskin.wire.messages.concatenated import Joined
+from eskin.wire.messages import Position
 from tests.robustness.fuzz.targets import enrolment, requests
 from tests.robustness.fuzz.targets.settings import NODE
 from tests.unit.sensor_node.flashes import open_flash
@@ -74,14 +69,6 @@ def test_revocation_list_with_such_a_certificate_is_refused(identities: Identiti
         )
 
 
-def test_signalling_nan_is_refused_without_a_warning() -> None:
-    tube = Tube((0, 0), 1, Interval(np.ones(1), np.ones(1) * 2.0), "F", 1.0)
-    good = Block.pack(Position(1, 1), "t01.x", 0, tube, Encoding.F32).encode()
-    one, quiet_not = np.float32(1.0).tobytes(), b"\x01\x00\xa0\x7f"
-    with pytest.raises(MessageError, match="samples are no intervals"):
-        decode_message(good.replace(one, quiet_not, 1))
-
-
 @pytest.mark.parametrize("text", ["x = " + "9" * 5000, "x = " + "[" * 3000])
 def test_toml_that_python_cannot_hold_is_a_clear_error(tmp_path: Path, text: str) -> None:
     path = tmp_path / "file.toml"
@@ -98,11 +85,6 @@ def test_nested_setting_of_the_environment_is_a_clear_error(
     monkeypatch.setenv("ESKIN_BROKER", "[" * 3000)
     with pytest.raises(SettingsError, match="environment"):
         GatewaySettings.load()
-
-
-def test_message_that_ends_within_a_pair_is_looked_at_once() -> None:
-    """It was gone through again and again from its beginning."""
-    assert compress_all(Joined.of([b"\xa8\x05\x82\x1b\x18", b"\xa8\x05\x82"])) == [None, None]
 
 
 def test_rate_whose_period_is_endless_is_refused() -> None:

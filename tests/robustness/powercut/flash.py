@@ -1,4 +1,4 @@
-"""A node's flash: batches, acknowledgements, and blocks that give way because it is full."""
+"""A node's flash: batches, acknowledgements, and frames that give way because it is full."""
 
 from __future__ import annotations
 

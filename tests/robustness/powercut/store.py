@@ -12,7 +12,7 @@ from eskin_cloud.store.write.parsed_message import ParsedMessage
 from tests.robustness.chaos.verdict import Verdict, add_up
 from tests.support.files import ask
 from tests.unit.cloud.clouds import put_items
-from tests.unit.cloud.messages import NODE, block, peak
+from tests.unit.cloud.messages import NODE, peak, stretch
 
 if TYPE_CHECKING:
     import random
@@ -57,7 +57,7 @@ def check(folder: Path, marks: list[list[Any]]) -> None:
 
 
 def _stored(folder: Path) -> set[int]:
-    rows = ask(folder / _NAME, "SELECT sequence, data FROM blocks")
+    rows = ask(folder / _NAME, "SELECT sequence, data FROM frames")
     rows += ask(folder / _NAME, "SELECT sequence, data FROM events WHERE kind = 'peak'")
     assert all(_item(number).data == data for number, data in rows), "corrupt"
     found = {number for number, _ in rows}
@@ -71,7 +71,7 @@ def _require_sums(folder: Path) -> None:
     assert not verdict.faults, verdict.faults
     query = (
         "SELECT count(*), count(DISTINCT cursor), max(cursor) <= (SELECT cursor FROM feed) "
-        "FROM (SELECT cursor FROM blocks UNION ALL SELECT cursor FROM events)"
+        "FROM (SELECT cursor FROM frames UNION ALL SELECT cursor FROM events)"
     )
     ((places, different, before_the_next),) = ask(folder / _NAME, query)
     assert places == different
@@ -82,5 +82,5 @@ def _require_sums(folder: Path) -> None:
 def _item(number: int) -> ParsedMessage:
     if number % 11 == 10:
         return ParsedMessage.parse(NODE, peak(number).encode())
-    made = block(number, [float(number)] * _SAMPLES, [number + 1.0] * _SAMPLES)
+    made = stretch(number, [float(number)] * _SAMPLES, [number + 1.0] * _SAMPLES)
     return ParsedMessage.parse(NODE, made.encode())

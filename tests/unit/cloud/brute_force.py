@@ -10,20 +10,21 @@ from eskin_cloud.query.occupancy import measure_occupancy
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import Series, read_series
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
-from eskin_cloud.store.removal import RemovalReason, Sweep, remove
-from eskin_cloud.store.schema.tile_tables import stale_chunks
+from eskin_cloud.store.removal import PatchSweep, remove_rows
+from eskin_cloud.store.schema.frame_tables import stale_patch_chunks
 from sqlalchemy import func, select
 
 from eskin.union_bound import union_coverage
-from tests.unit.cloud.messages import CHANNEL, NODE, START
+from tests.unit.cloud.messages import CHANNEL, NODE, START, skin_of, tube_of
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
     from numpy.typing import NDArray
 
-    from eskin.wire.messages import Block
+    from eskin.wire.frames import Frame
 
 QUESTIONS = (
     Predicate(0.2, None, strict=True),
@@ -38,16 +39,17 @@ BOUNDS = (-np.inf, -3.0, -0.1, 0.1, 0.3, 1e300, np.inf)
 class Truth:
     """All samples, as brute force sees them: in order of time."""
 
-    def __init__(self, said: list[Block]) -> None:
-        said = sorted(said, key=lambda b: (b.tube.first_moment, b.position))
-        t = np.concatenate([b.tube.moments for b in said])
+    def __init__(self, said: list[Frame]) -> None:
+        said = sorted(said, key=lambda frame: (tube_of(frame).first_moment, frame.position))
+        tubes = [tube_of(frame) for frame in said]
+        t = np.concatenate([tube.moments for tube in tubes])
         order = np.argsort(t, kind="stable")
-        self.dt = np.concatenate([np.full(len(b.tube), b.tube.dt) for b in said])[order]
+        self.dt = np.concatenate([np.full(len(tube), tube.dt) for tube in tubes])[order]
         self.t = t[order]
-        self.lo = np.concatenate([b.tube.values.inf for b in said])[order]
-        self.hi = np.concatenate([b.tube.values.sup for b in said])[order]
-        self.error = max(b.tube.time_error for b in said)
-        coverage = [np.full(len(b.tube), b.tube.coverage) for b in said]
+        self.lo = np.concatenate([tube.values.inf for tube in tubes])[order]
+        self.hi = np.concatenate([tube.values.sup for tube in tubes])[order]
+        self.error = max(tube.time_error for tube in tubes)
+        coverage = [np.full(len(tube), tube.coverage) for tube in tubes]
         self.coverage = np.concatenate(coverage)[order]
 
     def within(self, window: Window) -> slice:
@@ -123,9 +125,19 @@ def check_states(store: Store, truth: Truth, window: Window, question: Predicate
     assert found.samples == (int((answers == 2).sum()), int((answers > 0).sum()))
 
 
+def compact_all(store: Store) -> None:
+    """Compact all frames, of any age and number."""
+    due = Due(2**62, 2**62)
+    for page in find_compactable_frames(store, due):
+        while compact_frames(store, page, due):
+            pass
+
+
 def remove_before(store: Store, before: int) -> None:
-    sweep = Sweep(NODE, CHANNEL, RemovalReason.AGE, before)
-    store.write(lambda c: remove(c, store.cache, sweep, most=500, now=START)).result(120)
+    """Remove what ended before a time, as retention does."""
+    compact_all(store)
+    due = PatchSweep(NODE, skin_of()[1].patch_id, (CHANNEL,), before)
+    store.write(lambda c: remove_rows(c, due, most=500, now=START)).result(120)
 
 
 def lowest_level(store: Store) -> int:
@@ -137,4 +149,6 @@ def lowest_level(store: Store) -> int:
 def count_marked(store: Store) -> int:
     """The number of stale chunks."""
     with store.read() as connection:
-        return int(connection.execute(select(func.count()).select_from(stale_chunks)).scalar_one())
+        return int(
+            connection.execute(select(func.count()).select_from(stale_patch_chunks)).scalar_one()
+        )

@@ -19,7 +19,9 @@ from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin_cloud.service import make_cloud
 from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from eskin_cloud.store import Store
-from eskin_cloud.store.schema.tables import audit_log, blocks, feed, metadata, versions
+from eskin_cloud.store.descriptions import read_description, store_descriptions
+from eskin_cloud.store.schema.frame_tables import frames
+from eskin_cloud.store.schema.tables import audit_log, feed, metadata, versions
 from eskin_cloud.store.write.ingest import IngestResult, ingest
 from eskin_cloud.store.write.node_sites import store_sites
 from eskin_cloud.store.write.parsed_message import ParsedMessage
@@ -29,10 +31,10 @@ from eskin.errors import QueryError
 from eskin.identity import IdentityKind
 from eskin.wire.timestamp import SECOND
 from tests.support.identities import SITE
-from tests.unit.cloud.messages import NODE, START
+from tests.unit.cloud.messages import NODE, SKINS, START
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
     from eskin_cloud.app_state import AppState
@@ -68,6 +70,19 @@ class Clock:
         self.now += int(seconds * SECOND)
 
 
+def skins_behind(pairs: Iterable[tuple[str, bytes]]) -> set[tuple[str, bytes]]:
+    """Nodes, and hashes of the layouts of one channel (`messages.skin_of`) in their messages."""
+    return {(node, name) for node, data in pairs for name in SKINS if name in data}
+
+
+def present(connection: Connection, store: Store, items: Sequence[ParsedMessage]) -> None:
+    """Store what describes messages of one channel, as if it had been sent ahead."""
+    for node, name in skins_behind((item.node, item.data) for item in items):
+        if not store.cache.is_accepted(node, name):
+            described = [read_description(each.encode()) for each in SKINS[name]]
+            store_descriptions(connection, node, described)
+
+
 def put(store: Store, *messages: Said, node: str = NODE, dead_letters: int = 100) -> IngestResult:
     """Store messages in one batch."""
     items = [ParsedMessage.parse(node, message.encode()) for message in messages]
@@ -84,30 +99,34 @@ def admit(store: Store, *nodes: str, site: str = SITE) -> None:
     store.write(work).result(120)
 
 
-def named_in(body: bytes) -> list[str]:
-    """The names of nodes in the body of an ingest, as far as it is one."""
+def pairs_in(body: bytes) -> list[tuple[str, bytes]]:
+    """Nodes and messages in the body of an ingest, as far as it is one."""
     try:
         said = cbor2.loads(body)
-        return [pair[0] for pair in said if isinstance(pair[0], str) and pair[0]]
+        return [(node, data) for node, data in filter(is_pair, said)]
     except (cbor2.CBORError, ValueError, TypeError, LookupError, OverflowError):
         return []
+
+
+def is_pair(item: Any) -> bool:
+    """Whether an item of a batch is a node's name and a message."""
+    return isinstance(item, list) and list(map(type, item)) == [str, bytes] and bool(item[0])
 
 
 def put_items(
     store: Store, items: Sequence[ParsedMessage], *, dead_letters: int = 100
 ) -> IngestResult:
     """Store items in one batch."""
-    return store.write(
-        lambda connection: ingest(
-            connection,
-            store.cache,
-            items,
-            gateway="gateway.g1",
-            now=store.clock(),
-            dead_letters=dead_letters,
-        ),
-        shared=True,
-    ).result(120)
+
+    def work(connection: Connection) -> IngestResult:
+        present(connection, store, items)
+        now = store.clock()
+        gateway = "gateway.g1"
+        return ingest(
+            connection, store.cache, items, gateway=gateway, now=now, dead_letters=dead_letters
+        )
+
+    return store.write(work, shared=True).result(120)
 
 
 def emptied(store: Store) -> Store:
@@ -148,6 +167,7 @@ class Stand:
     gateway: Identity | None
     token: str
     admitted: set[str] = field(default_factory=lambda: {NODE})
+    described: set[tuple[str, bytes]] = field(default_factory=set)
 
     @cached_property
     def people(self) -> FastAPI:
@@ -170,12 +190,23 @@ class Stand:
     async def ingest(self, body: bytes, *, status: Any = None) -> httpx.Response:
         """Bring a batch as the gateway does, with its status where there is one."""
         headers = {} if status is None else {HEADER: json.dumps(status)}
-        fresh = set(named_in(body)) - self.admitted
+        fresh = {node for node, _ in pairs_in(body)} - self.admitted
         if fresh:
             admit(self.cloud.store, *fresh)
             self.admitted |= fresh
+        self.present(body)
         async with self.ingest_client() as client:
             return await client.post("/api/v1/ingest", content=body, headers=headers)
+
+    def present(self, body: bytes) -> None:
+        """Store what describes a batch's messages of one channel, as the gateway posts it."""
+        skins = skins_behind(pairs_in(body)) - self.described
+        self.described |= skins
+        for node, name in skins:
+            described = [read_description(each.encode()) for each in SKINS[name]]
+            self.cloud.store.write(
+                lambda c, node=node, described=described: store_descriptions(c, node, described)
+            ).result(120)
 
     async def get(self, path: str, **params: Any) -> httpx.Response:
         """Ask as a reader."""
@@ -232,7 +263,7 @@ def problem(response: httpx.Response, status: int) -> str:
     return str(body["detail"])
 
 
-def count_blocks(stand: Stand) -> int:
-    """How many blocks are stored."""
+def count_frames(stand: Stand) -> int:
+    """How many frames are stored as they came."""
     with stand.cloud.store.read() as connection:
-        return connection.execute(select(func.count()).select_from(blocks)).scalar_one()
+        return connection.execute(select(func.count()).select_from(frames)).scalar_one()

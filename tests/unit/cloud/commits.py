@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from eskin_cloud.store.write.ingest import ingest, ingest_individually
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
+from tests.unit.cloud.clouds import present
 from tests.unit.cloud.messages import NODE
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def bring(
 
     def work(take: Callable[..., IngestResult], connection: Connection) -> IngestResult:
         now = store.clock()
+        present(connection, store, items)
         outcome = take(connection, store.cache, items, gateway="g", now=now, dead_letters=9)
         if then is not None:
             then(connection)

@@ -1,8 +1,8 @@
 """``tests.unit.cloud.first_use STORE [warm]``: which compiled code is loaded by first messages.
 
-Blocks are stored, folded, packed and asked for, and a frame is stored and one of its patches read,
-in a process that did nothing of it before. Each name that had to be loaded then is printed; with
-"warm", of those that its warm-up had not loaded.
+Frames are stored, compacted, folded and asked for, and one of a skin is stored and one of its
+patches read, in a process that did nothing of it before. Each name that had to be loaded then is
+printed; with "warm", of those that its warm-up had not loaded.
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ from unittest.mock import patch
 
 import numpy as np
 from eskin_cloud.query.series import read_series
-from eskin_cloud.rollup.tile_builder import build
+from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.store import Store
-from eskin_cloud.store.compaction import compact_page, find_compactable
 from eskin_cloud.store.frame_row import patch_record, read_patch_bounds
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
@@ -28,9 +27,9 @@ from sqlalchemy import select
 
 from eskin.wire.frames import decode_samples
 from eskin.wire.frames.frame_parts import read_head
-from eskin.wire.messages import Encoding
+from tests.unit.cloud.brute_force import compact_all
 from tests.unit.cloud.clouds import put_items
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
 from tests.unit.cloud.skins import HAND, PATCHES, describe, frame
 
 _SPAN = 100 * DT
@@ -55,19 +54,20 @@ def main(place: Path, *, warm: bool) -> None:
 
 
 def _encoded(number: int) -> bytes:
-    """Blocks in `Encoding.Q16`, and then in `Encoding.F32`."""
     lo = np.sin(np.arange(100) / 9 + number)
     begin = START + number * _SPAN
-    encoding = Encoding.Q16 if number < _MANY else Encoding.F32
-    return block(number + 1, lo, lo + 1.5, time=(begin, begin), encoding=encoding).encode()
+    return stretch(number + 1, lo, lo + 1.5, time=(begin, begin)).encode()
 
 
 def _work(store: Store, sent: list[bytes]) -> None:
     put_items(store, ParsedMessage.parse_all([(NODE, data) for data in sent]))
+    _ask(store)
+    compact_all(store)
     build(store)
-    for channel in find_compactable(store, 0):
-        while compact_page(store, channel, 0):
-            pass
+    _ask(store)
+
+
+def _ask(store: Store) -> None:
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
         read_series(connection, row, Window(START, START + 2 * _MANY * _SPAN), points=500)

@@ -14,9 +14,10 @@ from sqlalchemy import select
 from eskin.privacy import Encryptor, FileMasterKey, KeyStore
 from eskin.runtime.settings import KeysSection
 from eskin.wire.frames import Frame, FrameSummary
+from eskin.wire.messages import Status
 from tests.support.identities import SITE
 from tests.unit.cloud.clouds import Stand, admit, standing
-from tests.unit.cloud.messages import block, peak, status
+from tests.unit.cloud.messages import peak, status, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,10 +29,9 @@ if TYPE_CHECKING:
 
     from eskin.privacy import Subject
     from eskin.wire.frames import Statements
-    from eskin.wire.messages import Block, Peak, Status
     from tests.support.identities import Identities
 
-    Sealed = Block | Peak | Frame | Statements
+    Sealed = Frame | Statements
 
 NODE: Final = "hand"
 CHANNEL: Final = "t05.bioelectric"
@@ -54,7 +54,7 @@ class Site:
     def batch(self, *messages: Sealed | Status, subject: Subject | None = None) -> bytes:
         """The body of an ingest, in which all but statuses are sealed."""
         bodies = [
-            said.encode() if hasattr(said, "channels") else self.seal(said, subject)
+            said.encode() if isinstance(said, Status) else self.seal(said, subject)
             for said in messages
         ]
         return cbor2.dumps([[NODE, body] for body in bodies])
@@ -75,12 +75,12 @@ def kept(store: Store) -> bytes:
     return b"".join(v if isinstance(v, bytes) else str(v).encode() for v in values)
 
 
-def pulse(sequence: int, *bounds: Any, **given: Any) -> Block:
-    """A block of the biometric channel."""
-    return block(sequence, *bounds, **({"channel": CHANNEL, "unit": "V"} | given))
+def pulse(sequence: int, *bounds: Any, **given: Any) -> Frame:
+    """A frame of the biometric channel."""
+    return stretch(sequence, *bounds, **({"channel": CHANNEL, "unit": "V"} | given))
 
 
-def beat(sequence: int, **given: Any) -> Peak:
+def beat(sequence: int, **given: Any) -> Statements:
     """A peak of the biometric channel."""
     return peak(sequence, **({"channel": CHANNEL, "unit": "V"} | given))
 

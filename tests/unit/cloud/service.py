@@ -15,7 +15,8 @@ from eskin.demo.ports import free_ports
 from eskin.identity import IdentityKind, client_context, der
 from tests.support.processes import PLAIN, Running
 from tests.support.stores import write_place
-from tests.unit.cloud.clouds import named_in
+from tests.unit.cloud.clouds import pairs_in, skins_behind
+from tests.unit.cloud.messages import SKINS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -114,6 +115,11 @@ class Service(Running):
 
     def ingest(self, body: bytes) -> httpx.Response:
         """Bring a batch, of nodes whose certificates were presented."""
-        self.admit(*named_in(body))
+        pairs = pairs_in(body)
+        self.admit(*(node for node, _ in pairs))
+        skins = skins_behind(pairs)
+        described = [[node, each.encode()] for node, name in skins for each in SKINS[name]]
         with self.gateway_client() as client:
+            if described:
+                client.post("/api/v1/descriptions", content=cbor2.dumps(described))
             return client.post("/api/v1/ingest", content=body)

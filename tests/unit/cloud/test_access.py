@@ -24,7 +24,7 @@ from sqlalchemy import select
 
 from eskin.identity import IdentityKind
 from tests.unit.cloud.clouds import problem, put, standing
-from tests.unit.cloud.messages import block
+from tests.unit.cloud.messages import stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -258,7 +258,7 @@ async def test_dashboard_is_for_those_who_signed_in(stand: Stand) -> None:
 
 
 async def test_figures_are_told_on_loopback_only(stand: Stand) -> None:
-    put(stand.cloud.store, block(0))
+    put(stand.cloud.store, stretch(0))
     for host, status in (
         ("127.0.0.1", 200),
         ("::1", 200),

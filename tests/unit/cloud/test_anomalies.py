@@ -22,14 +22,14 @@ import eskin
 from eskin.errors import QueryError
 from eskin.interval import Interval, Verdict
 from tests.unit.cloud.clouds import emptied, problem, put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch, tube_of
 from tests.unit.cloud.test_queries import blocks as drawn_blocks
 from tests.unit.cloud.test_queries import is_gap, spy_on_decoding, windows, within
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
 
-    from eskin.wire.messages import Block
+    from eskin.wire.frames import Frame
     from tests.unit.cloud.clouds import Stand
 
 MS = 1_000_000
@@ -72,8 +72,8 @@ def predicted(t: int, error: int, origin: int = START) -> Interval:
 
 
 @st.composite
-def measured(draw: st.DrawFn) -> list[Block]:
-    """Blocks near the prediction, off it, or astride; with gaps, overlaps and clocks."""
+def measured(draw: st.DrawFn) -> list[Frame]:
+    """Frames near the prediction, off it, or astride; with gaps, overlaps and clocks."""
     made = []
     for sequence in range(draw(st.integers(1, 6))):
         n, first = draw(st.integers(1, 9)), START + draw(st.integers(0, 400)) * MS
@@ -84,7 +84,7 @@ def measured(draw: st.DrawFn) -> list[Block]:
         lo = [float(p.inf) + moved + s * 1e-12 for p, s in zip(tubes, spread, strict=True)]
         hi = [bound + 0.5e-12 for bound in lo]
         time = first - error, first + error
-        made.append(block(sequence, lo, hi, time=time, dt=10 * MS))
+        made.append(stretch(sequence, lo, hi, time=time, dt=10 * MS))
     return draw(st.permutations(made))
 
 
@@ -94,12 +94,10 @@ def ask(store: Store, window: Window, prediction: Prediction) -> list[Segment]:
         return list(merge(find_anomalies(connection, row, window, prediction)))
 
 
-def brute(said: list[Block], window: Window) -> list[tuple[int, int, Verdict]]:
+def brute(said: list[Frame], window: Window) -> list[tuple[int, int, Verdict]]:
     """Sample by sample."""
     runs: list[tuple[int, int, Verdict]] = []
-    errors = {
-        b.tube.first_moment + k * b.tube.dt: b.tube.time_error for b in said for k in range(9)
-    }
+    errors = {t: tube.time_error for tube in map(tube_of, said) for t in tube.moments.tolist()}
     last = None
     for sample in within(said, window):
         tube = predicted(sample.t, errors[sample.t])
@@ -121,10 +119,10 @@ def brute(said: list[Block], window: Window) -> list[tuple[int, int, Verdict]]:
 )
 @given(said=measured(), start=st.integers(-50, 300), span=st.integers(0, 500))
 def test_anomalies_equal_a_look_at_each_sample(
-    store: Store, said: list[Block], start: int, span: int
+    store: Store, said: list[Frame], start: int, span: int
 ) -> None:
     window = Window(START + start * MS, START + (start + span) * MS)
-    firsts = [b.tube.first_moment % (10 * MS) for b in said]
+    firsts = [tube_of(b).first_moment % (10 * MS) for b in said]
     said = [b for b, first in zip(said, firsts, strict=True) if firsts.count(first) == 1]
     if not said:
         return
@@ -140,7 +138,7 @@ def test_anomalies_equal_a_look_at_each_sample(
 )
 @given(said=drawn_blocks(), window=windows)
 def test_a_standing_band_is_asked_as_a_threshold(
-    store: Store, said: list[Block], window: Window
+    store: Store, said: list[Frame], window: Window
 ) -> None:
     band = Prediction(MODELS["constant"], {"value": Interval(0.1, 1.0)}, 0)
     put(emptied(store), *said)
@@ -158,7 +156,7 @@ def test_blocks_that_are_all_off_are_not_decoded(
     put(
         store,
         *(
-            block(k, [low] * 5, [2 * low] * 5, time=(START + 5 * k * MS,) * 2)
+            stretch(k, [low] * 5, [2 * low] * 5, time=(START + 5 * k * MS,) * 2)
             for k, low in enumerate(levels)
         ),
     )
@@ -206,7 +204,7 @@ def test_prediction_over_all_time_is_answered(origin: int) -> None:
 
 @pytest.mark.anyio
 async def test_parameters_enclose_what_their_text_says(stand: Stand) -> None:
-    put(stand.cloud.store, block(0, [0.1], [0.1]))
+    put(stand.cloud.store, stretch(0, [0.1], [0.1]))
     asked = {"start": START, "end": START + MS, "model": "constant", "parameter": "value:0.1"}
     tube = (await stand.get(PREDICTION, **asked, points=1)).json()
     assert Fraction(tube["lo"][0]) < Fraction("0.1") < Fraction(tube["hi"][0])
@@ -255,7 +253,7 @@ async def test_anomalies_and_their_tube_over_http(stand: Stand) -> None:
     hi = [float(p.sup) for p in tubes]
     lo[4:8], hi[4:8] = [1e-9] * 4, [2e-9] * 4
     hi[12] *= 1.5
-    put(stand.cloud.store, block(0, lo, hi, dt=10 * MS))
+    put(stand.cloud.store, stretch(0, lo, hi, dt=10 * MS))
     asked: dict[str, Any] = {**ASKED, "start": START, "end": START + 200 * MS}
     async with stand.client() as client:
         found = (await client.get(ANOMALIES, params=asked)).json()
@@ -278,7 +276,7 @@ async def test_anomalies_and_their_tube_over_http(stand: Stand) -> None:
 
 @pytest.mark.anyio
 async def test_bad_predictions_are_refused(stand: Stand, subtests: pytest.Subtests) -> None:
-    put(stand.cloud.store, block(0, [1e-12], [2e-12]))
+    put(stand.cloud.store, stretch(0, [1e-12], [2e-12]))
     for path, (change, said) in product((ANOMALIES, f"{ANOMALIES}/time", PREDICTION), BAD):
         with subtests.test(f"{path} {change}"):
             assert said in problem(await stand.get(path, **ASKED | change), 422)

@@ -13,23 +13,23 @@ from eskin_cloud.ingest.errors import MalformedBatchError
 from eskin_cloud.settings import GatewaysSection
 from eskin_cloud.store.schema.tables import dead_letters
 from eskin_cloud.store.write.presence import MOST_LAG
+from eskin_cloud.store.write.statements import statement_rows
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import select, text
 
 from eskin.errors import StoreError
 from eskin.identity import IdentityKind
-from eskin.wire.messages.fast_decode import scan_all
-from tests.unit.cloud.clouds import batch, count_blocks, problem, standing
-from tests.unit.cloud.messages import NODE, START, block, gap, peak, status
+from eskin.wire.frames import FrameSummary
+from tests.unit.cloud.clouds import batch, count_frames, problem, standing
+from tests.unit.cloud.messages import NODE, START, gap, peak, stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from sqlalchemy import Connection
 
-    from eskin.wire.messages import BlockSummary, Peak
-    from eskin.wire.messages.concatenated import Joined
+    from eskin.wire.frames import Statements
     from tests.support.identities import Identities
     from tests.unit.cloud.clouds import Stand
 
@@ -37,7 +37,7 @@ pytestmark = pytest.mark.anyio
 
 
 async def test_batch_of_another_type_is_refused(stand: Stand) -> None:
-    body = batch(block(0))
+    body = batch(stretch(0))
     for kind in ("application/json", "", "text/plain"):
         async with stand.ingest_client() as client:
             headers = {"Content-Type": kind}
@@ -46,10 +46,11 @@ async def test_batch_of_another_type_is_refused(stand: Stand) -> None:
 
 
 async def test_batch_is_one_commit(stand: Stand) -> None:
+    await stand.ingest(batch(peak(1)))
     before = stand.cloud.store.writer.commits
-    assert (await stand.ingest(batch(block(0)))).status_code == 200
+    assert (await stand.ingest(batch(stretch(0)))).status_code == 200
     assert stand.cloud.store.writer.commits == before + 1
-    assert count_blocks(stand) == 1
+    assert count_frames(stand) == 1
 
 
 async def test_batch_too_large_is_refused_while_it_streams(
@@ -94,7 +95,7 @@ def test_any_bytes_are_a_batch_or_refused(body: bytes) -> None:
 
 
 async def test_odd_items_are_rejected_one_by_one(stand: Stand) -> None:
-    good = [NODE, block(0).encode()]
+    good = [NODE, stretch(0).encode()]
     odd = [[], [NODE], 5, [NODE, "text"], [b"x", b"y"], [NODE, b"x" * 70_000], None, good]
     answer = await stand.ingest(cbor2.dumps(odd))
     results = [item["result"] for item in answer.json()["items"]]
@@ -104,18 +105,20 @@ async def test_odd_items_are_rejected_one_by_one(stand: Stand) -> None:
 async def test_message_that_fails_in_the_store_is_rejected_alone(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def breaks(node: str, message: Peak, _: bytes) -> None:
-        raise ZeroDivisionError(f"of {node}: {message.height}")
+    def breaks(node: str, said: Statements, *rest: Any) -> Any:
+        if said.peaks:
+            raise ZeroDivisionError(f"of {node}: {said.peaks[0].height}")
+        return statement_rows(node, said, *rest)
 
-    monkeypatch.setattr("eskin_cloud.store.write.ingest.peak_row", breaks)
-    said = block(0), peak(1), block(2), gap(3)
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.statement_rows", breaks)
+    said = stretch(0), peak(1), stretch(2), gap(3)
     for outcome in ("stored", "duplicate"):
         items = (await stand.ingest(batch(*said))).json()["items"]
         assert [item["result"] for item in items] == [outcome, "rejected", outcome, outcome]
         assert items[1]["reason"] == "it cannot be stored: ZeroDivisionError"
     monkeypatch.undo()
-    assert (await stand.ingest(batch(block(4)))).json()["items"][0]["result"] == "stored"
-    assert count_blocks(stand) == 3
+    assert (await stand.ingest(batch(stretch(4)))).json()["items"][0]["result"] == "stored"
+    assert count_frames(stand) == 3
     with stand.cloud.store.read() as connection:
         letters = connection.execute(select(dead_letters.c.data)).scalars().all()
     assert letters == [peak(1).encode()]
@@ -124,30 +127,31 @@ async def test_message_that_fails_in_the_store_is_rejected_alone(
 async def test_message_that_fails_in_the_parser_is_rejected_alone(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bad = block(1).encode()
+    bad = stretch(1).encode()
 
-    def breaks(messages: Joined) -> list[BlockSummary | None]:
-        if bad in messages.data:
-            raise OverflowError("a number that nobody thought of")
-        return scan_all(messages)
+    def breaks(data: bytes) -> FrameSummary:
+        if data == bad:
+            raise OverflowError("a number that is not expected")
+        return decode(data)
 
-    monkeypatch.setattr("eskin_cloud.store.write.parsed_message.scan_all", breaks)
-    items = (await stand.ingest(batch(block(0), block(1), block(2)))).json()["items"]
+    decode = FrameSummary.decode
+    monkeypatch.setattr(FrameSummary, "decode", breaks)
+    items = (await stand.ingest(batch(stretch(0), stretch(1), stretch(2)))).json()["items"]
     assert [item["result"] for item in items] == ["stored", "rejected", "stored"]
     assert items[1]["reason"].startswith("it broke what reads it: OverflowError")
-    assert count_blocks(stand) == 2
+    assert count_frames(stand) == 2
 
 
 async def test_lack_of_memory_rejects_no_message(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def breaks(_: Joined) -> list[BlockSummary | None]:
+    def breaks(_: bytes) -> FrameSummary:
         raise MemoryError
 
-    monkeypatch.setattr("eskin_cloud.store.write.parsed_message.scan_all", breaks)
-    assert (await stand.ingest(batch(block(0)))).status_code == 500
+    monkeypatch.setattr(FrameSummary, "decode", breaks)
+    assert (await stand.ingest(batch(stretch(0)))).status_code == 500
     monkeypatch.undo()
-    items = (await stand.ingest(batch(block(0)))).json()["items"]
+    items = (await stand.ingest(batch(stretch(0)))).json()["items"]
     assert [item["result"] for item in items] == ["stored"]
 
 
@@ -160,17 +164,14 @@ def take_few_values(connection: Connection) -> None:
 
 async def test_batch_with_more_keys_than_a_statement_takes_is_stored(stand: Stand) -> None:
     stand.cloud.store.write(take_few_values).result()
-    names = [tuple(f"t{n}.c{k}" for k in range(1000)) for n in range(34)]
-    said = [
-        [f"hand-{n % 4}", status(n, boot=n, channels=each).encode()] for n, each in enumerate(names)
-    ]
+    said = [[f"hand-{n % 4}", stretch(n, boot=1 + n).encode()] for n in range(10_000)]
     answer = await stand.ingest(cbor2.dumps(said))
-    assert [item["result"] for item in answer.json()["items"]] == ["stored"] * 34
+    assert [item["result"] for item in answer.json()["items"]] == ["stored"] * 10_000
 
 
 @pytest.mark.parametrize("first", [-(2**63) + 1, -(2**62), 0])
-async def test_block_of_any_time_before_now_is_stored(stand: Stand, first: int) -> None:
-    ancient = block(0, time=(first, START)), block(1, time=(first, first))
+async def test_frame_of_any_time_before_now_is_stored(stand: Stand, first: int) -> None:
+    ancient = stretch(0, time=(first, START)), stretch(1, time=(first, first))
     items = (await stand.ingest(batch(*ancient))).json()["items"]
     assert [item["result"] for item in items] == ["stored"] * 2
     node = (await stand.get(f"/api/v1/nodes/{NODE}")).json()
@@ -179,10 +180,11 @@ async def test_block_of_any_time_before_now_is_stored(stand: Stand, first: int) 
 
 @pytest.mark.parametrize("place", ["sqlite"], indirect=True)
 async def test_readiness_shows_a_fault_that_lasts(stand: Stand) -> None:
+    stand.present(batch(stretch(0)))
     stand.cloud.store.write(
         lambda c: c.execute(text("ALTER TABLE feed RENAME TO renamed_feed")).rowcount
     ).result(120)
-    problem(await stand.ingest(batch(block(0))), 503)
+    problem(await stand.ingest(batch(stretch(0))), 503)
     with pytest.raises(StoreError):
         stand.cloud.store.write(lambda _: None).result(120)
     problem(await stand.get("/readyz"), 503)

@@ -12,9 +12,8 @@ from eskin_cloud.api.middleware.answer import AnswerMiddleware
 from eskin_cloud.store import Store
 
 from eskin.errors import StoreError
-from eskin.wire.messages import Encoding
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
 from tests.unit.cloud.service import Service
 
 if TYPE_CHECKING:
@@ -31,10 +30,7 @@ BLOCKS, SAMPLES = 300, 1000
 def fill(place: Path) -> None:
     lo = np.sin(np.arange(SAMPLES) / 9)
     times = [START + number * SAMPLES * DT for number in range(BLOCKS)]
-    said = [
-        block(number, lo, lo + 1, time=(begin, begin), encoding=Encoding.F32)
-        for number, begin in enumerate(times)
-    ]
+    said = [stretch(number, lo, lo + 1, time=(begin, begin)) for number, begin in enumerate(times)]
     with Store(place) as store:
         put(store, *said)
 

@@ -13,7 +13,7 @@ import pytest
 import eskin
 from eskin.errors import CloudError, QueryError
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, status
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, status, stretch
 from tests.unit.cloud.skins import HAND, PATCHES, describe, frame
 
 if TYPE_CHECKING:
@@ -61,13 +61,13 @@ def lost() -> httpx.Response:
     raise httpx.ReadError("connection lost")
 
 
-def fill(stand: Stand, *, blocks: int = 5) -> None:
-    """Blocks of ten samples that follow each other, the third missing."""
-    for k in range(blocks):
+def fill(stand: Stand, *, frames: int = 5) -> None:
+    """Frames of ten samples that follow each other, the third missing."""
+    for k in range(frames):
         if k != 2:
             first = START + k * 10 * DT
             lo = np.arange(10.0) + 10 * k
-            put(stand.cloud.store, block(k, lo, lo + 0.5, time=(first - 7, first + k)))
+            put(stand.cloud.store, stretch(k, lo, lo + 0.5, time=(first - 8, first + 2 * k)))
 
 
 def test_series_are_tubes_that_enclose_samples_and_moments(stand: Stand, way: Way) -> None:
@@ -77,9 +77,9 @@ def test_series_are_tubes_that_enclose_samples_and_moments(stand: Stand, way: Wa
     assert [len(one), len(two)] == [20, 20]
     assert one.values.inf.tolist() == list(np.arange(20.0))
     assert two.values.sup.tolist() == list(np.arange(30.0, 50.0) + 0.5)
-    # What either block knew of the time holds: the hull of both, seen from the first sample.
-    assert one.time == (START - 7, START + 1)
-    assert two.time == (START + 30 * DT - 7, START + 30 * DT + 4)
+    # What either frame knew of the time holds: the hull of both, seen from the first sample.
+    assert one.time == (START - 8, START + 2)
+    assert two.time == (START + 30 * DT - 8, START + 30 * DT + 8)
     assert (one.unit, one.dt, one.coverage) == ("F", DT, 1.0)
     assert len(way.asked) == 4
 
@@ -132,7 +132,7 @@ def test_cloud_that_stays_away_is_an_error_that_says_so(stand: Stand, way: Way) 
 
 
 def test_window_and_missing_samples(stand: Stand, way: Way) -> None:
-    put(stand.cloud.store, block(0, [1.0, -INF, 3.0], [2.0, INF, INF]))
+    put(stand.cloud.store, stretch(0, [1.0, -INF, 3.0], [2.0, INF, INF]))
     client = connected(stand, way)
     (whole,) = client.series(NODE, CHANNEL)
     assert whole.values.inf.tolist() == [1.0, -INF, 3.0]
@@ -167,7 +167,7 @@ def test_progress_is_shown_where_it_is_wanted(
 
 
 def test_nodes_and_channels_are_listed(stand: Stand, way: Way) -> None:
-    put(stand.cloud.store, status(0), block(1))
+    put(stand.cloud.store, status(0), stretch(1))
     client = connected(stand, way)
     assert [node["id"] for node in client.nodes()] == [NODE]
     assert [channel["id"] for channel in client.channels(NODE)] == [CHANNEL]

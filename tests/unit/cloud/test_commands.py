@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from eskin.wire.messages import CommandName
 from eskin.wire.timestamp import SECOND, format_timestamp
 from tests.unit.cloud.clouds import Stand, batch, problem, put
-from tests.unit.cloud.messages import NODE, block, status
+from tests.unit.cloud.messages import NODE, status, stretch
 from tests.unit.cloud.orders import SOON_S, fetch, opened, order, result, waiting_gateway
 
 if TYPE_CHECKING:
@@ -224,7 +224,7 @@ BAD_ORDERS: tuple[tuple[Any, str], ...] = (
 async def test_poor_order_is_refused_with_field_value_and_what_is_allowed(
     known: Stand, subtests: pytest.Subtests
 ) -> None:
-    put(known.cloud.store, block(1))
+    put(known.cloud.store, stretch(1))
     for body, says in BAD_ORDERS:
         with subtests.test(str(body)):
             assert says in problem(await order(known, body), 422)

@@ -10,7 +10,7 @@ import pytest
 from eskin.errors import CloudError
 from eskin.interval import Interval
 from tests.unit.cloud.clouds import problem, put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
 from tests.unit.cloud.test_client import Way, connected
 
 if TYPE_CHECKING:
@@ -23,9 +23,9 @@ COMPARISON = f"/api/v1/series/{NODE}/{CHANNEL}/comparison"
 def fill(stand: Stand) -> None:
     """One channel above the other, then near, then below, then one ends."""
     lo = [5.0] * 10 + [2.5] * 10 + [0.0] * 10
-    put(stand.cloud.store, block(0, lo, [each + 0.6 for each in lo]))
-    put(stand.cloud.store, block(1, [2.0] * 8, [3.0] * 8, dt=5 * DT, channel=OTHER))
-    put(stand.cloud.store, block(2, [2.0], [3.0], channel="t01.inductance", unit="H"))
+    put(stand.cloud.store, stretch(0, lo, [each + 0.6 for each in lo]))
+    put(stand.cloud.store, stretch(1, [2.0] * 8, [3.0] * 8, dt=5 * DT, channel=OTHER))
+    put(stand.cloud.store, stretch(2, [2.0], [3.0], channel="t01.inductance", unit="H"))
 
 
 def asked(**more: Any) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from eskin.interval import Verdict
 from tests.unit.cloud.clouds import emptied, put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch, tube_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from eskin_cloud.query.comparison_segments import ComparisonSegment
     from eskin_cloud.store import Store
 
-    from eskin.wire.messages import Block
+    from eskin.wire.frames import Frame
 
 OTHER = "t02.capacitance"
 _BOUNDS = st.sampled_from([-math.inf, -2.0, 0.0, 0.1, 0.3, 1.0, 3.0, math.inf])
@@ -43,8 +43,8 @@ class Sample:
 
 
 @st.composite
-def said_of(draw: st.DrawFn, channel: str) -> list[Block]:
-    """Blocks of one channel with gaps, overlaps and clocks that know more or less."""
+def said_of(draw: st.DrawFn, channel: str) -> list[Frame]:
+    """Frames of one channel with gaps, overlaps and clocks that know more or less."""
     made = []
     for sequence in range(draw(st.integers(1, 4))):
         pairs = draw(st.lists(st.tuples(_BOUNDS, _BOUNDS), min_size=1, max_size=6))
@@ -54,7 +54,7 @@ def said_of(draw: st.DrawFn, channel: str) -> list[Block]:
         time = first, first + 2 * draw(st.sampled_from([0, 0, 1, 4, 30]))
         dt = draw(st.sampled_from([10, 10, 7, 1, 25]))
         number = 2 * sequence + (channel == OTHER)
-        made.append(block(number, lo, hi, time=time, dt=dt, channel=channel))
+        made.append(stretch(number, lo, hi, time=time, dt=dt, channel=channel))
     return draw(st.permutations(made))
 
 
@@ -65,11 +65,11 @@ windows = st.builds(
 )
 
 
-def samples_of(said: list[Block]) -> list[Sample]:
+def samples_of(said: list[Frame]) -> list[Sample]:
     """All samples in order of time."""
     found = []
-    for each in sorted(said, key=lambda b: (b.tube.first_moment, b.position)):
-        tube = each.tube
+    for each in sorted(said, key=lambda one: (tube_of(one).first_moment, one.position)):
+        tube = tube_of(each)
         bounds = zip(tube.moments.tolist(), tube.values.inf, tube.values.sup, strict=True)
         found += [Sample(t, tube.dt, tube.time_error, lo, hi) for t, lo, hi in bounds]
     return sorted(found, key=lambda sample: sample.t)
@@ -150,7 +150,7 @@ def ask(store: Store, window: Window) -> list[ComparisonSegment]:
 )
 @given(one=said_of(CHANNEL), other=said_of(OTHER), window=windows)
 def test_comparison_equals_brute_force(
-    store: Store, one: list[Block], other: list[Block], window: Window
+    store: Store, one: list[Frame], other: list[Frame], window: Window
 ) -> None:
     put(emptied(store), *one, *other)
     found = ask(store, window)
@@ -188,24 +188,24 @@ def value_at(signal: list[tuple[int, int, float]], moment: int) -> float | None:
 )
 @given(one=said_of(CHANNEL), other=said_of(OTHER), window=windows, seed=st.integers(0, 2**32))
 def test_every_signal_and_every_clock_within_the_intervals_agrees(
-    store: Store, one: list[Block], other: list[Block], window: Window, seed: int
+    store: Store, one: list[Frame], other: list[Frame], window: Window, seed: int
 ) -> None:
     put(emptied(store), *one, *other)
     found = ask(store, window)
     random = np.random.default_rng(seed)
     signals = [drawn_truth(random, samples_of(said)) for said in (one, other)]
     above, entries, before = 0, 0, False
-    for stretch in found:
-        for moment in range(stretch.start, stretch.end):
-            if stretch.answer is None:
+    for segment in found:
+        for moment in range(segment.start, segment.end):
+            if segment.answer is None:
                 before = False
                 continue
             mine, others = (value_at(signal, moment) for signal in signals)
             assert mine is not None
             assert others is not None
             is_above = mine > others
-            assert is_above or stretch.answer is not Verdict.CERTAIN
-            assert not (is_above and stretch.answer is Verdict.IMPOSSIBLE)
+            assert is_above or segment.answer is not Verdict.CERTAIN
+            assert not (is_above and segment.answer is Verdict.IMPOSSIBLE)
             above, entries, before = above + is_above, entries + (is_above > before), is_above
     standing = total_comparison(found)
     assert standing.time[0] <= above <= standing.time[1]

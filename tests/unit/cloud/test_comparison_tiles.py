@@ -15,7 +15,7 @@ from eskin_cloud.store.read.window import Window
 
 from eskin.interval import Verdict
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 from tests.unit.cloud.test_comparison import OTHER, ask
 from tests.unit.cloud.test_queries import spy_on_decoding
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from eskin_cloud.store import Store
     from eskin_cloud.store.read.lookup import Channel
 
-    from eskin.wire.messages import Block
+    from eskin.wire.frames import Frame
 
 
-def long_blocks(random: np.random.Generator, channel: str, *, level: float) -> list[Block]:
+def long_blocks(random: np.random.Generator, channel: str, *, level: float) -> list[Frame]:
     """Many blocks of a level that crosses the other's now and then, with gaps and overlaps."""
     made, first = [], START + int(random.integers(0, 50))
     for sequence in range(400):
@@ -38,7 +38,7 @@ def long_blocks(random: np.random.Generator, channel: str, *, level: float) -> l
         error = int(random.choice([0, 3, 3, 200, 100_000], p=[0.4, 0.3, 0.25, 0.04, 0.01]))
         time = first - error, first + error
         number = 2 * sequence + (channel == OTHER)
-        made.append(block(number, lo, lo + 0.4, time=time, dt=dt, channel=channel))
+        made.append(stretch(number, lo, lo + 0.4, time=time, dt=dt, channel=channel))
         first += n * dt + (int(random.choice([0, 0, 4, 15, 60_000, -40])) if n % 5 == 0 else 0)
     return made
 
@@ -83,18 +83,18 @@ def test_tiles_answer_as_blocks_despite_late_ones(store: Store, seed: int) -> No
         assert whole.entries == apart.entries
 
 
-def flat(channel: str, level: float, count: int, *, first: int = START) -> list[Block]:
+def flat(channel: str, level: float, count: int, *, first: int = START) -> list[Frame]:
     """Blocks of ten samples that follow each other."""
     odd = channel == OTHER
     return [
-        block(2 * k + odd, [level] * 10, [level + 1] * 10, time=(t, t), dt=10, channel=channel)
+        stretch(2 * k + odd, [level] * 10, [level + 1] * 10, time=(t, t), dt=10, channel=channel)
         for k, t in enumerate(range(first, first + 100 * count, 100))
     ]
 
 
 def test_only_undecided_blocks_are_decoded(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     said = flat(CHANNEL, 5.0, 9)
-    said[4] = block(8, [5.0] * 5 + [1.5] * 5, [6.0] * 10, time=(START + 400,) * 2, dt=10)
+    said[4] = stretch(8, [5.0] * 5 + [1.5] * 5, [6.0] * 10, time=(START + 400,) * 2, dt=10)
     put(store, *said, *flat(OTHER, 1.0, 9, first=START + 5))
     decoded = spy_on_decoding(monkeypatch)
     found = ask(store, Window(START, START + 1000))

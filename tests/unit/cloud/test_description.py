@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.described import check_answer
-from tests.unit.cloud.messages import CHANNEL, NODE, block, gap, peak, status
+from tests.unit.cloud.messages import CHANNEL, NODE, gap, peak, status, stretch
 
 if TYPE_CHECKING:
     from tests.unit.cloud.clouds import Stand
@@ -49,7 +49,7 @@ def validate(schema: Any, headers: dict[str, str]) -> int:
 
 
 def test_people_are_answered_as_described(stand: Stand) -> None:
-    put(stand.cloud.store, status(0), block(1), peak(2), gap(3))
+    put(stand.cloud.store, status(0), stretch(1), peak(2), gap(3))
     headers = operator(stand)
     app = people_application(stand.cloud)
     schema = schemathesis.openapi.from_asgi("/openapi.json", app, headers=headers)
@@ -58,7 +58,7 @@ def test_people_are_answered_as_described(stand: Stand) -> None:
 
 
 def test_known_places_are_answered_as_described(stand: Stand) -> None:
-    put(stand.cloud.store, status(0), block(1, [1.0] * 50, [2.0] * 50), peak(2), gap(3))
+    put(stand.cloud.store, status(0), stretch(1, [1.0] * 50, [2.0] * 50), peak(2), gap(3))
     headers = operator(stand)
     app = people_application(stand.cloud)
     raw = app.openapi()

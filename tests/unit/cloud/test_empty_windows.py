@@ -10,7 +10,7 @@ import pyarrow.parquet
 import pytest
 
 from tests.unit.cloud.clouds import problem, put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, peak
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, peak, stretch
 from tests.unit.cloud.test_client import Way, connected
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def filled(stand: Stand) -> Stand:
     """Two channels of ten samples, and a peak that lasts as long."""
     values = [2.0] * 10, [3.0] * 10
     told = peak(2, time=(START - 5, START + 20 * DT))
-    put(stand.cloud.store, block(0, *values), block(1, *values, channel=OTHER), told)
+    put(stand.cloud.store, stretch(0, *values), stretch(1, *values, channel=OTHER), told)
     return stand
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from eskin.wire.messages import Block
+    from eskin.wire.frames import Frame
     from tests.support.identities import Identities
     from tests.unit.cloud.clouds import Stand
 
@@ -47,7 +47,7 @@ def stand(tmp_path: Path, identities: Identities, site: Site) -> Iterator[Stand]
         yield made
 
 
-def wave(sequence: int) -> Block:
+def wave(sequence: int) -> Frame:
     """Six samples, of which every other one is above a half."""
     start = START + 6 * sequence * DT
     return pulse(sequence, [0.0, 1.0] * 3, [0.25, 1.25] * 3, time=(start, start))

@@ -25,7 +25,7 @@ from eskin_cloud.store.read.window import Window
 from eskin.runtime.http_server.problems import ProblemError
 from eskin.wire.timestamp import parse_timestamp
 from tests.unit.cloud.clouds import problem, put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,8 +53,8 @@ def filled(stand: Stand) -> Stand:
         lo[3], hi[3] = -INF, INF  # missing
         lo[4], hi[5] = -INF, INF  # unbounded sides
         first = START + start * DT
-        put(stand.cloud.store, block(sequence, lo, hi, time=(first - 3, first + 4)))
-    more = block(4, [1.0, 2.0], [3.0, 4.0], channel="t02.current", unit="A", coverage=0.5)
+        put(stand.cloud.store, stretch(sequence, lo, hi, time=(first - 3, first + 4)))
+    more = stretch(4, [1.0, 2.0], [3.0, 4.0], channel="t02.current", unit="A", coverage=0.5)
     put(stand.cloud.store, more)
     return stand
 
@@ -120,7 +120,7 @@ async def test_pages_put_together_are_the_whole_also_where_more_comes_meanwhile(
         pages.append(decoded(answer.content, media))
         if "link" not in answer.headers:
             break
-        put(filled.cloud.store, block(100 + len(pages), time=(START + 10**15, START + 10**15)))
+        put(filled.cloud.store, stretch(100 + len(pages), time=(START + 10**15, START + 10**15)))
         target = urlsplit(answer.headers["link"].removeprefix("<").partition(">")[0])
         assert target.path == EXPORT
         answer = await ask(filled, media, **parse_qs(target.query))
@@ -189,7 +189,7 @@ def test_memory_does_not_grow_with_the_export(
 
     def fill(first: int, last: int) -> None:
         values = np.random.default_rng(1).random(1000)
-        put(store, *(block(k, values, values + 1, time=(START + k * 10**9,) * 2)
+        put(store, *(stretch(k, values, values + 1, time=(START + k * 10**9,) * 2)
                      for k in range(first, last)))  # fmt: skip
 
     def peak() -> tuple[int, int]:

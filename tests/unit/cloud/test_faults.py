@@ -17,8 +17,8 @@ from eskin_cloud.store.schema.tables import events, versions
 from eskin_cloud.store.version import VERSION
 from sqlalchemy import delete, func, insert, select, text
 
-from tests.unit.cloud.clouds import batch, count_blocks, problem, put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block, peak
+from tests.unit.cloud.clouds import batch, count_frames, problem, put
+from tests.unit.cloud.messages import CHANNEL, NODE, START, peak, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -94,7 +94,7 @@ def bed(request: pytest.FixtureRequest, impatient: None, stand: Stand) -> Bed:
 
 def brought(first: int) -> bytes:
     """A batch of 300 kB."""
-    blocks = (block(n, [0.0] * 900, [1.0] * 900) for n in range(first, first + 20))
+    blocks = (stretch(n, [0.0] * 900, [1.0] * 900) for n in range(first, first + 20))
     return batch(*blocks, peak(first + 20))
 
 
@@ -108,7 +108,7 @@ def held(stand: Stand) -> tuple[int, int]:
     """Blocks and events that are stored."""
     with stand.cloud.store.read() as connection:
         told = connection.execute(select(func.count()).select_from(events)).scalar_one()
-    return count_blocks(stand), told
+    return count_frames(stand), told
 
 
 @contextmanager
@@ -197,7 +197,7 @@ async def check_promises(bed: Bed, fault: Callable[[Bed], AbstractContextManager
 
 
 async def test_what_is_stored_is_answered_while_nothing_can_be_written(bed: Bed) -> None:
-    put(bed.stand.cloud.store, block(0))
+    put(bed.stand.cloud.store, stretch(0))
     for fault in (slow, full):
         with fault(bed):
             problem(await bed.stand.ingest(brought(30)), 503)
@@ -206,7 +206,7 @@ async def test_what_is_stored_is_answered_while_nothing_can_be_written(bed: Bed)
 
 @pytest.mark.parametrize("path", ["/api/v1/nodes", SERIES, "/api/v1/events", "/readyz"])
 async def test_store_of_another_version_is_neither_read_nor_ready(bed: Bed, path: str) -> None:
-    put(bed.stand.cloud.store, block(0))
+    put(bed.stand.cloud.store, stretch(0))
     with later(bed) as remedy:
         said = problem(await bed.stand.get(path), 503)
         assert remedy in said
@@ -217,7 +217,7 @@ async def test_store_of_another_version_is_neither_read_nor_ready(bed: Bed, path
 @pytest.mark.usefixtures("impatient_readers")
 @pytest.mark.parametrize("place", ["postgresql"], indirect=True)
 async def test_reader_timeout_states_a_remedy(bed: Bed) -> None:
-    put(bed.stand.cloud.store, block(0))
+    put(bed.stand.cloud.store, stretch(0))
     with elsewhere(bed.location) as connection:
         connection.execute(text("LOCK TABLE channels IN ACCESS EXCLUSIVE MODE"))
         answer = await bed.stand.get(SERIES)

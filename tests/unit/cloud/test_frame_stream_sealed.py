@@ -14,7 +14,7 @@ from eskin_cloud.live.frame_stream import FrameStream
 from eskin.wire.frames import Frame
 from eskin.wire.messages import Position
 from tests.unit.cloud.clouds import batch
-from tests.unit.cloud.messages import block, peak, status
+from tests.unit.cloud.messages import peak, status, stretch
 from tests.unit.cloud.sealing import CHANNEL, NODE, Site, beat, keyed, pulse
 from tests.unit.cloud.worn import beats as heartbeats
 from tests.unit.cloud.worn import describe_worn, worn
@@ -47,7 +47,7 @@ async def bring(stand: Stand, site: Site, beats: int) -> None:
     sequence = 3
     for number in range(4):
         frame = replace(worn(number, page=0), position=Position(1, sequence))
-        said = frame, block(sequence + 1, channel=OPEN)
+        said = frame, stretch(sequence + 1, channel=OPEN)
         await stand.ingest(batch(*said, peak(sequence + 2, channel=OPEN), node=NODE))
         sequence += 3
         for _ in range(beats + number):

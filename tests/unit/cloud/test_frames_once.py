@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from eskin.wire.frames import Frame, Statements
 from tests.unit.cloud.clouds import emptied
-from tests.unit.cloud.messages import block
+from tests.unit.cloud.messages import stretch
 from tests.unit.cloud.skins import (
     HAND,
     PALM,
@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 
     from eskin_cloud.store import Store
 
-    from eskin.wire.frames import Layout, Patch
-    from eskin.wire.messages import Block
+    from eskin.wire.frames import Frame, Layout, Patch
 
 EXTRA: Final = patch("extra", 2)
 OTHER: Final = layout((PALM, WARM, TIP, EXTRA), (2, 1, 1))
@@ -49,7 +48,7 @@ class Said(NamedTuple):
     """A message, and of which node."""
 
     node: str
-    message: Frame | Statements | Block
+    message: Frame | Statements
 
     @property
     def key(self) -> tuple[str, int, int]:
@@ -71,11 +70,11 @@ def said(draw: st.DrawFn) -> Said:
     seed = draw(st.sampled_from((0, 0, 0, 1)))
     of = HAND if (sequence + boot + seed) % 3 else OTHER
     kind = (sequence + seed) % 4
-    message: Frame | Statements | Block
+    message: Frame | Statements
     if kind == 3:
         message = statements(sequence, boot=boot, of=of, seed=seed)
     elif kind == 2 and seed:
-        message = block(sequence, boot=boot)
+        message = stretch(sequence, boot=boot)
     else:
         message = frame(sequence, boot=boot, of=of, page=kind % 2, seed=seed, at=sequence * 10**9)
     return Said(draw(st.sampled_from(NODES)), message)

@@ -12,8 +12,8 @@ from eskin_cloud.settings import GatewaysSection
 
 from eskin.errors import UntrustedCertificateError
 from eskin.identity import ChainVerifier, IdentityKind, der
-from tests.unit.cloud.clouds import batch, count_blocks, problem, standing
-from tests.unit.cloud.messages import block
+from tests.unit.cloud.clouds import batch, count_frames, problem, standing
+from tests.unit.cloud.messages import stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +29,7 @@ async def test_other_kinds_and_other_authorities_are_refused(
 ) -> None:
     from tests.support.identities import Identities as Fresh  # noqa: PLC0415 - the class, not the fixture
 
-    body = batch(block(0))
+    body = batch(stretch(0))
     for identity in (
         None,
         identities.node,
@@ -42,7 +42,7 @@ async def test_other_kinds_and_other_authorities_are_refused(
         answer = await stand.ingest(body)
         problem(answer, 403)
         assert answer.headers["connection"] == "close"
-    assert count_blocks(stand) == 0
+    assert count_frames(stand) == 0
 
 
 async def test_revoked_gateway_is_refused(tmp_path: Path, identities: Identities) -> None:
@@ -50,7 +50,7 @@ async def test_revoked_gateway_is_refused(tmp_path: Path, identities: Identities
     listed = tmp_path / "gateway.crl.pem"
     own = GatewaysSection(identity=server, revocations=listed)
     lost = identities.make(IdentityKind.GATEWAY, "gateway.lost")
-    body = batch(block(0))
+    body = batch(stretch(0))
     with standing(tmp_path, identities, gateways=own) as stand:
         assert "cannot be read" in problem(await stand.ingest(body), 403)
         written = identities.authority.write_revocations(IdentityKind.GATEWAY)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from eskin.wire.timestamp import SECOND, format_timestamp
 from tests.support.identities import SITE
 from tests.unit.cloud.clouds import batch, problem
-from tests.unit.cloud.messages import NODE, START, block, status
+from tests.unit.cloud.messages import NODE, START, status, stretch
 from tests.unit.cloud.orders import fetch
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ async def listed(stand: Stand) -> list[dict[str, Any]]:
 async def test_gateway_is_listed_after_its_first_contact(stand: Stand) -> None:
     assert await listed(stand) == []
     time = (START, START + 3 * MS)
-    said = batch(status(0), block(1, [1.0] * 5, [2.0] * 5, time=time, dt=10 * MS))
+    said = batch(status(0), stretch(1, [1.0] * 5, [2.0] * 5, time=time, dt=10 * MS))
     assert (await stand.ingest(said, status=STATE)).status_code == 200
     now = stand.clock()
     (gateway,) = await listed(stand)
@@ -78,7 +78,7 @@ async def test_gateway_is_listed_after_its_first_contact(stand: Stand) -> None:
 
 
 async def test_batches_are_counted_and_the_last_status_stays(stand: Stand) -> None:
-    said = batch(status(0), block(1))
+    said = batch(status(0), stretch(1))
     await stand.ingest(said, status=STATE)
     stand.clock.turn(3)
     await stand.ingest(said)

@@ -30,7 +30,7 @@ from eskin.wire.frames import (
 from eskin.wire.messages.cbor_map import MOST_BYTES, dump
 from eskin.wire.timestamp import MOST_MOMENT
 from tests.unit.cloud.clouds import batch, put
-from tests.unit.cloud.messages import NODE, START, block
+from tests.unit.cloud.messages import NODE, START, stretch
 from tests.unit.cloud.skins import (
     FAST,
     HAND,
@@ -184,7 +184,7 @@ async def test_poor_description_harms_no_other(stand: Stand) -> None:
         [NODE, PALM.encode() + b"\0"], [NODE, bytes(MOST_BYTES + 1)], [NODE, HAND.encode()],
     ])  # fmt: skip
     stand.admitted.discard(NODE)
-    await stand.ingest(batch(block(0)))
+    await stand.ingest(batch(stretch(0)))
     async with stand.ingest_client() as client:
         answer = await client.post("/api/v1/descriptions", content=body)
     found = answer.json()["items"]
@@ -274,7 +274,9 @@ def test_patches_that_do_not_fit_their_layout_make_dead_letters(store: Store) ->
 
 def test_channel_keeps_its_unit(store: Store) -> None:
     describe(store, HAND, *PATCHES)
-    assert results(put(store, frame(0), block(1, channel="tip-0.force", unit="N"))) == [STORED] * 2
+    assert (
+        results(put(store, frame(0), stretch(1, channel="tip-0.force", unit="N"))) == [STORED] * 2
+    )
     colder = patch("warm", 1, quantity="temperature", unit="K")
     stronger = patch("tip", 2, quantity="force", unit="mN")
     for sequence, other in ((2, (PALM, colder, TIP)), (3, (PALM, WARM, stronger))):
@@ -296,9 +298,9 @@ def test_channel_keeps_its_unit(store: Store) -> None:
 def test_channels_of_all_layouts_of_a_node_count(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 9)
+    monkeypatch.setattr("eskin_cloud.store.write.layouts.MOST_CHANNELS", 9)
     describe(store, HAND, *PATCHES)  # 6 channels
-    assert results(put(store, frame(0), block(1))) == [STORED] * 2  # 7
+    assert results(put(store, frame(0), stretch(1))) == [STORED] * 2  # 7
     third, fourth = patch("third", 2), patch("fourth", 1)
     many, fits = layout((third, fourth), (2,)), layout((third, PALM), (2,))
     describe(store, many, fits, third, fourth)
@@ -312,8 +314,8 @@ def test_channels_of_all_layouts_of_a_node_count(
         assert "at most 9" in str(outcome.results[0].reason)
         assert results(outcome)[1] in {STORED, "duplicate"}
         store.cache.clear()
-    assert results(put(store, frame(4), block(5))) == [STORED] * 2
-    assert results(put(store, block(6, channel="t02.pressure", unit="Pa"))) == [STORED]
+    assert results(put(store, frame(4), stretch(5))) == [STORED] * 2
+    assert results(put(store, stretch(6, channel="t02.pressure", unit="Pa"))) == [STORED]
 
 
 def test_descriptions_of_a_node_are_limited(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

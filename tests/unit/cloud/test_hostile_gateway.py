@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 import cbor2
 import pytest
 from eskin_cloud.jobs.retention import sweep
+from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages, subject_nodes
-from eskin_cloud.store.schema.tables import blocks, commands, dead_letters, sequences
+from eskin_cloud.store.schema.tables import commands, dead_letters, sequences
 from sqlalchemy import func, select
 
 from eskin.identity import CertificateAuthority, IdentityKind, der, new_key
 from tests.support.identities import SITE
 from tests.unit.cloud.clouds import batch, problem
-from tests.unit.cloud.messages import START, block, status
+from tests.unit.cloud.messages import START, stretch
 from tests.unit.cloud.orders import order
 from tests.unit.cloud.sealing import Site, ask, beat, declared, physician, pulse, sealing
 
@@ -49,6 +50,7 @@ async def post(stand: Stand, path: str, said: Any) -> Any:
 
 
 async def bring(stand: Stand, body: bytes) -> list[str]:
+    stand.present(body)
     async with stand.ingest_client() as client:
         answer = await client.post("/api/v1/ingest", content=body)
     assert answer.status_code == 200, answer.text
@@ -147,20 +149,20 @@ async def test_it_cannot_take_another_node_s_numbers_before_or_after_it_is_known
     scene: Scene,
 ) -> None:
     stand = scene.stand
-    forged = batch(*(block(n, [9.0], [9.5]) for n in range(100, 125)), node=NODE)
+    forged = batch(*(stretch(n, [9.0], [9.5]) for n in range(100, 125)), node=NODE)
     for known in (False, True):
         assert set(await bring(scene.hostile, forged)) == {"unknown_node"}
         rubbish = cbor2.dumps([[NODE, b"\xff\xff"]])
         assert await bring(scene.hostile, rubbish) == ["unknown_node"]
         if not known:
             await scene.begin()
-    assert count(stand, dead_letters) == count(stand, blocks) == 0
+    assert count(stand, dead_letters) == count(stand, frames) == 0
     with stand.cloud.store.read() as connection:
         spans = connection.execute(select(sequences.c.first, sequences.c.last)).all()
     assert [tuple(span) for span in spans] == [(0, 6)]
-    genuine = batch(*(block(n) for n in range(100, 125)), node=NODE)
+    genuine = batch(*(stretch(n) for n in range(100, 125)), node=NODE)
     assert set(await bring(stand, genuine)) == {"stored"}
-    assert count(stand, blocks) == 25
+    assert count(stand, frames) == 25
 
 
 async def test_it_cannot_have_another_site_s_node_known_as_its_own(
@@ -183,7 +185,7 @@ async def test_it_cannot_have_another_site_s_node_known_as_its_own(
     await scene.begin()
     again = await post(scene.hostile, "certificates", [chain(scene.node)])
     assert again[0]["reason"]
-    assert await bring(scene.stand, batch(block(50), node=NODE)) == ["stored"]
+    assert await bring(scene.stand, batch(stretch(50), node=NODE)) == ["stored"]
 
 
 async def test_it_is_given_no_command_of_another_site_and_cannot_answer_it(scene: Scene) -> None:
@@ -202,22 +204,12 @@ async def test_it_is_given_no_command_of_another_site_and_cannot_answer_it(scene
     assert [(node, each) for node, each, _ in given] == [(NODE, number)]
 
 
-async def test_it_learns_nothing_of_who_is_watched_there(scene: Scene) -> None:
-    await scene.begin()
-    scene.stand.cloud.viewers.hear([NODE, "theirs"])
-    async with scene.hostile.ingest_client() as client:
-        body = cbor2.dumps([[name, status(1).encode()] for name in (NODE, "theirs")])
-        said = (await client.post("/api/v1/ingest", content=body)).json()
-    assert [item["result"] for item in said["items"]] == ["unknown_node", "stored"]
-    assert set(said["watched"]) == {"theirs"}
-
-
 async def test_what_waited_is_stored_once_the_certificate_is_presented_also_an_expired_one(
     scene: Scene, identities: Identities
 ) -> None:
     long_ago = datetime.now(UTC) - timedelta(days=200)
     old = identities.make(IdentityKind.NODE, "sleeper", now=long_ago, lifetime=timedelta(days=1))
-    body = batch(*(block(n) for n in range(5)), node="sleeper")
+    body = batch(*(stretch(n) for n in range(5)), node="sleeper")
     assert set(await bring(scene.stand, body)) == {"unknown_node"}
     told = await post(scene.stand, "certificates", [chain(old)])
     assert told == [{"node": "sleeper", "reason": None}]

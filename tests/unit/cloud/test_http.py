@@ -12,9 +12,9 @@ import pyarrow.parquet
 import pytest
 
 from eskin.interval import Verdict
-from eskin.wire.messages import Encoding, Energy, Place, Shedding, TaxelFaults
+from eskin.wire.messages import Energy, Place, Shedding, TaxelFaults
 from tests.unit.cloud.clouds import batch, problem, put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, gap, peak, status, stretch
 from tests.unit.eskin.senml import read_senml
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
 
 
 async def test_ingest_answers_each_item_in_order(stand: Stand) -> None:
-    body = batch(block(0), block(0), block(1, unit="H"), status(2))
+    body = batch(stretch(0), stretch(0), stretch(1, unit="H"), status(2))
     answer = await stand.ingest(body)
     assert answer.status_code == 200, answer.text
     items = answer.json()["items"]
@@ -38,7 +38,7 @@ async def test_ingest_answers_each_item_in_order(stand: Stand) -> None:
 async def test_series_gives_exact_samples(stand: Stand) -> None:
     lo = [0.1, 1e-300, float("-inf"), float("-inf")]
     hi = [0.30000000000000004, 1.7e308, 5.0, float("inf")]
-    await stand.ingest(batch(block(0, lo, hi, time=(START - 4, START + 5))))
+    await stand.ingest(batch(stretch(0, lo, hi, time=(START - 4, START + 5))))
     answer = await stand.get(SERIES)
     assert answer.json() == {
         "node": NODE,
@@ -58,7 +58,7 @@ async def test_series_gives_exact_samples(stand: Stand) -> None:
 
 async def test_formats_agree(stand: Stand) -> None:
     lo, hi = [0.1, float("-inf"), float("-inf")], [0.2, 5.0, float("inf")]
-    put(stand.cloud.store, block(0, lo, hi, encoding=Encoding.F64))
+    put(stand.cloud.store, stretch(0, lo, hi))
     async with stand.client() as client:
         answers = {
             media: await client.get(SERIES, headers={"Accept": media})
@@ -86,7 +86,7 @@ async def test_formats_agree(stand: Stand) -> None:
 
 async def test_senml_tells_bounds_that_there_are_and_what_holds_for_all(stand: Stand) -> None:
     lo, hi = [0.1, float("-inf"), float("-inf")], [0.2, 5.0, float("inf")]
-    put(stand.cloud.store, block(0, lo, hi, time=(START - 4, START + 5)))
+    put(stand.cloud.store, stretch(0, lo, hi, time=(START - 4, START + 5)))
     async with stand.client() as client:
         plain = await client.get(SERIES, headers={"Accept": "application/senml+json"})
         short = await client.get(SERIES, headers={"Accept": "application/senml+cbor"})
@@ -104,14 +104,14 @@ async def test_senml_tells_bounds_that_there_are_and_what_holds_for_all(stand: S
 
 
 async def test_senml_of_times_before_1978_is_refused(stand: Stand) -> None:
-    put(stand.cloud.store, block(0, time=(5, 5)))
+    put(stand.cloud.store, stretch(0, time=(5, 5)))
     async with stand.client() as client:
         answer = await client.get(SERIES, headers={"Accept": "application/senml+json"})
     assert "1978-07-04" in problem(answer, 422)
 
 
 async def test_unacceptable_format_is_refused_and_told_what_there_is(stand: Stand) -> None:
-    put(stand.cloud.store, block(0))
+    put(stand.cloud.store, stretch(0))
     async with stand.client() as client:
         answer = await client.get(SERIES, headers={"Accept": "image/png"})
     detail = problem(answer, 406)
@@ -119,7 +119,7 @@ async def test_unacceptable_format_is_refused_and_told_what_there_is(stand: Stan
 
 
 async def test_nodes_tell_latest_status(stand: Stand) -> None:
-    put(stand.cloud.store, status(7, boot=3), block(6, boot=3))
+    put(stand.cloud.store, status(7, boot=3), stretch(6, boot=3))
     listed = (await stand.get("/api/v1/nodes")).json()
     assert listed["next"] is None
     (node,) = listed["items"]
@@ -188,7 +188,7 @@ async def test_taxels_stand_where_the_latest_status_says(stand: Stand) -> None:
 
 
 async def test_silent_node_is_late_then_offline(stand: Stand) -> None:
-    put(stand.cloud.store, block(0))
+    put(stand.cloud.store, stretch(0))
     health = []
     for seconds in (4.9, 0.1, 10.0):
         stand.clock.turn(seconds)
@@ -198,8 +198,8 @@ async def test_silent_node_is_late_then_offline(stand: Stand) -> None:
 
 async def test_channels_sum_over_blocks(stand: Stand) -> None:
     brought = (
-        block(1, [1.0, 2.0], [3.0, float("inf")]),
-        block(2, [0.5], [0.75], time=(START + 10 * DT, START + 10 * DT), coverage=0.5),
+        stretch(1, [1.0, 2.0], [3.0, float("inf")]),
+        stretch(2, [0.5], [0.75], time=(START + 10 * DT, START + 10 * DT), coverage=0.5),
     )
     put(stand.cloud.store, status(0, channels=(CHANNEL, "t02.inductance")), *brought)
     items = (await stand.get(f"/api/v1/nodes/{NODE}/channels")).json()["items"]

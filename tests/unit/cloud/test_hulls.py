@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from eskin.union_bound import union_coverage
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
@@ -31,7 +31,7 @@ def test_buckets_cover_the_window_with_times_exact_in_float64(span: int, points:
 
 def test_widely_spread_samples_keep_times_exact(store: Store) -> None:
     day = 86_400 * 10**9
-    put(store, block(0), block(1, time=(START + 400 * day, START + 400 * day)))
+    put(store, stretch(0), stretch(1, time=(START + 400 * day, START + 400 * day)))
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
         series = read_series(connection, row, Window(START, START + 401 * day), points=1000)
@@ -42,7 +42,7 @@ def test_widely_spread_samples_keep_times_exact(store: Store) -> None:
 
 def test_last_bucket_answers_for_all_that_it_spans(store: Store) -> None:
     said = [
-        block(n, [n], [n + 1], time=(START + n, START + n), dt=1, coverage=1.0 if n < 10 else 0.5)
+        stretch(n, [n], [n + 1], time=(START + n, START + n), dt=1, coverage=1.0 if n < 10 else 0.5)
         for n in range(12)
     ]
     put(store, *said)

@@ -10,8 +10,8 @@ from eskin_cloud.settings import LimitsSection
 from eskin_cloud.store.write.audit_log import read_audit_entries
 
 from eskin.runtime.http_server.rate_limit import source_of
-from tests.unit.cloud.clouds import batch, count_blocks, problem, standing
-from tests.unit.cloud.messages import block
+from tests.unit.cloud.clouds import batch, count_frames, problem, standing
+from tests.unit.cloud.messages import stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -71,7 +71,7 @@ async def test_refused_sign_ins_do_not_fill_the_audit_log(
 
 
 async def test_batches_that_find_no_room_in_memory_are_told_to_come_again(stand: Stand) -> None:
-    room, body = stand.cloud.uploads, batch(block(0))
+    room, body = stand.cloud.uploads, batch(stretch(0))
     with room.hold(stand.cloud.settings.gateways.uploads_bytes - len(body)):
         assert (await stand.ingest(body)).status_code == 200
         with room.hold(1):
@@ -79,7 +79,7 @@ async def test_batches_that_find_no_room_in_memory_are_told_to_come_again(stand:
             assert "gateways.uploads_bytes" in problem(answer, 503)
             assert int(answer.headers["retry-after"]) > 0
     assert room.used == 0
-    assert count_blocks(stand) == 1
+    assert count_frames(stand) == 1
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from eskin_cloud.store.write.ingest import IngestResult
 
 from eskin.wire.timestamp import format_timestamp
 from tests.unit.cloud.clouds import batch, problem, put, standing
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, gap, peak, status, stretch
 from tests.unit.cloud.streams import events_of, listen, parse, take
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from eskin_cloud.query.series import Series
     from eskin_cloud.store.location import StoreLocation
 
-    from eskin.wire.messages import Block
+    from eskin.wire.frames import Frame
     from tests.support.identities import Identities
     from tests.unit.cloud.clouds import Stand
 
@@ -41,8 +41,8 @@ async def test_subscriber_hears_what_is_ingested_in_order(
         "eskin_cloud.live.backpressure.PATIENCE_S", math.inf
     )  # however slowly it reads
     hearing = asyncio.create_task(take(stand, 5))
-    await stand.ingest(batch(status(0), block(1), peak(2)))
-    await stand.ingest(batch(block(1), gap(3), block(4)))
+    await stand.ingest(batch(status(0), stretch(1), peak(2)))
+    await stand.ingest(batch(stretch(1), gap(3), stretch(4)))
     heard = await hearing
     assert [event["event"] for event in heard] == ["status", "block", "peak", "gap", "block"]
     assert [int(event["id"]) for event in heard] == [1, 2, 3, 4, 5]
@@ -52,7 +52,7 @@ async def test_subscriber_hears_what_is_ingested_in_order(
 
 
 async def test_block_looks_like_a_series(stand: Stand) -> None:
-    await stand.ingest(batch(block(0, [1.0, float("-inf")], [2.0, float("inf")])))
+    await stand.ingest(batch(stretch(0, [1.0, float("-inf")], [2.0, float("inf")])))
     (heard,) = await take(stand, 1)
     series = (await stand.get(f"/api/v1/series/{NODE}/{CHANNEL}")).json()
     assert heard["data"] == series | {"stored": format_timestamp(stand.clock())}
@@ -63,7 +63,7 @@ async def test_block_tells_when_it_was_stored(stand: Stand) -> None:
     for number in range(3):
         stand.clock.turn(1.0)
         stored.append(format_timestamp(stand.clock()))
-        await stand.ingest(batch(block(number, time=(START + 10 * number * DT,) * 2)))
+        await stand.ingest(batch(stretch(number, time=(START + 10 * number * DT,) * 2)))
     assert [event["data"]["stored"] for event in await take(stand, 3)] == stored
     stand.cloud.feed._recent.clear()
     stand.cloud.feed._floor = stand.cloud.feed.last
@@ -75,7 +75,7 @@ async def test_every_cursor_resumes_without_a_hole(
     tmp_path: Path, identities: Identities, place: StoreLocation, recent: int
 ) -> None:
     with standing(tmp_path, identities, place=place, live=LiveSection(recent=recent)) as stand:
-        said = [peak(n) if n % 3 else block(n) for n in range(300)]
+        said = [peak(n) if n % 3 else stretch(n) for n in range(300)]
         for first in range(0, 300, 100):
             await stand.ingest(batch(*said[first : first + 100]))
         for cursor in (0, 1, 63, 64, 65, 200, 298, 299):
@@ -87,9 +87,9 @@ async def test_stream_from_before_the_start_reads_the_store(
     tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     with standing(tmp_path, identities, place=place) as stand:
-        put(stand.cloud.store, block(0), gap(1))
+        put(stand.cloud.store, stretch(0), gap(1))
     with standing(tmp_path, identities, place=place) as stand:
-        await stand.ingest(batch(block(2)))
+        await stand.ingest(batch(stretch(2)))
         heard = await take(stand, 3)
     assert [event["event"] for event in heard] == ["block", "gap", "block"]
 
@@ -128,12 +128,12 @@ async def test_slow_subscriber_is_told_fewer_and_wider_hulls(
         "eskin_cloud.live.backpressure.PATIENCE_S", -1.0
     )  # however quickly it reads
 
-    def said(first: int, moment: int) -> Block:
+    def said(first: int, moment: int) -> Frame:
         lo = np.random.default_rng(first).normal(size=10)
-        return block(first, lo, lo + 1, time=(START + moment * DT,) * 2, coverage=0.999)
+        return stretch(first, lo, lo + 1, time=(START + moment * DT,) * 2, coverage=0.999)
 
     told = [said(n, 10 * n) for n in range(5)] + [said(6, 10 * 6)]  # the sixth is missing
-    other = block(7, [3.0], [4.0], channel="t02.capacitance")
+    other = stretch(7, [3.0], [4.0], channel="t02.capacitance")
     async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
         await anext(slow)
         await stand.ingest(batch(said(8, -10)))
@@ -171,7 +171,7 @@ async def test_slow_subscriber_is_told_hulls_until_there_is_room_at_once(
     async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
         await anext(slow)
         for number, wait in enumerate((0.1, 0.3, 0.01, *[0.1] * 10, 0.01, 0.1)):
-            await stand.ingest(batch(block(number)))
+            await stand.ingest(batch(stretch(number)))
             (event,) = events_of(await anext(slow))
             told.append(event["data"]["resolution"])
             assert await anext(slow) == b""
@@ -184,7 +184,7 @@ async def test_what_was_missed_is_told_in_full_also_to_who_is_slow(
 ) -> None:
     monkeypatch.setattr("eskin_cloud.live.backpressure.PAUSE_S", 1e-9)
     monkeypatch.setattr("eskin_cloud.live.backpressure.PATIENCE_S", -1.0)
-    await stand.ingest(batch(*(block(n) for n in range(200))))
+    await stand.ingest(batch(*(stretch(n) for n in range(200))))
     heard = await take(stand, 200)
     assert [int(event["id"]) for event in heard] == list(range(1, 201))
 
@@ -199,7 +199,7 @@ async def test_many_subscribers_cost_one_reduction_each_block(
         return reduce_block(node, said, points, grain)
 
     monkeypatch.setattr("eskin_cloud.live.sse_encoder.reduce_block", counting)
-    await stand.ingest(batch(*(block(n, [1.0] * 4, [2.0] * 4) for n in range(3))))
+    await stand.ingest(batch(*(stretch(n, [1.0] * 4, [2.0] * 4) for n in range(3))))
     few = Subscription(frozenset(), frozenset(), 2)
     first, *others = [await take(stand, 3) for _ in range(5)]
     assert all(heard == first for heard in others)
@@ -208,7 +208,7 @@ async def test_many_subscribers_cost_one_reduction_each_block(
 
 
 async def test_memory_of_the_feed_is_bounded_in_bytes_and_nothing_is_missed(stand: Stand) -> None:
-    feed, said = stand.cloud.feed, [block(n) if n % 5 else peak(n) for n in range(100)]
+    feed, said = stand.cloud.feed, [stretch(n) if n % 5 else peak(n) for n in range(100)]
     feed._most_bytes = 10 * len(said[1].encode())
     await stand.ingest(batch(*said))
     assert 5 < len(feed._recent) < 20
@@ -219,8 +219,8 @@ async def test_memory_of_the_feed_is_bounded_in_bytes_and_nothing_is_missed(stan
 
 async def test_filters_choose_nodes_and_channels(stand: Stand) -> None:
     other = "t02.capacitance"
-    put(stand.cloud.store, block(0), block(1, channel=other), gap(2), peak(3, channel=other))
-    put(stand.cloud.store, block(0), node="palm")
+    put(stand.cloud.store, stretch(0), stretch(1, channel=other), gap(2), peak(3, channel=other))
+    put(stand.cloud.store, stretch(0), node="palm")
     stand.cloud.feed.append(IngestResult([], [], 0).entries)
     chosen = {
         "node": (Subscription(frozenset({"palm"}), frozenset(), 50), [5]),
@@ -247,7 +247,7 @@ async def test_heartbeat_comes_in_silence(stand: Stand) -> None:
 async def test_stream_that_breaks_off_before_its_first_event_tells_where_to_go_on(
     stand: Stand,
 ) -> None:
-    await stand.ingest(batch(block(0), block(1)))
+    await stand.ingest(batch(stretch(0), stretch(1)))
     palm = Subscription(frozenset({"palm"}), frozenset(), 50)
     told = listen(stand, cursor=1, selection=palm, heartbeat=0.01)
     async with asyncio.timeout(20):
@@ -275,7 +275,7 @@ async def test_stream_is_refused_with_what_to_do(stand: Stand) -> None:
 
 
 async def test_who_asks_for_another_grain_is_told_other_entries(stand: Stand) -> None:
-    await stand.ingest(batch(block(0, [1.0, 3.0, 5.0, 7.0], [2.0, 4.0, 6.0, 8.0])))
+    await stand.ingest(batch(stretch(0, [1.0, 3.0, 5.0, 7.0], [2.0, 4.0, 6.0, 8.0])))
     coarse = Subscription(frozenset(), frozenset(), 50, 2 * DT)
     (every,), (few,) = await take(stand, 1), await take(stand, 1, selection=coarse)
     assert (every["data"]["lo"], every["data"]["resolution"]) == ([1.0, 3.0, 5.0, 7.0], "sample")

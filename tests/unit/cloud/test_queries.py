@@ -21,7 +21,7 @@ from eskin.union_bound import union_coverage
 from eskin.wire.messages import Block, Encoding
 from eskin.wire.messages.stored_bounds import read_bounds
 from tests.unit.cloud.clouds import emptied, put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -57,7 +57,7 @@ def blocks(draw: st.DrawFn) -> list[Block]:
         first = START + draw(st.integers(0, 400))
         error = draw(st.integers(0, 3))
         made.append(
-            block(
+            stretch(
                 sequence,
                 lo,
                 hi,
@@ -244,7 +244,7 @@ def test_threshold_decodes_only_undecided_blocks(
     put(
         store,
         *(
-            block(n, [low] * 4, [low + 1] * 4, time=(START + 40 * n, START + 40 * n), dt=10)
+            stretch(n, [low] * 4, [low + 1] * 4, time=(START + 40 * n, START + 40 * n), dt=10)
             for n, low in enumerate([0.0, 5.0, 9.5, 12.0, 0.0])
         ),
     )
@@ -266,7 +266,7 @@ def test_hull_of_many_blocks_decodes_only_straddling_ones(
     monkeypatch.setattr("eskin_cloud.rollup.blocks._FEW", 9)
     put(
         store,
-        *(block(n, [n] * 5, [n + 1] * 5, time=(START + 50 * n,) * 2, dt=10) for n in range(10)),
+        *(stretch(n, [n] * 5, [n + 1] * 5, time=(START + 50 * n,) * 2, dt=10) for n in range(10)),
     )
     decoded = spy_on_decoding(monkeypatch)
     with store.read() as connection:
@@ -288,8 +288,8 @@ def test_sample_more_than_half_a_period_late_begins_after_a_gap(
     later = START + 10 + late
     put(
         store,
-        block(0, [1.0, 1.0], [2.0, 2.0], time=(START, START), dt=10),
-        block(1, [1.0], [2.0], time=(later, later), dt=10),
+        stretch(0, [1.0, 1.0], [2.0, 2.0], time=(START, START), dt=10),
+        stretch(1, [1.0], [2.0], time=(later, later), dt=10),
     )
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)

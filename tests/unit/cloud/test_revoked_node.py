@@ -10,8 +10,8 @@ import pytest
 from eskin_cloud.settings import NodesSection
 
 from eskin.identity import IdentityKind, der
-from tests.unit.cloud.clouds import batch, count_blocks, standing
-from tests.unit.cloud.messages import block
+from tests.unit.cloud.clouds import batch, count_frames, standing
+from tests.unit.cloud.messages import stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -62,9 +62,10 @@ async def present(stand: Stand, *nodes: Identity) -> list[str | None]:
 
 
 async def bring(stand: Stand, *numbers: int) -> list[str]:
-    """What becomes of blocks of the node."""
+    """What becomes of frames of the node."""
     async with stand.ingest_client() as client:
-        body = batch(*(block(number) for number in numbers), node=NAME)
+        body = batch(*(stretch(number) for number in numbers), node=NAME)
+        stand.present(body)
         answer = await client.post("/api/v1/ingest", content=body)
     return [item["result"] for item in answer.json()["items"]]
 
@@ -79,7 +80,7 @@ async def test_revoked_certificate_makes_no_node_known_and_a_new_one_does(site: 
         assert refused is not None
         assert good is None
         assert await bring(stand, 0, 1) == ["unknown_node"] * 2
-        assert count_blocks(stand) == 0
+        assert count_frames(stand) == 0
         # The gateway still has them, and the node comes with a new certificate of its name.
         assert await present(stand, site.identities.make(IdentityKind.NODE, NAME)) == [None]
         assert await bring(stand, 0, 1) == ["stored"] * 2

@@ -31,7 +31,7 @@ from tests.unit.cloud.brute_force import (
     remove_before,
 )
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 from tests.unit.cloud.test_queries import spy_on_decoding
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def drawn(random: np.random.Generator, sequence: int, first: int, last: int) -> 
     sides = np.sort(random.choice(BOUNDS[1:-1], (2, n)), axis=0)
     sides[0][random.random(n) < 0.001], sides[1][random.random(n) < 0.001] = -np.inf, np.inf
     begin = START + int(random.integers(first, last))
-    return block(
+    return stretch(
         sequence,
         *sides,
         boot=int(random.integers(1, 4)),
@@ -67,7 +67,7 @@ def test_buckets_equal_brute_force(
 ) -> None:
     monkeypatch.setattr("eskin_cloud.rollup.blocks._FEW", few)
     random = np.random.default_rng(seed)
-    said = [block(0, [0.1], [0.3], time=(START, START), dt=1)]
+    said = [stretch(0, [0.1], [0.3], time=(START, START), dt=1)]
     put(store, *said)
     for step in range(3):
         begin = int(random.integers(0, SPAN))
@@ -132,7 +132,7 @@ def test_entries_are_those_of_every_signal_between_the_bounds(
 def test_states_decode_only_undecided_blocks(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     levels = [0.0, 5.0, 9.5, 12.0]
     said = [
-        block(n, [levels[n // 200]] * 500, [levels[n // 200] + 1] * 500, time=(at, at), dt=1)
+        stretch(n, [levels[n // 200]] * 500, [levels[n // 200] + 1] * 500, time=(at, at), dt=1)
         for n, at in ((n, START + 500 * n) for n in range(800))
     ]
     put(store, *said)
@@ -156,7 +156,7 @@ def test_states_decode_only_undecided_blocks(store: Store, monkeypatch: pytest.M
 @pytest.mark.anyio
 async def test_background_build_starts_and_stops(stand: Stand) -> None:
     moments = [START + n * 20_000 for n in range(5)]
-    put(stand.cloud.store, *(block(n, time=(t, t), dt=1) for n, t in enumerate(moments)))
+    put(stand.cloud.store, *(stretch(n, time=(t, t), dt=1) for n, t in enumerate(moments)))
     stopping = asyncio.Event()
     building = asyncio.create_task(build_rollup(stand.cloud, stopping))
     while not _levels(stand.cloud.store):  # noqa: ASYNC110 - made by the code under test
@@ -174,7 +174,8 @@ def _levels(store: Store) -> set[int]:
 def test_certain_segment_ends_at_each_gap_within_a_tile(store: Store) -> None:
     moments = [START + 100 * n for n in range(400)]
     put(
-        store, *(block(n, [1.0] * 30, [2.0] * 30, time=(t, t), dt=1) for n, t in enumerate(moments))
+        store,
+        *(stretch(n, [1.0] * 30, [2.0] * 30, time=(t, t), dt=1) for n, t in enumerate(moments)),
     )
     build(store)
     with store.read() as connection:
@@ -191,7 +192,7 @@ def test_build_yields_to_other_writers_between_channels(
     names = [f"t{number:02}.capacitance" for number in range(3)]
     for at, name in enumerate(names):
         moments = [START, START + 20_000]
-        put(store, *(block(10 * at + n, time=(t, t), dt=1, channel=name)
+        put(store, *(stretch(10 * at + n, time=(t, t), dt=1, channel=name)
                      for n, t in enumerate(moments)))  # fmt: skip
     order: list[str] = []
 

@@ -24,7 +24,7 @@ from tests.unit.cloud.brute_force import (
     remove_before,
 )
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 @pytest.mark.parametrize("seed", range(2))
 def test_rates_far_apart_need_few_chunks(store: Store, seed: int) -> None:
     random = np.random.default_rng(seed)
-    said = [block(0, [0.1], [0.3], time=(START, START), dt=1)]
+    said = [stretch(0, [0.1], [0.3], time=(START, START), dt=1)]
     put(store, *said)
     grains = [lowest_level(store)]
     for number in range(1, 8):
@@ -41,7 +41,7 @@ def test_rates_far_apart_need_few_chunks(store: Store, seed: int) -> None:
         n = int(random.choice([1, 5, 300, 1000]))
         sides = np.sort(random.choice(BOUNDS[1:-1], (2, n)), axis=0)
         begin = START + int(random.integers(0, 10 ** int(random.integers(3, 15))))
-        said.append(block(number, *sides, time=(begin, begin), dt=dt))
+        said.append(stretch(number, *sides, time=(begin, begin), dt=dt))
         put(store, said[-1])
         if random.random() < 0.7:
             build(store)
@@ -67,11 +67,11 @@ def test_rates_far_apart_need_few_chunks(store: Store, seed: int) -> None:
 
 def test_rate_a_thousand_times_lower_keeps_the_tiles(store: Store) -> None:
     values = np.zeros(250), np.ones(250)
-    put(store, block(0, *values, time=(START, START), dt=1_000_000))
+    put(store, stretch(0, *values, time=(START, START), dt=1_000_000))
     grain = lowest_level(store)
-    put(store, block(1, *values, time=(START + 10**9,) * 2, dt=1_000_000_000))
+    put(store, stretch(1, *values, time=(START + 10**9,) * 2, dt=1_000_000_000))
     build(store)
-    put(store, block(2, *values, time=(START + 2 * 10**9,) * 2, dt=1_000_000_000))
+    put(store, stretch(2, *values, time=(START + 2 * 10**9,) * 2, dt=1_000_000_000))
     assert count_marked(store) > 0, "the second one is late"
     assert lowest_level(store) == grain
 
@@ -79,11 +79,11 @@ def test_rate_a_thousand_times_lower_keeps_the_tiles(store: Store) -> None:
 def test_channel_at_the_beginning_of_time_is_built_and_exported(store: Store) -> None:
     first, ms = -(2**63) + 1, 10**6
     fast = [
-        block(k, np.zeros(1000), np.ones(1000), time=(first + k * ms, first + k * ms), dt=1000)
+        stretch(k, np.zeros(1000), np.ones(1000), time=(first + k * ms, first + k * ms), dt=1000)
         for k in range(40)
     ]
-    slow = block(40, [0.0, 0.0], [2.0, 3.0], time=(first, first), dt=10**12)
-    later = block(41, [0.0], [4.0], time=(first + 3 * 10**12,) * 2, dt=1000)
+    slow = stretch(40, [0.0, 0.0], [2.0, 3.0], time=(first, first), dt=10**12)
+    later = stretch(41, [0.0], [4.0], time=(first + 3 * 10**12,) * 2, dt=1000)
     put(store, *fast, slow)
     build(store)
     put(store, later)

@@ -33,7 +33,7 @@ from tests.unit.cloud.brute_force import (
     remove_before,
 )
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 from tests.unit.cloud.test_queries import spy_on_decoding
 
 if TYPE_CHECKING:
@@ -51,13 +51,13 @@ def drawn(random: np.random.Generator, sequence: int) -> Block:
     n = int(random.integers(1, MOST_CHUNKS + 1 if dt > MS else 1000))
     sides = np.sort(random.choice(BOUNDS[1:-1], (2, n)), axis=0)
     begin = START + int(random.integers(0, 10**13))
-    return block(sequence, *sides, time=(begin, begin + int(random.integers(0, 5))), dt=dt)
+    return stretch(sequence, *sides, time=(begin, begin + int(random.integers(0, 5))), dt=dt)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_slow_blocks_among_fast_ones_equal_brute_force(store: Store, seed: int) -> None:
     random = np.random.default_rng(seed)
-    said = [block(0, [0.1], [0.3], time=(START, START), dt=MS)]
+    said = [stretch(0, [0.1], [0.3], time=(START, START), dt=MS)]
     put(store, *said)
     for step in range(4):
         fresh = [drawn(random, 10 * step + k) for k in range(1, random.integers(3, 9))]
@@ -86,11 +86,11 @@ def test_slow_blocks_among_fast_ones_equal_brute_force(store: Store, seed: int) 
 
 
 def test_pack_of_slow_blocks_keeps_the_tiles_when_rebuilt_or_removed(store: Store) -> None:
-    said = [block(0, [0.1] * 9, [0.3] * 9, time=(START, START), dt=MS)]
+    said = [stretch(0, [0.1] * 9, [0.3] * 9, time=(START, START), dt=MS)]
     for k in range(64):
         at = START + 10**10 + 2 * k * SLOWEST
         said.append(
-            block(k + 1, [0.0, 1.0], [1.0, 2.0], time=(at, at), dt=SLOWEST, encoding=Encoding.Q16)
+            stretch(k + 1, [0.0, 1.0], [1.0, 2.0], time=(at, at), dt=SLOWEST, encoding=Encoding.Q16)
         )
     put(store, *said)
     while compact_page(store, (NODE, CHANNEL), 0):
@@ -108,9 +108,9 @@ def test_pack_of_slow_blocks_keeps_the_tiles_when_rebuilt_or_removed(store: Stor
 def test_slow_block_is_decoded_at_its_samples_only(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    slow = block(1, [0.0] * 9, [1.0] * 9, time=(START, START), dt=SLOWEST)
+    slow = stretch(1, [0.0] * 9, [1.0] * 9, time=(START, START), dt=SLOWEST)
     at = START + SLOWEST // 2
-    put(store, slow, block(2, [0.0] * 9, [1.0] * 9, time=(at, at), dt=MS))
+    put(store, slow, stretch(2, [0.0] * 9, [1.0] * 9, time=(at, at), dt=MS))
     decoded = spy_on_decoding(monkeypatch)
     window = Window(at, at + 9 * MS)
     assert len(ask(store, window, 100).t) == 9

@@ -18,7 +18,7 @@ from sqlalchemy import Connection, select, text
 
 from eskin.wire.messages import Encoding
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -84,7 +84,7 @@ def fill(store: Store) -> None:
         for number in range(first, first + 1000):
             at = START + number * SAMPLES
             lo = random.random(SAMPLES)
-            said.append(block(number, lo, lo + 1, time=(at, at), dt=1, encoding=Encoding.F32))
+            said.append(stretch(number, lo, lo + 1, time=(at, at), dt=1, encoding=Encoding.F32))
         put(store, *said)
     build(store)
     if not isinstance(store.location, Path):

@@ -24,7 +24,7 @@ from eskin.wire.messages import ResetCause
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import Clock, emptied, put, put_items
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block, gap, lying, peak, status
+from tests.unit.cloud.messages import CHANNEL, NODE, START, gap, lying, peak, status, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,7 +45,7 @@ def results(outcome: Any) -> list[str]:
 
 
 def test_blocks_are_kept_byte_for_byte(store: Store) -> None:
-    said = block(5, [1.0, 2.0], [3.0, 4.0], boot=2, time=(START, START + 3), coverage=0.5)
+    said = stretch(5, [1.0, 2.0], [3.0, 4.0], boot=2, time=(START, START + 3), coverage=0.5)
     put(store, said)
     (row,) = rows(store, blocks)
     assert row == {
@@ -93,7 +93,7 @@ def test_each_message_is_stored_once_in_any_order_also_after_reopening(
             if reopen:
                 stack.close()
                 store = stack.enter_context(Store(place))
-            outcome = put(store, *(block(sequence, boot=boot) for boot, sequence in keys))
+            outcome = put(store, *(stretch(sequence, boot=boot) for boot, sequence in keys))
             for key, result in zip(keys, results(outcome), strict=True):
                 assert result == ("duplicate" if key in seen else "stored")
                 seen.add(key)
@@ -118,7 +118,7 @@ def drawn_items(draw: Random) -> Iterator[ParsedMessage]:
     for _ in range(40):
         node, boot, sequence = draw.choice(["n1", "n2"]), draw.randint(1, 2), draw.randint(0, 15)
         time = START + draw.randint(-3, 20) * SECOND
-        made = block(
+        made = stretch(
             sequence,
             [draw.random(), 1.0],
             [30.0, 40.0 + draw.random()],
@@ -140,7 +140,7 @@ def left_by(place: StoreLocation, batches: list[list[ParsedMessage]]) -> list[An
     with Store(place, clock=Clock(START + 3600 * SECOND)) as store:
         emptied(store)
         for node in ("n1", "n2"):
-            put(store, block(99, channel="t01.a"), node=node)
+            put(store, stretch(99, channel="t01.a"), node=node)
         store.write(lambda connection: connection.execute(update(channels), late)).result()
         store.cache.clear()
         told = [result for each in batches for result in put_items(store, each).results]
@@ -151,18 +151,18 @@ def left_by(place: StoreLocation, batches: list[list[ParsedMessage]]) -> list[An
 
 def test_invalid_message_becomes_a_dead_letter_alone(store: Store) -> None:
     items = [
-        ParsedMessage.parse(NODE, block(0).encode()),
+        ParsedMessage.parse(NODE, stretch(0).encode()),
         ParsedMessage.parse(NODE, b"\xff\x00poison"),
-        ParsedMessage.parse("No Such Name", block(1).encode()),
-        ParsedMessage.parse("nul\x00", block(1).encode()),
-        ParsedMessage.parse(NODE, block(1, unit="H").encode()),
+        ParsedMessage.parse("No Such Name", stretch(1).encode()),
+        ParsedMessage.parse("nul\x00", stretch(1).encode()),
+        ParsedMessage.parse(NODE, stretch(1, unit="H").encode()),
         ParsedMessage.parse(
-            NODE, block(2, time=(2**63 - 5, 2**63 - 1), lo=[1, 1], hi=[1, 1]).encode()
+            NODE, stretch(2, time=(2**63 - 5, 2**63 - 1), lo=[1, 1], hi=[1, 1]).encode()
         ),
         ParsedMessage.parse(NODE, peak(3, unit="H").encode()),
         ParsedMessage.parse(NODE, status(4, unit="H").encode()),
-        ParsedMessage.parse(NODE, lying(block(6, [1.0, 2.0], [3.0, 4.0]))),
-        ParsedMessage.parse(NODE, block(5).encode()),
+        ParsedMessage.parse(NODE, lying(stretch(6, [1.0, 2.0], [3.0, 4.0]))),
+        ParsedMessage.parse(NODE, stretch(5).encode()),
     ]
     outcome = put_items(store, items)
     assert results(outcome) == ["stored", *["rejected"] * 8, "stored"]
@@ -196,7 +196,7 @@ def test_dead_letter_without_data_states_its_size(store: Store) -> None:
 
 
 def test_later_unit_in_the_same_batch_is_rejected(store: Store) -> None:
-    assert results(put(store, block(0), block(1, unit="H"), block(2))) == [
+    assert results(put(store, stretch(0), stretch(1, unit="H"), stretch(2))) == [
         "stored",
         "rejected",
         "stored",
@@ -219,7 +219,7 @@ def test_new_boot_states_its_cause(store: Store) -> None:
 
 
 def test_silence_and_return_are_events(store: Store, clock: Clock) -> None:
-    put(store, block(0))
+    put(store, stretch(0))
     clock.turn(20)
 
     def judge(connection: Connection) -> int:
@@ -229,7 +229,7 @@ def test_silence_and_return_are_events(store: Store, clock: Clock) -> None:
 
     assert store.write(judge).result(120) == 1
     assert store.write(judge).result(120) == 0
-    put(store, block(1))
+    put(store, stretch(1))
     told = rows(store, events)
     assert [(row["kind"], row["detail"]) for row in told] == [
         ("status", "offline"),
@@ -239,7 +239,7 @@ def test_silence_and_return_are_events(store: Store, clock: Clock) -> None:
 
 
 def test_clock_of_another_cloud_marks_no_node_silent(store: Store, clock: Clock) -> None:
-    put(store, block(0))
+    put(store, stretch(0))
 
     def judge(connection: Connection) -> int:
         silent_since = clock() - 15 * SECOND
@@ -265,7 +265,7 @@ def test_batch_of_many_nodes_needs_few_queries(store: Store) -> None:
     items = [
         ParsedMessage.parse(f"node{number}", said.encode())
         for number in range(100)
-        for said in (status(0), block(1), peak(2))
+        for said in (status(0), stretch(1), peak(2))
     ]
     asked: list[str] = []
     store.cache.clear()

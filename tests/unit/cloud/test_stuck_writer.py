@@ -18,7 +18,7 @@ from eskin.runtime.digest import digest
 from eskin.wire.messages import BlockSummary, decode_summary
 from tests.support.processes import wait_until
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import NODE, START, block
+from tests.unit.cloud.messages import NODE, START, stretch
 
 if TYPE_CHECKING:
     from sqlalchemy import URL, Connection
@@ -33,7 +33,7 @@ def test_stuck_writer_is_ended_and_retries(cluster: Cluster, shared_database: UR
 
     def hang(connection: Connection) -> None:
         into = bulk_insert(connection, blocks)
-        data = block(0).encode()
+        data = stretch(0).encode()
         said = decode_summary(data)
         assert isinstance(said, BlockSummary)
         into.add(BlockRow.of(NODE, said, data, digest(data), 1, START))
@@ -46,11 +46,11 @@ def test_stuck_writer_is_ended_and_retries(cluster: Cluster, shared_database: UR
         begun.result(120)
         assert not end_stuck_writer(other, after_s=3600.0)
         wait_until(lambda: end_stuck_writer(other, after_s=0.05), "the one that hangs is ended")
-        assert put(other, block(1)).results[0].result == "stored"
+        assert put(other, stretch(1)).results[0].result == "stored"
         held.set_result(None)
         with pytest.raises(StoreError, match="then retry"):
             broken.result(120)
-        assert [each.result for each in put(hung, block(1), block(2)).results] == [
+        assert [each.result for each in put(hung, stretch(1), stretch(2)).results] == [
             "duplicate",
             "stored",
         ]

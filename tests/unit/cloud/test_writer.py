@@ -18,7 +18,7 @@ from sqlalchemy import insert, select, text
 from eskin.errors import StoreError
 from tests.unit.cloud.clouds import put, put_items
 from tests.unit.cloud.commits import one_commit
-from tests.unit.cloud.messages import NODE, START, block, status
+from tests.unit.cloud.messages import NODE, START, status, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -47,7 +47,7 @@ def file_store(tmp_path: Path) -> Iterator[Store]:
 
 def test_failed_job_is_rolled_back_alone(store: Store) -> None:
     def fails(connection: Connection) -> None:
-        items = [ParsedMessage.parse(NODE, block(0).encode())]
+        items = [ParsedMessage.parse(NODE, stretch(0).encode())]
         ingest(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
         raise ValueError("after its work")
 
@@ -56,22 +56,22 @@ def test_failed_job_is_rolled_back_alone(store: Store) -> None:
         failed.result(120)
     assert good.result(120) == [(0,)]
     assert rows(store, blocks) == []
-    assert results(put(store, block(0))) == ["stored"]
+    assert results(put(store, stretch(0))) == ["stored"]
     assert rows(store, channels)[0]["blocks"] == 1
 
 
 def test_full_disk_acknowledges_nothing(file_store: Store) -> None:
     store = file_store
-    put(store, block(0))
+    put(store, stretch(0))
     pages = store.write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one()).result(120)
     store.write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all()).result(120)
     with pytest.raises(StoreError, match="full"):
-        put(store, *(block(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
+        put(store, *(stretch(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
     assert "full" in str(store.writer.fault)
     store.write(lambda c: c.execute(text("PRAGMA max_page_count=1000000")).all()).result(120)
     store.check()
     assert not store.writer.fault
-    again = put(store, *(block(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
+    again = put(store, *(stretch(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
     assert results(again) == ["stored"] * 39
     assert len(rows(store, blocks)) == 40
 
@@ -88,7 +88,7 @@ def test_shortage_rejects_no_message(
         add_blocks(*args)
 
     def work(take: Callable[..., Any], connection: Connection) -> Any:
-        items = [ParsedMessage.parse(NODE, block(n).encode()) for n in range(3)]
+        items = [ParsedMessage.parse(NODE, stretch(n).encode()) for n in range(3)]
         return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
 
     monkeypatch.setattr("eskin_cloud.store.write.ingest.add_blocks", short)
@@ -109,7 +109,7 @@ def test_shortage_in_the_fallback_rejects_no_message(
         raise next(faults)
 
     def work(take: Callable[..., Any], connection: Connection) -> Any:
-        items = [ParsedMessage.parse(NODE, block(0).encode())]
+        items = [ParsedMessage.parse(NODE, stretch(0).encode())]
         return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
 
     monkeypatch.setattr("eskin_cloud.store.write.ingest.add_blocks", short)
@@ -133,8 +133,8 @@ def test_unexpected_error_does_not_stop_the_writer(
     monkeypatch.setattr(store.writer, "_on_begin", breaks)
     for told in ("out of memory", "unforeseen"):
         with pytest.raises(StoreError, match=told):
-            put(store, block(0))
-    assert results(put(store, block(0))) == ["stored"]
+            put(store, stretch(0))
+    assert results(put(store, stretch(0))) == ["stored"]
 
 
 def test_waiting_jobs_share_a_commit(store: Store) -> None:
@@ -180,13 +180,13 @@ def test_cancelled_work_is_left_out(store: Store) -> None:
     given_up = store.write(lambda c: c.execute(insert(versions).values(version=9, applied=0)))
     assert given_up.cancel()
     held.set_result(None)
-    put(store, block(0))
+    put(store, stretch(0))
     applied = [row["version"] for row in rows(store, versions)]
     assert applied == [version.VERSION]
 
 
 def test_batch_of_nodes_with_and_without_a_status_is_stored(store: Store) -> None:
-    told, silent = status(0).encode(), block(0).encode()
+    told, silent = status(0).encode(), stretch(0).encode()
     put_items(store, [ParsedMessage.parse("told", told), ParsedMessage.parse("silent", silent)])
     assert {row["node"]: row["profile"] for row in rows(store, nodes)} == {
         "told": "fingertip",

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
     from tests.support.identities import Identities
 
-BLOCKS = "eskin/v1/nodes/fingertip/blocks"
+FRAMES = "eskin/v1/nodes/fingertip/frames"
 ACKS = "eskin/v1/nodes/fingertip/acks"
-PALM_BLOCKS = "eskin/v1/nodes/palm/blocks"
+PALM_FRAMES = "eskin/v1/nodes/palm/frames"
 PALM_ACKS = "eskin/v1/nodes/palm/acks"
 PATIENCE_S = 60.0
 
@@ -142,22 +142,22 @@ def peers(identities: Identities, port: int) -> Iterator[dict[str, Peer]]:
 
 
 def test_node_reaches_gateway_and_gateway_reaches_node(peers: dict[str, Peer]) -> None:
-    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/frames")
     assert peers["node"].subscribe(ACKS)
-    peers["node"].publish(BLOCKS, b"block")
+    peers["node"].publish(FRAMES, b"frame")
     peers["gateway"].publish(ACKS, b"ack")
-    wait_until(lambda: peers["gateway"].messages == [(BLOCKS, b"block")], "block arrives")
+    wait_until(lambda: peers["gateway"].messages == [(FRAMES, b"frame")], "frame arrives")
     wait_until(lambda: peers["node"].messages == [(ACKS, b"ack")], "ack arrives")
 
 
 def test_what_a_node_writes_elsewhere_reaches_nobody(peers: dict[str, Peer]) -> None:
-    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/frames")
     assert peers["client"].subscribe("eskin/v1/live/#")
-    for topic in (PALM_BLOCKS, "eskin/v1/live/fingertip/t01.current"):
+    for topic in (PALM_FRAMES, "eskin/v1/live/fingertip/t01.current"):
         peers["node"].publish(topic, b"forged")
-    peers["node"].publish(BLOCKS, b"genuine")
+    peers["node"].publish(FRAMES, b"genuine")
     wait_until(lambda: bool(peers["gateway"].messages), "genuine block arrives")
-    assert peers["gateway"].messages == [(BLOCKS, b"genuine")]
+    assert peers["gateway"].messages == [(FRAMES, b"genuine")]
     live = "eskin/v1/live/fingertip/t01.area"
     peers["gateway"].publish(live, b"genuine")
     wait_until(lambda: bool(peers["client"].messages), "genuine value arrives")
@@ -182,15 +182,15 @@ def test_what_is_said_once_to_nobody_is_gone_and_to_somebody_arrives(
 def test_what_a_client_publishes_reaches_nobody(peers: dict[str, Peer]) -> None:
     live = "eskin/v1/live/fingertip/t01.current"
     assert peers["client"].subscribe("eskin/v1/live/#")
-    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/frames")
     peers["client"].publish(live, b"forged")
-    peers["client"].publish(BLOCKS, b"forged")
+    peers["client"].publish(FRAMES, b"forged")
     peers["gateway"].publish(live, b"genuine")
-    peers["node"].publish(BLOCKS, b"genuine")
+    peers["node"].publish(FRAMES, b"genuine")
     wait_until(lambda: bool(peers["client"].messages), "genuine value arrives")
     wait_until(lambda: bool(peers["gateway"].messages), "genuine block arrives")
     assert peers["client"].messages == [(live, b"genuine")]
-    assert peers["gateway"].messages == [(BLOCKS, b"genuine")]
+    assert peers["gateway"].messages == [(FRAMES, b"genuine")]
 
 
 def test_retained_message_goes_to_its_subscribers_only(
@@ -214,12 +214,12 @@ def test_retained_message_goes_to_its_subscribers_only(
     assert stranger.messages == [(PALM_ACKS, b"ack")]
 
 
-@pytest.mark.parametrize("pattern", ["#", "eskin/#", "eskin/v1/nodes/+/blocks", ACKS, "+/+/+/+/+"])
+@pytest.mark.parametrize("pattern", ["#", "eskin/#", "eskin/v1/nodes/+/frames", ACKS, "+/+/+/+/+"])
 def test_client_may_not_read_private_topics(peers: dict[str, Peer], pattern: str) -> None:
     assert not peers["client"].subscribe(pattern)
 
 
-@pytest.mark.parametrize("pattern", ["#", BLOCKS, PALM_ACKS, "eskin/v1/live/#"])
+@pytest.mark.parametrize("pattern", ["#", FRAMES, PALM_ACKS, "eskin/v1/live/#"])
 def test_node_may_read_its_own_answers_only(peers: dict[str, Peer], pattern: str) -> None:
     assert not peers["node"].subscribe(pattern)
 
@@ -233,9 +233,9 @@ def test_client_id_of_another_takes_no_session_over(
     wait_until(lambda: thief.connections == 1, "thief connects")
     assert not thief.subscribe(ACKS)
     assert thief.subscribe(PALM_ACKS)
-    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
-    thief.publish(BLOCKS, b"forged")
-    thief.publish(PALM_BLOCKS, b"own")
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/frames")
+    thief.publish(FRAMES, b"forged")
+    thief.publish(PALM_FRAMES, b"own")
     peers["gateway"].publish(ACKS, b"ack")
     wait_until(lambda: bool(peers["node"].messages), "ack arrives at its owner")
     peers["gateway"].publish(PALM_ACKS, b"own")
@@ -243,7 +243,7 @@ def test_client_id_of_another_takes_no_session_over(
     wait_until(lambda: bool(peers["gateway"].messages), "the thief's own block arrives")
     thief.close()
     assert thief.messages == [(PALM_ACKS, b"own")]
-    assert peers["gateway"].messages == [(PALM_BLOCKS, b"own")]
+    assert peers["gateway"].messages == [(PALM_FRAMES, b"own")]
     assert peers["node"].losses == 0
 
 
@@ -274,11 +274,11 @@ def test_certificate_of_another_ca_is_refused(
 @pytest.mark.parametrize(
     ("kind", "name", "topic", "publishes", "reads"),
     [
-        (IdentityKind.NODE, "n", "eskin/v1/nodes/n/blocks", True, False),
+        (IdentityKind.NODE, "n", "eskin/v1/nodes/n/frames", True, False),
         (IdentityKind.NODE, "n", "eskin/v1/nodes/n/acks", False, True),
         (IdentityKind.NODE, "n", "eskin/v1/nodes/m/acks", False, False),
         (IdentityKind.GATEWAY, "gateway.n", "eskin/v1/nodes/n/acks", True, False),
-        (IdentityKind.GATEWAY, "gateway.n", "eskin/v1/nodes/n/blocks", False, True),
+        (IdentityKind.GATEWAY, "gateway.n", "eskin/v1/nodes/n/frames", False, True),
         (IdentityKind.GATEWAY, "gateway.n", "eskin/v1/nodes/+/+", False, False),
         (IdentityKind.CLIENT, "client.n", "eskin/v1/nodes/client.n/acks", False, False),
         (IdentityKind.CLIENT, "client.n", "eskin/v1/live/n/status", False, True),
@@ -287,7 +287,7 @@ def test_certificate_of_another_ca_is_refused(
         (IdentityKind.NODE, "n", "homeassistant/sensor/n/t01-current/config", False, False),
         (IdentityKind.CLIENT, "client.n", "homeassistant", False, False),
         (IdentityKind.SERVER, "server.n", "eskin/v1/live/n/status", False, False),
-        (IdentityKind.SITE, "site.n", "eskin/v1/nodes/n/blocks", False, False),
+        (IdentityKind.SITE, "site.n", "eskin/v1/nodes/n/frames", False, False),
     ],
 )
 def test_access_follows_kind_and_name(
@@ -346,7 +346,7 @@ TOPIC = b"\xff\xff" + b"a" * 65_535
 
 @pytest.mark.parametrize(
     ("first_byte", "part"),
-    [(0x32, PALM_BLOCKS.encode() * 2_500), (0x82, TOPIC + b"\x00"), (0xA2, TOPIC)],
+    [(0x32, PALM_FRAMES.encode() * 2_500), (0x82, TOPIC + b"\x00"), (0xA2, TOPIC)],
     ids=["PUBLISH", "SUBSCRIBE", "UNSUBSCRIBE"],
 )
 def test_packet_that_announces_too_much_ends_its_connection(
@@ -358,7 +358,7 @@ def test_packet_that_announces_too_much_ends_its_connection(
 ) -> None:
     process, port = broker
     palm = identities.make(IdentityKind.NODE, "palm")
-    topic = len(PALM_BLOCKS).to_bytes(2, "big") + PALM_BLOCKS.encode()
+    topic = len(PALM_FRAMES).to_bytes(2, "big") + PALM_FRAMES.encode()
     beginning = (topic if first_byte == 0x32 else b"") + b"\x00\x01"
     before = resident_bytes(process)
     with connected(port, palm, "palm") as peer:
@@ -372,16 +372,16 @@ def test_packet_that_announces_too_much_ends_its_connection(
         grown = resident_bytes(process) - before
     assert closed
     assert grown < 16_000_000
-    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
-    peers["node"].publish(BLOCKS, b"block")
-    wait_until(lambda: peers["gateway"].messages == [(BLOCKS, b"block")], "others are served")
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/frames")
+    peers["node"].publish(FRAMES, b"frame")
+    wait_until(lambda: peers["gateway"].messages == [(FRAMES, b"frame")], "others are served")
 
 
 def test_largest_message_passes(peers: dict[str, Peer]) -> None:
-    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
-    peers["node"].publish(BLOCKS, bytes(MOST_ENVELOPE))
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/frames")
+    peers["node"].publish(FRAMES, bytes(MOST_ENVELOPE))
     wait_until(lambda: bool(peers["gateway"].messages), "the largest message arrives")
-    assert peers["gateway"].messages == [(BLOCKS, bytes(MOST_ENVELOPE))]
+    assert peers["gateway"].messages == [(FRAMES, bytes(MOST_ENVELOPE))]
 
 
 def test_certificate_has_a_bounded_number_of_connections(

@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_cloud.store import Store
-from eskin_cloud.store.removal import RemovalReason, Sweep, remove
-from eskin_cloud.store.schema.tables import blocks
-from eskin_sensor_node.node.ground_truth import GroundTruth, TrueBlock
-from sqlalchemy import delete
+from eskin_sensor_node.node.ground_truth import GroundTruth, TrueFrame
 
 from eskin.demo.audit.delivery import Delivery, Sightings, UnderWay, deliveries
+from eskin.demo.audit.frames import audit_frames
 from eskin.wire.messages import Position
-from tests.unit.cloud.clouds import Clock, put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block
+from tests.unit.cloud.clouds import Clock
+from tests.unit.cloud.messages import NODE, START
+from tests.unit.cloud.skins import HAND, PATCHES, bring_all, describe, frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,15 +36,20 @@ def audited(
     ended: int | None,
     stored: range,
 ) -> Delivery:
-    """Where the blocks of boot 1 are, of which the cloud stored some."""
+    """Where the frames of boot 1 are, of which the cloud stored some."""
     path = folder / "truth.sqlite"
     truth = GroundTruth(path, limit=1 << 20)
-    values = np.ones(1)
-    truths = [TrueBlock(Position(1, k), CHANNEL, START, DT, values) for k in range(made)]
+    sizes, values = np.array([[0, 15], [1, 1]], np.uint32), np.ones(16)
+    end = START + 20_000_000
+    truths = [
+        TrueFrame(Position(1, k), HAND.content_hash, 0, end - START, START, end, sizes, values)
+        for k in range(made)
+    ]
     truth.store({NODE: truths}, {NODE: (1, settled)})
     truth.close()
     if stored:
-        put(store, *(block(number) for number in stored))
+        describe(store, *PATCHES, HAND)
+        bring_all(store, *((NODE, frame(number)) for number in stored))
     seen = UnderWay(
         {NODE: path},
         GroundTruth.made(path),
@@ -55,7 +59,8 @@ def audited(
         [],
     )
     with store.read() as connection:
-        (found,) = deliveries(seen, connection, {})
+        framed = audit_frames(path, connection, NODE, lambda _rows: None, reader=None)
+        (found,) = deliveries(seen, connection, {NODE: framed})
     return found
 
 
@@ -75,22 +80,3 @@ def test_only_what_never_was_in_flash_is_excused(
     assert (found.stored, found.unborn) == (10, unborn)
     assert [each.sequence for each in found.missing] == list(missing)
     assert found.passes is not bool(missing)
-
-
-def test_what_was_removed_by_age_has_not_vanished(store: Store, tmp_path: Path) -> None:
-    put(store, *(block(number) for number in range(6)))
-    sweep = Sweep(NODE, CHANNEL, RemovalReason.AGE, START + DT)
-    removed = store.write(lambda c: remove(c, store.cache, sweep, most=4, now=START)).result(60)
-    found = audited(store, tmp_path, made=6, settled=6, ended=5, stored=range(0))
-    assert (found.removed, found.stored) == (removed, 6 - removed)
-    assert removed
-    assert found.passes
-
-
-def test_more_than_was_removed_has_vanished(store: Store, tmp_path: Path) -> None:
-    put(store, *(block(number) for number in range(6)))
-    sweep = Sweep(NODE, CHANNEL, RemovalReason.AGE, START + DT)
-    store.write(lambda c: remove(c, store.cache, sweep, most=2, now=START)).result(60)
-    store.write(lambda c: c.execute(delete(blocks))).result(60)
-    found = audited(store, tmp_path, made=6, settled=6, ended=5, stored=range(0))
-    assert not found.passes

@@ -2,38 +2,55 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 from eskin_cloud.store import Store
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.damage import FrameHeader
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
-from eskin_cloud.store.removal import PatchSweep, remove_rows
+from eskin_cloud.store.removal import PatchSweep, RemovalReason, Sweep, remove, remove_rows
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
-from eskin_cloud.store.schema.sealed_tables import removals
+from eskin_cloud.store.schema.sealed_tables import erased_subjects, removals, sealed_messages
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from sqlalchemy import delete, insert, select, update
 
 from eskin.demo.audit import Audit, audit
 from eskin.demo.layout import Layout as Folder
+from eskin.privacy import Encryptor, FileMasterKey, KeyStore
+from eskin.privacy.master_key import MASTER_FILE
+from eskin.privacy.sealed_message import name_place
+from eskin.wire.frames import FrameSummary, Layout, Patch, Privacy
 from eskin.wire.messages import Position
+from tests.support.identities import SITE
 from tests.unit.cloud.clouds import Clock
 from tests.unit.cloud.skins import bring_all, describe
 from tests.unit.sensor_node.designs import SECOND, START
-from tests.unit.sensor_node.skin_node.benches import LAYOUT, PATCHES, SkinBench
+from tests.unit.sensor_node.skin_node.benches import PATCHES, SkinBench, TinyColumns
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from eskin_sensor_node.firmware.chip import StoredMessage
     from sqlalchemy import Connection
 
 NODE = "paper-hand"
 STRETCHES = 250
 WAITING = 6
 """Messages that no gateway has acknowledged."""
+
+
+HEART = Patch("heart", "bioelectric", "V", ("t4",), 64.0, Privacy.BIOMETRIC, "wearer")
+
+
+class WornColumns(TinyColumns):
+    """The same skin, but its second page is about a person."""
+
+    patches = (*PATCHES[:2], HEART)
+    layout = Layout(tuple(patch.content_hash for patch in patches), pages=(2, 1))
 
 
 class Said(NamedTuple):
@@ -46,23 +63,34 @@ class Said(NamedTuple):
 
 
 class Demo:
-    """What is left of a demo of one node."""
+    """What is left of a demo of one node.
 
-    def __init__(self, root: Path, **sections: Any) -> None:
+    Args:
+        root: Its folder.
+        build: The node's columns.
+        sections: Changes of the node's settings.
+    """
+
+    def __init__(self, root: Path, build: type[TinyColumns] = TinyColumns, **sections: Any) -> None:
         self.folder = Folder(root)
+        self.build = build
         own = self.folder.node(NODE)
         own.mkdir(parents=True)
         self.folder.store.parent.mkdir()
-        bench = SkinBench(own, **sections)
+        bench = SkinBench(own, build=build, **sections)
         bench.run_to(STRETCHES / 10)
         self.store = Store(self.folder.store, clock=Clock(START + 3600 * SECOND))
-        describe(self.store, *PATCHES, LAYOUT, node=NODE)
+        describe(self.store, *build.patches, build.layout, node=NODE)
         messages = bench.waiting()[:-WAITING]
-        bring_all(self.store, *((NODE, Said(kept.body)) for kept in messages))
+        bring_all(self.store, *((NODE, Said(body)) for body in self.delivered(messages)))
         last = messages[-1].position
         bench.outbox.acknowledge([(last[0], 0, last[1])])
         self.made = GroundTruth.made(self.folder.truth(NODE))[NODE]
         bench.close()
+
+    def delivered(self, messages: list[StoredMessage]) -> Iterator[bytes]:
+        """What a gateway brings of a node's messages."""
+        return (kept.body for kept in messages)
 
     def change(self, work: Callable[[Connection], object]) -> None:
         """Change the store behind its back."""
@@ -88,11 +116,42 @@ class Demo:
         return audit(self.folder)
 
 
+class Worn(Demo):
+    """A demo whose gateway sealed the frames of a heart."""
+
+    def __init__(self, root: Path) -> None:
+        super().__init__(root, WornColumns)
+
+    def delivered(self, messages: list[StoredMessage]) -> Iterator[bytes]:
+        keys = self.folder.keys
+        self.ada = KeyStore(keys, FileMasterKey(keys / MASTER_FILE)).create("Ada Lovelace")
+        self.place = name_place((WornColumns.layout.content_hash, 1))
+        encryptor = Encryptor()
+        for body in super().delivered(messages):
+            frame = FrameSummary.decode(body)
+            sealed = encryptor.encrypt(self.ada, NODE, frame, body)
+            yield sealed.encode() if frame.page == 1 else body
+
+    def remove(self, reason: RemovalReason, before: int) -> None:
+        """Remove sealed frames."""
+        sweep = Sweep(NODE, self.place, reason, before)
+        self.change(
+            lambda db: remove(db, self.store.cache, sweep, most=10**6, now=START + 3600 * SECOND)
+        )
+
+
 @pytest.fixture
 def demo(tmp_path: Path) -> Iterator[Demo]:
     made = Demo(tmp_path)
     yield made
     made.store.close()
+
+
+@pytest.fixture
+def worn(tmp_path: Path) -> Iterator[Worn]:
+    made = Worn(tmp_path)
+    with closing(made.store):
+        yield made
 
 
 def totals(found: Audit) -> dict[str, tuple[int, int, int]]:
@@ -224,3 +283,88 @@ def test_frames_that_a_full_flash_gave_up_are_reported_as_lost(tmp_path: Path) -
     assert delivery.lost > 50
     assert delivery.stored + delivery.waiting + delivery.lost == delivery.made
     assert found.passes
+
+
+def test_sealed_frames_are_compared(worn: Worn) -> None:
+    found = worn.audit()
+    assert found.passes
+    stored = STRETCHES - WAITING // 2
+    assert {name: counts[0] for name, counts in totals(found).items()} == {
+        "air.temperature": stored,
+        "heart.bioelectric": 5 * stored,
+        "palm.pressure": 15 * stored,
+    }
+    (delivery,) = found.deliveries
+    assert (delivery.stored, delivery.waiting) == (2 * STRETCHES - WAITING, WAITING)
+
+
+def test_value_outside_its_sealed_interval_is_found(worn: Worn) -> None:
+    place = worn.made[3]
+    path = worn.folder.truth(NODE)
+    true = GroundTruth.read_frames(path, [place], node=NODE)[place]
+    with closing(GroundTruth(path, limit=2**30)) as truth:
+        truth.store({NODE: [replace(true, values=true.values + 1e5, time=true.time + SECOND)]})
+    found = worn.audit()
+    assert not found.passes
+    (entry,) = (each for each in found.channels if not each.passes)
+    assert (entry.channel, entry.late) == ("heart.bioelectric", 1)
+    assert entry.violations + entry.unbounded >= 5
+
+
+@pytest.mark.parametrize(("column", "value"), [("t_lo", START + 3600 * SECOND), ("place", "a.b")])
+def test_columns_that_do_not_enclose_the_sealed_frame_are_found(
+    column: str, value: int | str, worn: Worn
+) -> None:
+    here = sealed_messages.c.sequence == worn.made[3].sequence
+    worn.change(lambda db: db.execute(update(sealed_messages).where(here).values({column: value})))
+    found = worn.audit()
+    assert {e.channel: e.mislabelled for e in found.channels if e.mislabelled} == {
+        "heart.bioelectric": 1
+    }
+    assert not found.passes
+
+
+def test_sealed_frame_that_was_changed_is_damaged(worn: Worn) -> None:
+    here = sealed_messages.c.sequence == worn.made[3].sequence
+    with worn.store.read() as connection:
+        data = bytearray(
+            connection.execute(select(sealed_messages.c.data).where(here)).scalar_one()
+        )
+    data[-30] ^= 1
+    changed = update(sealed_messages).where(here).values(data=bytes(data))
+    worn.change(lambda db: db.execute(changed))
+    found = worn.audit()
+    assert len(found.damaged) == 1
+    assert not found.passes
+
+
+def test_missing_sealed_frame_is_found(worn: Worn) -> None:
+    here = sealed_messages.c.sequence == worn.made[3].sequence
+    worn.change(lambda db: db.execute(delete(sealed_messages).where(here)))
+    (delivery,) = worn.audit().deliveries
+    assert delivery.missing == (worn.made[3],)
+
+
+@pytest.mark.parametrize("reason", list(RemovalReason))
+def test_sealed_frames_that_were_removed_have_not_vanished(
+    reason: RemovalReason, worn: Worn
+) -> None:
+    row = {"site": SITE, "subject": worn.ada.pseudonym, "erased": START}
+    worn.change(lambda db: db.execute(insert(erased_subjects), row))
+    worn.remove(reason, START + 3600 * SECOND)
+    found = worn.audit()
+    (delivery,) = found.deliveries
+    assert found.passes
+    assert delivery.removed == STRETCHES - WAITING // 2
+    # More than was removed has vanished.
+    fewer = update(removals).values(messages=delivery.removed - 1)
+    worn.change(lambda db: db.execute(fewer))
+    assert len(worn.audit().deliveries[0].missing) == delivery.removed
+
+
+def test_frames_of_an_erased_subject_are_not_compared(worn: Worn) -> None:
+    keys = worn.folder.keys
+    KeyStore(keys, FileMasterKey(keys / MASTER_FILE)).erase(worn.ada.pseudonym)
+    found = worn.audit()
+    assert found.passes
+    assert "heart.bioelectric" not in totals(found)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 LIVE = "eskin/v1/live/fingertip/t01.area"
 STATUS = "eskin/v1/live/fingertip/status"
-BLOCKS = "eskin/v1/nodes/fingertip/blocks"
+FRAMES = "eskin/v1/nodes/fingertip/frames"
 ACKS = "eskin/v1/nodes/fingertip/acks"
 
 
@@ -82,7 +82,7 @@ def test_clients_with_one_certificate_read_together_and_write_nothing(broker: Br
         gateway.subscribe("#")
         for reader in (one, other):
             reader.subscribe("#")
-        for topic in (LIVE, BLOCKS, ACKS):
+        for topic in (LIVE, FRAMES, ACKS):
             one.publish(topic, b"forged")
         gateway.publish(ACKS, b"private")
         gateway.publish(LIVE, b"genuine")

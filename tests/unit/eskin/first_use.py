@@ -15,8 +15,9 @@ from numba.core import event
 
 import eskin
 from eskin.interval.interval import _UFUNCS
-from eskin.wire.messages import Block, Encoding, decode_message
+from eskin.wire.frames import Frame, FrameSummary
 from tests.unit.eskin.models.cases import CASES
+from tests.unit.eskin.wire.frames.examples import FRAME
 
 HALF = eskin.Interval(0.25, 0.5)
 OTHERS = ("oscillation", "oscillation_paper", "coil_energy_euler_paper")
@@ -110,10 +111,9 @@ def _ask_for_the_rest() -> None:
     stream.feed(signal)
     stream.finish()
     _ask_for_contacts()
-    tube = eskin.Tube((0, 9), 1000, signal, "F", 1.0)
-    for encoding in Encoding:
-        packed = Block.pack(_position(), "t01.capacitance", 0, tube, encoding)
-        decode_message(packed.encode())
+    eskin.Tube((0, 9), 1000, signal, "F", 1.0)
+    FrameSummary.decode(FRAME.encode())
+    assert Frame.decode(FRAME.encode()).values
     eskin.design.invert(
         eskin.design.Within(eskin.models.rc_frequency, lo=5e4, hi=1e5),
         {"resistance": eskin.Interval(1e3, 2e3), "capacitance": eskin.Interval(1e-9, 2e-9)},
@@ -138,12 +138,6 @@ def _ask_for_contacts() -> None:
         stream = eskin.ContactStream(skin, 1e3)
         stream.feed(lo[::2].tolist(), hi[::2], times[::2])
         stream.finish()
-
-
-def _position() -> Any:
-    from eskin.wire.messages import Position  # noqa: PLC0415 - beside its use
-
-    return Position(1, 1)
 
 
 if __name__ == "__main__":

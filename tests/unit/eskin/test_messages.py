@@ -18,7 +18,6 @@ from eskin.tube import Tube
 from eskin.wire.messages import (
     Acknowledgement,
     Block,
-    BlockSummary,
     ChannelInfo,
     Encoding,
     Gap,
@@ -30,7 +29,6 @@ from eskin.wire.messages import (
     Status,
     TaxelFaults,
     decode_message,
-    decode_summary,
 )
 from eskin.wire.messages.cbor_map import dump
 
@@ -92,38 +90,6 @@ def test_q16_is_as_fine_as_16_bits_allow(middle: float, spread: float, n: int) -
     assert block.widening <= span / 16_000 + 4 * math.ulp(float(x.max()))
 
 
-@pytest.mark.parametrize("encoding", Encoding)
-@given(pairs=st.lists(PAIR, min_size=1, max_size=40))
-def test_summary_says_of_a_block_what_the_block_says(
-    encoding: Encoding, pairs: list[list[float]]
-) -> None:
-    block, _ = block_of(pairs, encoding)
-    said = decode_summary(block.encode())
-    assert isinstance(said, BlockSummary)
-    tube = block.tube
-    assert (said.position, said.channel, said.ticks) == (block.position, block.channel, block.ticks)
-    assert (said.time, said.dt, said.n) == (tube.time, tube.dt, len(tube))
-    assert (said.unit, said.coverage, said.encoding) == (tube.unit, tube.coverage, encoding)
-    assert (said.bounds, said.widening) == (block.bounds, block.widening)
-
-
-def test_samples_outside_of_the_hull_are_refused() -> None:
-    block, _ = block_of([[1.0, 2.0], [1.0, 3.0]], Encoding.F64)
-    fields = {**cbor2.loads(block.encode()), 14: [1.0, 2.0]}
-    for decode in (decode_message, decode_summary):
-        with pytest.raises(MessageError, match="hull of the samples"):
-            decode(dump(fields))
-
-
-@pytest.mark.parametrize("key", [12, 13])
-def test_summary_refuses_samples_of_another_number_or_type(key: int) -> None:
-    block, _ = block_of([[1.0, 2.0], [1.0, 3.0]], Encoding.F32)
-    fields = cbor2.loads(block.encode())
-    for wrong in (cbor2.CBORTag(85, bytes(12)), cbor2.CBORTag(86, bytes(8)), bytes(8)):
-        with pytest.raises(MessageError, match=r"typed array|samples in 8 bytes"):
-            decode_summary(dump({**fields, key: wrong}))
-
-
 def test_unbounded_sides_and_missing_samples_survive() -> None:
     inf = math.inf
     for encoding in Encoding:
@@ -182,9 +148,8 @@ def test_faults_that_make_no_sense_are_refused(given: object) -> None:
         decode_message(cbor2.dumps(told, canonical=True))
 
 
-@pytest.mark.parametrize("watched", [0, 1, 60_000])
-def test_acknowledgement_comes_back_equal(watched: int) -> None:
-    ack = Acknowledgement(10**18, ((1, 0, 7), (2, 3, 3)), watched)
+def test_acknowledgement_comes_back_equal() -> None:
+    ack = Acknowledgement(10**18, ((1, 0, 7), (2, 3, 3)))
     assert Acknowledgement.decode(ack.encode()) == ack
 
 
@@ -197,14 +162,7 @@ def test_acknowledgement_asks_for_descriptions(size: int) -> None:
 
 @pytest.mark.parametrize("want", [[], [bytes(31)], ["text"], [bytes(32)] * 257, bytes(32)])
 def test_acknowledgement_that_asks_for_no_hash_or_too_many_is_refused(want: object) -> None:
-    fields = cbor2.loads(Acknowledgement(10**18, ()).encode()) | {5: want}
-    with pytest.raises(MessageError, match="field 5"):
-        Acknowledgement.decode(cbor2.dumps(fields, canonical=True))
-
-
-@pytest.mark.parametrize("watched", [0, -1, 60_001, "long"])
-def test_acknowledgement_that_says_somebody_looks_on_for_ever_is_refused(watched: object) -> None:
-    fields = cbor2.loads(Acknowledgement(10**18, ()).encode()) | {4: watched}
+    fields = cbor2.loads(Acknowledgement(10**18, ()).encode()) | {4: want}
     with pytest.raises(MessageError, match="field 4"):
         Acknowledgement.decode(cbor2.dumps(fields, canonical=True))
 

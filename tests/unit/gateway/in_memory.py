@@ -23,7 +23,6 @@ from eskin_gateway.spool.node_certificates import NodeCertificates
 from eskin_gateway.spool.node_state import NodeStates
 from eskin_gateway.spool.spool import Spool
 from eskin_gateway.spool.subject_assignments import SubjectAssignments
-from eskin_gateway.upstream.ingest_client import Viewers
 
 from eskin.errors import SpoolError
 from eskin.identity import ChainVerifier, IdentityKind, RevocationFile
@@ -32,7 +31,7 @@ from eskin.runtime.settings import KeysSection
 from eskin.runtime.supervised import Backoff
 from eskin.wire.envelope import Opener
 from eskin.wire.topics import Stream, node_topic
-from tests.unit.gateway.messages import EPOCH
+from tests.unit.gateway.messages import DESCRIPTIONS, EPOCH, status
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
     from eskin_gateway.spool.batch import Batch
 
     from tests.support.identities import Identities
+    from tests.unit.gateway.wire_node import Seal
 
 LAYOUT_WAIT_S = 600.0
 DAY_NS = 86_400 * 10**9
@@ -105,7 +105,6 @@ class Inside:
         self.clock = Clock()
         self.broker = MemoryBroker()
         self.metrics = Metrics()
-        self.viewers = Viewers(self.clock)
         self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, max_dead_letters=50)
         self._make_keys(folder / "keys")
         self.trust = ChainVerifier(*identities.gateway.roots, clock=self.clock.now)
@@ -159,7 +158,6 @@ class Inside:
             presence=self.presence,
             descriptions=self.descriptions,
             metrics=self.metrics,
-            viewers=self.viewers,
             discovery=self._make_discovery() if homeassistant else None,
             clock=self.clock,
         )
@@ -186,6 +184,17 @@ class Inside:
         self.commit_loop.process(
             [self.received_message(stream, envelope, node=node, retained=retained)]
         )
+
+    def introduce(self, seal: Seal, *, node: str = "fingertip") -> None:
+        """Receive a node's first status, and what describes its skin of one channel."""
+        told = seal(node, Stream.STATUS, status(0).encode(), introduce=True)
+        self.arrive(Stream.STATUS, told, node=node)
+        self.describe(seal, node=node)
+
+    def describe(self, seal: Seal, *, node: str = "fingertip") -> None:
+        """Receive what describes the skin of one channel."""
+        for each in DESCRIPTIONS:
+            self.arrive(Stream.LAYOUTS, seal(node, Stream.LAYOUTS, each.encode()), node=node)
 
     def received_message(
         self, stream: Stream, envelope: bytes, *, node: str = "fingertip", retained: bool = False

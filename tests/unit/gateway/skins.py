@@ -162,3 +162,7 @@ class SkinNode:
 SMALL = SkinOf(patch(0, 3), patch(1, 2))
 LARGE = SkinOf(*(patch(number, 20) for number in range(4)), pages=(2, 2))
 MIXED = SkinOf(patch(0, 3), WEARER, pages=(1, 1))
+HIGH = replace(patch(0, 3), patch_id="high", taxels=("bio-1",), privacy=Privacy.BIOMETRIC,
+               subject="wearer")  # fmt: skip
+TOUCHED = SkinOf(patch(0, 3), HIGH, pages=(1, 1))
+"""Contacts may be of a biometric patch, too."""

@@ -24,10 +24,9 @@ class StubCloud:
     """Stores in memory, each plaintext once.
 
     ``mode``: ok, error, busy, flooded, nonsense, short, slow, reject, large. ``commands`` are given
-    to the gateway, a node's id and bytes; ``held`` is what it said last that it has. ``watched`` is
-    what it says of onlookers, ``failing`` are bodies that break it, ``hanging`` bodies to
-    which it gives no answer until it is released. ``descriptions`` are what it has of
-    nodes; it stores no frame or statements without them.
+    to the gateway, a node's id and bytes; ``held`` is what it said last that it has. ``failing``
+    are bodies that break it, ``hanging`` bodies to which it gives no answer until it is released.
+    ``descriptions`` are what it has of nodes; it stores no frame or statements without them.
     """
 
     def __init__(self, identity: Identity) -> None:
@@ -40,7 +39,6 @@ class StubCloud:
         self.stored: list[tuple[str, bytes]] = []
         self.duplicates = 0
         self.requests = 0
-        self.watched: object = {}
         self.descriptions: dict[tuple[str, bytes], bytes] = {}
         self.failing: set[bytes] = set()
         self.hanging: set[bytes] = set()
@@ -109,7 +107,7 @@ class StubCloud:
         if mode == "short":
             return 200, orjson.dumps({"items": []})
         results = [self._store(node, data) for node, data in items]
-        return 200, orjson.dumps({"items": results, "watched": self.watched})
+        return 200, orjson.dumps({"items": results})
 
     def _deliver(self, body: bytes) -> tuple[int, bytes]:
         asked = cbor2.loads(body)

@@ -6,6 +6,7 @@ import logging
 from typing import TYPE_CHECKING
 
 import cbor2
+import numpy as np
 import pytest
 from eskin_gateway.ingest.biometric import WITHHELD
 from eskin_gateway.spool.subject_assignments import SubjectAssignments
@@ -15,7 +16,8 @@ from eskin.identity import IdentityKind
 from eskin.privacy import Decryptor, FileMasterKey, KeyStore, SealedMessage
 from eskin.wire.messages import Position
 from eskin.wire.topics import Stream, node_topic
-from tests.unit.gateway.messages import EPOCH, block, peak, status
+from tests.unit.gateway.messages import EPOCH, frame
+from tests.unit.gateway.skins import MIXED, TOUCHED, SkinOf
 from tests.unit.gateway.test_validator import introduce
 from tests.unit.gateway.wire_node import Seal
 
@@ -23,12 +25,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin.privacy import Subject
-    from eskin.wire.messages import Block, Peak
+    from eskin.wire.frames import Frame, Statements
     from tests.support.identities import Identities
     from tests.unit.gateway.in_memory import Inside
-
-BIOMETRIC = "t05.bioelectric"
-MARKED = "bio-t01.pressure"
 
 
 def remains(folder: Path) -> bytes:
@@ -36,27 +35,40 @@ def remains(folder: Path) -> bytes:
     return b"".join(path.read_bytes() for path in folder.rglob("*") if path.is_file())
 
 
-def traces(message: Block | Peak) -> list[bytes]:
+def traces(message: Frame | Statements) -> list[bytes]:
     """Pieces of a message's bytes that nothing else has."""
     data = message.encode()
     return [data[at : at + 24] for at in range(len(data) // 2, len(data) - 24, 24)]
 
 
-@pytest.mark.parametrize("channel", [BIOMETRIC, MARKED])
-def test_biometric_block_and_peak_are_stored_encrypted(
-    inside: Inside, seal: Seal, tmp_path: Path, channel: str
+def noise(skin: SkinOf, sequence: int, page: int) -> Frame:
+    """A frame whose bytes are most of them samples."""
+    values = np.random.default_rng(1).integers(0, 1000, (200, 1)).astype(np.float64)
+    return skin.frame(sequence, dict.fromkeys(range(2), values), page=page, rows=200)
+
+
+def describe(inside: Inside, seal: Seal, skin: SkinOf) -> None:
+    for each in skin.descriptions:
+        inside.arrive(Stream.LAYOUTS, seal("fingertip", Stream.LAYOUTS, each))
+
+
+@pytest.mark.parametrize("skin", [MIXED, TOUCHED])
+def test_biometric_frame_and_statements_are_stored_encrypted(
+    inside: Inside, seal: Seal, tmp_path: Path, skin: SkinOf
 ) -> None:
     introduce(inside, seal)
-    told: list[Block | Peak] = [block(1, channel=channel), peak(2, channel=channel)]
-    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, told[0].encode()))
+    describe(inside, seal, skin)
+    told: tuple[Frame | Statements, ...] = noise(skin, 1, page=1), skin.peaks(2, number=1)
+    inside.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, told[0].encode()))
     inside.arrive(Stream.EVENTS, seal("fingertip", Stream.EVENTS, told[1].encode()))
     reader = Decryptor(inside.keystore)
     for message, body in zip(told, inside.stored()[1:], strict=True):
         assert reader.read("fingertip", SealedMessage.decode(body))[1] == message.encode()
+        assert traces(message)
         for trace in traces(message):
             assert trace not in remains(tmp_path)
-    plain = block(3)
-    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, plain.encode()))
+    plain = noise(skin, 3, page=0)
+    inside.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, plain.encode()))
     assert inside.stored()[3] == plain.encode()
     assert traces(plain)[0] in remains(tmp_path)
 
@@ -66,7 +78,7 @@ def test_biometric_dead_letter_is_encrypted_and_not_logged(
 ) -> None:
     introduce(inside, seal)
     secret = 0.123456789
-    poison = cbor2.dumps({1: 2, 2: 1, 3: 1, 4: BIOMETRIC, 5: "V", 11: [secret, "x"], 12: secret})
+    poison = cbor2.dumps({1: 8, 2: 1, 3: 1, 4: bytes(32), 5: [[0, 0, [secret, secret], "x"]]})
     with caplog.at_level(logging.DEBUG):
         inside.arrive(Stream.EVENTS, seal("fingertip", Stream.EVENTS, poison))
     (letter,) = inside.spool.dead_letters()
@@ -82,14 +94,14 @@ def test_biometric_dead_letter_is_encrypted_and_not_logged(
 def test_sealed_message_from_a_node_is_rejected(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     subject = inside.assignments.subject("fingertip", EPOCH)
-    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, forged(subject.pseudonym)))
+    inside.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, forged(subject.pseudonym)))
     assert inside.rejected() == {"unreadable": 1}
 
 
 def forged(subject: str) -> bytes:
     return SealedMessage.decode(
         cbor2.dumps(
-            {1: 6, 2: 1, 3: 1, 4: BIOMETRIC, 5: 1, 6: subject, 7: [0, 0], 8: bytes(16), 9: 0}
+            {1: 6, 2: 1, 3: 1, 4: [bytes(32), 0], 5: 7, 6: subject, 7: [0, 0], 8: bytes(16), 9: 0}
             | {10: bytes(16), 11: bytes(8)}
         )
     ).encode()
@@ -102,16 +114,16 @@ def site(tmp_path: Path) -> KeyStore:
 
 @pytest.mark.parametrize(
     "said",
-    [block(1, channel=BIOMETRIC).encode(), cbor2.dumps({1: 1, 2: 1, 3: 1, 4: BIOMETRIC})],
-    ids=["block", "poison"],
+    [MIXED.frame(1, page=1).encode(), cbor2.dumps({1: 7, 2: 1, 3: 1, 4: bytes(32)})],
+    ids=["frame", "poison"],
 )
 def test_missing_key_rejects_messages_of_one_node_only(
     inside: Inside, seal: Seal, identities: Identities, said: bytes
 ) -> None:
     introduce(inside, seal)
     palm = Seal(identities.make(IdentityKind.NODE, "palm"), identities.site)
-    introduction = palm("palm", Stream.STATUS, status(0).encode(), introduce=True)
-    inside.arrive(Stream.STATUS, introduction, node="palm")
+    describe(inside, seal, MIXED)
+    inside.introduce(palm, node="palm")
     inside.assignments.subject("fingertip", EPOCH)
     file = inside.keystore.directory / "nodes" / "fingertip"
     good = file.read_bytes()
@@ -121,16 +133,16 @@ def test_missing_key_rejects_messages_of_one_node_only(
         inside.broker.published.clear()
         inside.commit_loop.process(
             [
-                inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, said)),
+                inside.received_message(Stream.FRAMES, seal("fingertip", Stream.FRAMES, said)),
                 inside.received_message(
-                    Stream.BLOCKS, palm("palm", Stream.BLOCKS, block(1).encode()), node="palm"
+                    Stream.FRAMES, palm("palm", Stream.FRAMES, frame(1).encode()), node="palm"
                 ),
             ]
         )
 
     come()
     assert inside.rejected() == {"internal_error": 1}
-    assert inside.stored()[2:] == [block(1).encode()]
+    assert inside.stored()[2:] == [frame(1).encode()]
     assert len(inside.broker.on(node_topic("palm", Stream.ACKS))) == 1
     assert inside.broker.on(node_topic("fingertip", Stream.ACKS)) == []
     file.write_bytes(good)

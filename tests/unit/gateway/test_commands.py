@@ -14,7 +14,7 @@ from eskin.identity import IdentityKind
 from eskin.wire.envelope import Opener
 from eskin.wire.topics import Stream, node_topic
 from tests.support.processes import wait_until
-from tests.unit.gateway.messages import block, result, status
+from tests.unit.gateway.messages import frame, result, status
 from tests.unit.gateway.wire_node import WireNode
 
 if TYPE_CHECKING:
@@ -152,10 +152,10 @@ def test_node_that_was_away_finds_its_command(
         assert node.commands[0] == (b"signed", True)
         node.say(Stream.EVENTS, result(1, 7))
         node.wait_for((1, 1))
-        node.say(Stream.BLOCKS, block(2))
+        node.say(Stream.FRAMES, frame(2))
         node.wait_for((1, 2))
     with WireNode(identities.node, identities.site, broker.node_port) as node:
-        node.say(Stream.BLOCKS, block(3))
+        node.say(Stream.FRAMES, frame(3))
         node.wait_for((1, 3))
         assert node.commands == []
 

@@ -5,19 +5,17 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from eskin.wire.envelope import Opener
-from eskin.wire.messages import Acknowledgement
+from eskin.wire.frames import DescribedLayout
 from eskin.wire.topics import Stream, live_topic, node_topic
 from tests.support.processes import wait_until
-from tests.unit.gateway.messages import CHANNEL, block, status
+from tests.unit.gateway.messages import CHANNEL, frame, status
 
 if TYPE_CHECKING:
     import pytest
     from eskin_gateway.mqtt.transport import ReceivedMessage
     from eskin_gateway.spool.batch import Batch
 
-    from eskin.wire.messages import Block, Peak
-    from tests.support.identities import Identities
+    from eskin.wire.frames import FrameSummary, Privacy
     from tests.unit.gateway.in_memory import Inside
     from tests.unit.gateway.wire_node import Seal
 
@@ -25,8 +23,7 @@ ACKS = node_topic("fingertip", Stream.ACKS)
 
 
 def introduce(inside: Inside, seal: Seal) -> None:
-    envelope = seal("fingertip", Stream.STATUS, status(0).encode(), introduce=True)
-    inside.arrive(Stream.STATUS, envelope)
+    inside.introduce(seal)
     inside.broker.published.clear()
     inside.broker.released.clear()
 
@@ -43,31 +40,18 @@ def test_nothing_is_published_before_the_commit(
         commit(batch)
 
     monkeypatch.setattr(inside.spool, "commit", watched)
-    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(1).encode()))
+    inside.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, frame(1).encode()))
     assert said_at_commit == [0]
     assert len(inside.broker.on(ACKS)) == 1
     assert len(inside.broker.on(live_topic("fingertip", CHANNEL))) == 1
     assert len(inside.broker.released) == 1
 
 
-def test_acknowledgement_says_how_long_the_node_is_viewed(
-    inside: Inside, seal: Seal, identities: Identities
-) -> None:
-    introduce(inside, seal)
-    opener = Opener([identities.node], sender=lambda _: identities.site.certificate)
-    inside.viewers.update({"fingertip": 2.5, "palm": 9.0})
-    for number in 1, 2:
-        inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(number).encode()))
-        inside.clock.seconds += 3.0
-    told = [opener.open(sealed, topic=ACKS).plaintext for sealed in inside.broker.on(ACKS)]
-    assert [Acknowledgement.decode(each).watched for each in told] == [2500, 0]
-
-
 def test_full_spool_holds_the_batch_and_recovers_by_itself(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     inside.spool.failures = 10**6
     inside.receive_queue.put(
-        [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
+        [inside.received_message(Stream.FRAMES, seal("fingertip", Stream.FRAMES, BODY))]
     )
     inside.commit_loop.start()
     wait_until(lambda: inside.commit_loop.fault is not None, "the commit fails")
@@ -86,7 +70,7 @@ def test_stop_while_full_leaves_the_batch_with_the_node(inside: Inside, seal: Se
     introduce(inside, seal)
     inside.spool.failures = 10**6
     inside.receive_queue.put(
-        [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
+        [inside.received_message(Stream.FRAMES, seal("fingertip", Stream.FRAMES, BODY))]
     )
     inside.commit_loop.start()
     wait_until(lambda: inside.commit_loop.fault is not None, "the commit fails")
@@ -99,13 +83,13 @@ def test_stop_while_full_acknowledges_no_copy_of_the_batch(inside: Inside, seal:
     introduce(inside, seal)
     inside.spool._capacity = inside.spool._used + 10
     inside.receive_queue.put(
-        [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
+        [inside.received_message(Stream.FRAMES, seal("fingertip", Stream.FRAMES, BODY))]
     )
     inside.commit_loop.start()
     wait_until(lambda: inside.commit_loop.fault is not None, "the commit fails")
     # The node, unanswered, sends again.
     inside.receive_queue.put(
-        [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
+        [inside.received_message(Stream.FRAMES, seal("fingertip", Stream.FRAMES, BODY))]
     )
     inside.commit_loop.stop()
     assert inside.broker.on(ACKS) == []
@@ -123,13 +107,13 @@ def test_failed_batch_is_no_duplicate_when_it_is_resent(
         raise ZeroDivisionError(f"a bug with {len(batch.messages)} messages")
 
     monkeypatch.setattr(inside.spool, "commit", broken)
-    envelope = seal("fingertip", Stream.BLOCKS, BODY)
-    inside.receive_queue.put([inside.received_message(Stream.BLOCKS, envelope)])
+    envelope = seal("fingertip", Stream.FRAMES, BODY)
+    inside.receive_queue.put([inside.received_message(Stream.FRAMES, envelope)])
     inside.commit_loop.start()
     wait_until(lambda: len(inside.broker.released) == 1, "the broker may forget it")
     assert inside.rejected() == {"internal_error": 1}
     assert inside.broker.on(ACKS) == []
-    inside.receive_queue.put([inside.received_message(Stream.BLOCKS, envelope)])
+    inside.receive_queue.put([inside.received_message(Stream.FRAMES, envelope)])
     wait_until(lambda: len(inside.broker.on(ACKS)) == 1, "sent again, it is acknowledged")
     inside.commit_loop.stop()
     assert inside.stored() == [status(0).encode(), BODY]
@@ -139,27 +123,27 @@ def test_message_that_causes_a_bug_blocks_no_other(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     introduce(inside, seal)
-    guard = inside.encryptor.encrypt
+    require = DescribedLayout.require_frame
 
-    def breaks(node: str, message: Block | Peak | None, plaintext: bytes) -> bytes:
-        if plaintext == BODY:
+    def breaks(skin: DescribedLayout, said: FrameSummary) -> Privacy:
+        if said.position.sequence == 1:
             raise ZeroDivisionError("a bug with this message")
-        return guard(node, message, plaintext)
+        return require(skin, said)
 
-    monkeypatch.setattr(inside.encryptor, "encrypt", breaks)
-    bodies = [block(number).encode() for number in (1, 2, 3)]
+    monkeypatch.setattr(DescribedLayout, "require_frame", breaks)
+    bodies = [frame(number).encode() for number in (1, 2, 3)]
     inside.commit_loop.process_or_split(
         [
-            inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, body))
+            inside.received_message(Stream.FRAMES, seal("fingertip", Stream.FRAMES, body))
             for body in bodies
         ]
     )
     assert inside.stored() == [status(0).encode(), *bodies[1:]]
     assert inside.rejected() == {"internal_error": 1}
     assert len(inside.broker.on(ACKS)) == 2
-    assert sorted(inside.broker.released) == [2, 3, 4]
+    assert sorted(inside.broker.released) == [4, 5, 6]
     monkeypatch.undo()
-    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))
+    inside.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, BODY))
     assert inside.stored()[-1] == BODY, "it was not taken for known"
 
 
@@ -178,7 +162,7 @@ def test_nodes_stay_online_while_the_broker_is_away(inside: Inside, seal: Seal) 
     assert len(inside.broker.on(live_topic("fingertip", "status"))) == 1
 
 
-BODY = block(1).encode()
+BODY = frame(1).encode()
 
 
 def test_nodes_expire_also_under_constant_load(
@@ -189,7 +173,7 @@ def test_nodes_expire_also_under_constant_load(
     monkeypatch.setattr(inside.post_commit, "run_periodic", looked.set)
 
     def never_empty(*_: object, **__: object) -> list[ReceivedMessage]:
-        return [inside.received_message(Stream.BLOCKS, b"whatever")]
+        return [inside.received_message(Stream.FRAMES, b"whatever")]
 
     monkeypatch.setattr(inside.receive_queue, "take", never_empty)
     inside.commit_loop.start()

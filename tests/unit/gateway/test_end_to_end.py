@@ -12,7 +12,8 @@ from eskin.identity import IdentityKind
 from eskin.wire.timestamp import format_timestamp
 from eskin.wire.topics import Stream, live_topic
 from tests.support.processes import wait_until
-from tests.unit.gateway.messages import CHANNEL, EPOCH, block, gap, peak, status
+from tests.unit.gateway.messages import CHANNEL, EPOCH, frame, gap, peak, status
+from tests.unit.gateway.skins import MIXED, TOUCHED, SkinNode, SkinOf
 from tests.unit.gateway.wire_node import Listener, WireNode
 
 if TYPE_CHECKING:
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
 
     from eskin_gateway.settings import GatewaySettings
 
-    from eskin.wire.messages import Message
+    from eskin.wire.frames import Frame
+    from eskin.wire.messages import Status
     from tests.support.brokers import Mosquitto
     from tests.support.identities import Identities
     from tests.unit.gateway.stub_cloud import StubCloud
@@ -36,13 +38,14 @@ def listener(identities: Identities, broker: Mosquitto) -> Iterator[Listener]:
 def test_messages_reach_cloud_in_order_and_are_acknowledged(
     gateway: Gateway, cloud: StubCloud, node: WireNode
 ) -> None:
-    said: list[Message] = [status(0), *(block(number) for number in range(1, 40))]
-    node.say(Stream.STATUS, said[0])
-    for message in said[1:]:
-        node.say(Stream.BLOCKS, message)
+    said = [frame(number) for number in range(1, 40)]
+    node.say(Stream.STATUS, status(0))
+    for message in said:
+        node.say(Stream.FRAMES, message)
     node.wait_for(*((1, number) for number in range(40)))
     wait_until(lambda: len(cloud.stored) == 40, "the cloud stored all")
-    assert cloud.stored == [("fingertip", message.encode()) for message in said]
+    everything: list[Status | Frame] = [status(0), *said]
+    assert cloud.stored == [("fingertip", message.encode()) for message in everything]
     wait_until(lambda: gateway.spool.statistics.messages == 0, "the spool is empty")
     assert gateway.metrics.value("messages_accepted_total") == 40
     assert node.times == sorted(node.times)
@@ -52,12 +55,12 @@ def test_duplicate_is_acknowledged_and_not_stored_again(
     gateway: Gateway, cloud: StubCloud, node: WireNode, listener: Listener
 ) -> None:
     node.say(Stream.STATUS, status(0))
-    envelope = node.say(Stream.BLOCKS, block(1))
+    envelope = node.say(Stream.FRAMES, frame(1))
     node.wait_for((1, 0), (1, 1))
     node.acknowledged.clear()
-    node.publish(Stream.BLOCKS, envelope)
+    node.publish(Stream.FRAMES, envelope)
     node.wait_for((1, 1))
-    node.say(Stream.BLOCKS, block(2))
+    node.say(Stream.FRAMES, frame(2))
     wait_until(lambda: len(cloud.stored) == 3, "the cloud stored what came after")
 
     def published() -> list[str]:
@@ -72,34 +75,37 @@ def test_duplicate_is_acknowledged_and_not_stored_again(
 
 
 @pytest.mark.usefixtures("gateway")
-@pytest.mark.parametrize("biometric", ["t01.bioelectric", "bio-sole.pressure"])
+@pytest.mark.parametrize("skin", [MIXED, TOUCHED])
 def test_biometric_channels_are_not_public(
-    node: WireNode, listener: Listener, biometric: str
+    node: WireNode, listener: Listener, skin: SkinOf
 ) -> None:
     node.say(Stream.STATUS, status(0))
-    node.say(Stream.BLOCKS, block(1, channel=biometric))
-    node.say(Stream.EVENTS, peak(2, channel=biometric))
-    node.say(Stream.BLOCKS, block(3))
-    node.say(Stream.EVENTS, peak(4))
+    SkinNode(node, skin).describe()
+    node.say(Stream.FRAMES, skin.frame(1, page=1))
+    node.say(Stream.EVENTS, skin.peaks(2, number=1))
+    node.say(Stream.FRAMES, skin.frame(3))
+    node.say(Stream.EVENTS, skin.peaks(4))
     events = live_topic("fingertip", "events")
     wait_until(lambda: bool(listener.on(events)), "the last event is public")
     assert [orjson.loads(item)["sequence"] for item in listener.on(events)] == [4]
-    wait_until(lambda: bool(listener.on(live_topic("fingertip", CHANNEL))), "the block is public")
-    assert listener.on(live_topic("fingertip", biometric)) == []
+    public, personal = (patch.channels[0] for patch in skin.patches)
+    wait_until(lambda: bool(listener.on(live_topic("fingertip", public))), "the frame is public")
+    assert listener.on(live_topic("fingertip", personal)) == []
 
 
 @pytest.mark.usefixtures("gateway")
 def test_public_topics_carry_hull_events_and_status(node: WireNode, listener: Listener) -> None:
-    sent = block(1)
+    sent = frame(1)
     node.say(Stream.STATUS, status(0))
-    node.say(Stream.BLOCKS, sent)
+    node.say(Stream.FRAMES, sent)
     node.say(Stream.EVENTS, peak(2))
     node.say(Stream.EVENTS, gap(3))
     events = live_topic("fingertip", "events")
     wait_until(lambda: len(listener.on(events)) == 2, "both events are public")
-    wait_until(lambda: bool(listener.on(live_topic("fingertip", CHANNEL))), "the block is public")
+    wait_until(lambda: bool(listener.on(live_topic("fingertip", CHANNEL))), "the frame is public")
     hull = orjson.loads(listener.on(live_topic("fingertip", CHANNEL))[0])
-    assert (hull["lo"], hull["hi"]) == sent.bounds
+    (samples,) = sent.values
+    assert (hull["lo"], hull["hi"]) == (samples.inf.min(), samples.sup.max())
     first, second = (orjson.loads(item) for item in listener.on(events))
     assert (first["kind"], first["verdict"], first["height"]) == (
         "peak",
@@ -117,7 +123,7 @@ def test_silent_node_is_published_as_offline(node: WireNode, listener: Listener)
 
     node.say(Stream.STATUS, status(0))
     wait_until(lambda: len(online()) >= 2, "online, and offline after silence")
-    node.say(Stream.BLOCKS, block(1))
+    node.say(Stream.FRAMES, frame(1))
     wait_until(lambda: len(online()) >= 3, "online again")
     assert online()[:3] == [True, False, True]
 
@@ -135,7 +141,7 @@ def test_retained_status_does_not_make_a_node_online(
     assert [orjson.loads(item)["online"] for item in listener.on(topic)] == [False]
 
 
-def test_restarted_gateway_opens_blocks_before_the_next_status(
+def test_restarted_gateway_opens_frames_before_the_next_status(
     settings: GatewaySettings, broker: Mosquitto, cloud: StubCloud, node: WireNode
 ) -> None:
     first = Gateway(settings)
@@ -151,7 +157,7 @@ def test_restarted_gateway_opens_blocks_before_the_next_status(
     second.start()
     wait_until(lambda: second.broker.connected, "the second gateway is connected")
     wait_until(lambda: node.ready, "the node is back")
-    node.say(Stream.BLOCKS, block(1))
+    node.say(Stream.FRAMES, frame(1))
     node.wait_for((1, 1))
     wait_until(lambda: len(cloud.stored) == 2, "the cloud stored both")
     second.stop()
@@ -186,7 +192,7 @@ def test_other_protocols_and_shared_subscriptions_work(
     wait_until(lambda: running.broker.connected, "the gateway is connected")
     node.say(Stream.STATUS, status(0))
     for number in range(1, 50):
-        node.say(Stream.BLOCKS, block(number))
+        node.say(Stream.FRAMES, frame(number))
     node.wait_for(*((1, number) for number in range(50)))
     wait_until(lambda: len(cloud.stored) == 50, "the cloud stored all")
     running.stop()
@@ -195,22 +201,22 @@ def test_other_protocols_and_shared_subscriptions_work(
 def test_unknown_sender_is_not_acknowledged_until_it_introduces_itself(
     gateway: Gateway, cloud: StubCloud, node: WireNode
 ) -> None:
-    node.say(Stream.BLOCKS, block(0))
+    node.say(Stream.FRAMES, frame(0))
     wait_until(
         lambda: gateway.metrics.value("messages_rejected_total", reason="unknown_sender") == 1,
-        "the block is refused",
+        "the frame is refused",
     )
     node.say(Stream.STATUS, status(1))
     node.wait_for((1, 1))
     assert (1, 0) not in node.acknowledged
-    node.say(Stream.BLOCKS, block(0))
+    node.say(Stream.FRAMES, frame(0))
     node.wait_for((1, 0))
     wait_until(lambda: len(cloud.stored) == 2, "the cloud stored both")
 
 
 def test_rejected_messages_do_not_fill_the_brokers_window(gateway: Gateway, node: WireNode) -> None:
     for _ in range(1500):  # more than the broker's window of 1000
-        node.publish(Stream.BLOCKS, b"rubbish")
+        node.publish(Stream.FRAMES, b"rubbish")
     node.say(Stream.STATUS, status(0))
     node.wait_for((1, 0))
     assert gateway.metrics.value("messages_rejected_total", reason="malformed") == 1500
@@ -225,7 +231,7 @@ def test_stopped_gateway_acknowledges_what_it_accepted(
     node.say(Stream.STATUS, status(0))
     node.wait_for((1, 0))
     for number in range(1, 300):
-        node.say(Stream.BLOCKS, block(number))
+        node.say(Stream.FRAMES, frame(number))
     wait_until(lambda: len(node.acknowledged) > 10, "some are acknowledged")
     assert running.stop() == 0
     accepted = running.metrics.value("messages_accepted_total")

@@ -8,7 +8,7 @@ import cbor2
 import pytest
 from eskin_gateway.spool.batch import Batch, SpoolMessage
 from eskin_gateway.upstream.cloud_client import CloudClient
-from eskin_gateway.upstream.ingest_client import IngestClient, Viewers, encode_batch
+from eskin_gateway.upstream.ingest_client import IngestClient, encode_batch
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,7 +35,6 @@ class Https(IngestClient):
         identities: Identities,
         *,
         timeout_s: float = 60.0,
-        viewers: Viewers | None = None,
     ) -> None:
         self._own = CloudClient(
             stub.url,
@@ -43,7 +42,7 @@ class Https(IngestClient):
             context=client_context(identities.gateway.directory / ROOT_FILE, identities.gateway),
             timeout_s=timeout_s,
         )
-        super().__init__(self._own, viewers or Viewers())
+        super().__init__(self._own)
 
     def close(self) -> None:
         self._own.close()
@@ -75,28 +74,6 @@ def test_all_messages_arrive_once_in_order(setup: Setup) -> None:
     assert setup.cloud.stored == MESSAGES
     assert setup.metrics.value("messages_stored_total") == 10
     assert setup.forwarder.reachable is True
-
-
-def test_viewers_come_with_the_response_of_ingest(identities: Identities) -> None:
-    now = [1000.0]
-    viewers = Viewers(lambda: now[0])
-    with StubCloud(identities.make(IdentityKind.SERVER, "server.cloud")) as stub:
-        cloud = Https(stub, identities, viewers=viewers)
-        stub.watched = {"fingertip": 10.0, "palm": 100.0}
-        cloud.send(MESSAGES[:2])
-        assert (viewers.remaining("fingertip"), viewers.remaining("palm")) == (10_000, 60_000)
-        assert viewers.remaining("forearm") == 0
-        now[0] += 4.0
-        stub.watched = {"palm": 10.0}
-        cloud.send(MESSAGES[2:4])
-        assert (viewers.remaining("fingertip"), viewers.remaining("palm")) == (6_000, 10_000)
-        now[0] += 6.0
-        assert viewers.remaining("fingertip") == 0
-        nonsense: tuple[object, ...] = [], {"palm": "long"}, "palm", {"palm": "inf"}
-        for stub.watched in nonsense:
-            with pytest.raises(CloudError, match="invalid"):
-                cloud.send(MESSAGES[4:5])
-        cloud.close()
 
 
 @pytest.mark.parametrize("mode", ["error", "busy", "nonsense", "short"])

@@ -26,7 +26,7 @@ from tests.unit.gateway.skins import LARGE, PERIOD, SMALL, SkinOf, patch
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from eskin_gateway.mqtt.transport import Publication
+    from eskin_gateway.publish.frame_hulls import PatchHull
 
     from eskin.wire.frames import Frame
 
@@ -43,7 +43,8 @@ class Published:
     """
 
     def __init__(self, skin: SkinOf, *, senml: bool = False) -> None:
-        self.hulls = FrameHulls(senml=senml)
+        self.hulls = FrameHulls()
+        self._senml = senml
         self.skin = joined(skin)
         self.items: list[tuple[float, str, Any]] = []
 
@@ -58,10 +59,11 @@ class Published:
     def run_periodic(self, now: float) -> None:
         self._take(now, self.hulls.run_periodic(now))
 
-    def _take(self, now: float, published: Iterable[Publication]) -> None:
-        for topic, body, retained in published:
-            assert not retained
-            self.items.append((now, topic.removeprefix("eskin/v1/"), orjson.loads(body)))
+    def _take(self, now: float, due: Iterable[tuple[str, PatchHull]]) -> None:
+        for node, hull in due:
+            for topic, body, retained in public_payloads.hulls(node, hull, senml=self._senml):
+                assert not retained
+                self.items.append((now, topic.removeprefix("eskin/v1/"), orjson.loads(body)))
 
     def on(self, topic: str) -> list[Any]:
         return [item for _, at, item in self.items if at == topic]
@@ -76,7 +78,7 @@ def moment(text: str) -> int:
     return int(np.datetime64(whole, "s").astype(int)) * 10**9 + int(rest.ljust(9, "0"))
 
 
-def test_channels_of_a_small_skin_are_published_as_of_blocks() -> None:
+def test_channels_of_a_small_skin_are_published() -> None:
     published = Published(SMALL)
     values = {
         0: np.arange(15.0).reshape(5, 3) * 8,
@@ -99,8 +101,6 @@ def test_channels_of_a_small_skin_are_published_as_of_blocks() -> None:
         "n": 5,
     }
     assert 0.0 <= 1 - 5 * (1 - Fraction(0.999)) - Fraction(coverage) < 1e-12
-    block = {"t0", "t1", "lo", "hi", "unit", "coverage", "n"}
-    assert {*item, "coverage"} == block
 
 
 def test_patches_of_a_large_skin_are_published_and_not_its_channels() -> None:
@@ -245,11 +245,25 @@ def test_senml_holds_channels_of_small_skins_and_patches_of_large_ones() -> None
     assert contacts == [(3500.0, 3600.0, 1.0, 1.0), (2950.0, 3050.0, 0.0, 1.0)]
 
 
+def test_senml_omits_times_that_it_reads_as_relative() -> None:
+    published = Published(SMALL, senml=True)
+    published.add(replace(SMALL.frame(1), time=(9, 9)), 1.0)
+    assert published.on("live/n/p000c00.pressure")
+    assert not [topic for topic in published.topics if topic.startswith("senml")]
+
+
+EVENT = {
+    "id", "node", "channel", "kind", "verdict", "time", "height", "prominence", "count", "unit",
+    "coverage", "boot", "sequence", "detail",
+}  # fmt: skip
+"""The fields of an event of REST."""
+
+
 def test_statements_are_events() -> None:
     said = SMALL.statements(7)
     events = list(public_payloads.statements("n", said, joined(SMALL)))
-    assert {topic for topic, _ in events} == {"eskin/v1/live/n/events"}
-    peak, contact, gap = (orjson.loads(body) for _, body in events)
+    assert {(topic, kept) for topic, _, kept in events} == {("eskin/v1/live/n/events", False)}
+    peak, contact, gap = (orjson.loads(body) for _, body, _ in events)
     assert len({peak["id"], contact["id"], gap["id"]}) == 3
     assert (peak["kind"], peak["channel"], peak["verdict"], peak["unit"]) == (
         "peak", "p000c00.pressure", "possible", "Pa",
@@ -263,8 +277,7 @@ def test_statements_are_events() -> None:
         "gap", 200, ["pad000"],
     )  # fmt: skip
     assert {item["sequence"] for item in (peak, contact, gap)} == {7}
-    fields = set(peak)
-    assert set(contact) == set(gap) == fields
+    assert set(peak) == set(contact) == set(gap) == EVENT
 
 
 def test_unbounded_samples_are_null() -> None:

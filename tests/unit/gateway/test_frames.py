@@ -24,15 +24,14 @@ from eskin.wire.frames import (
     FrameSummary,
     Layout,
     MonitorVerdict,
-    Privacy,
     content_hash,
 )
 from eskin.wire.messages import Acknowledgement
 from eskin.wire.messages.cbor_map import dump
 from eskin.wire.topics import PUBLIC, Stream, live_topic, node_topic
 from tests.unit.gateway.in_memory import LAYOUT_WAIT_S, Inside
-from tests.unit.gateway.messages import block, status
-from tests.unit.gateway.skins import LARGE, MIXED, SMALL, SkinOf, patch
+from tests.unit.gateway.messages import result, status
+from tests.unit.gateway.skins import LARGE, MIXED, SMALL, TOUCHED, SkinOf, patch
 from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
@@ -285,12 +284,6 @@ def public(inside: Inside) -> list[str]:
     return [each for each in topics if each.startswith(PUBLIC) and each != status_topic]
 
 
-HIGH = replace(patch(0, 3), patch_id="high", taxels=("bio-1",), privacy=Privacy.BIOMETRIC,
-               subject="wearer")  # fmt: skip
-TOUCHED = SkinOf(patch(0, 3), HIGH, pages=(1, 1))
-"""Contacts may be of a biometric patch, too."""
-
-
 @pytest.mark.parametrize(
     ("skin", "message"),
     [
@@ -351,7 +344,7 @@ def test_frame_on_another_stream_is_a_dead_letter(inside: Inside, node: Node) ->
     node.describe(SMALL)
     node.send(Stream.EVENTS, SMALL.frame(1).encode())
     node.send(Stream.FRAMES, SMALL.statements(2).encode())
-    node.send(Stream.FRAMES, block(3).encode())
+    node.send(Stream.FRAMES, result(3, 1).encode())
     node.send(Stream.LAYOUTS, SMALL.frame(4).encode())
     assert len(inside.spool.dead_letters()) == 4
     assert node.acknowledged == {0, 1, 2, 3, 4}

@@ -12,7 +12,7 @@ from eskin.identity import IdentityKind
 from eskin.wire.frames import content_hash
 from eskin.wire.topics import Stream, live_topic
 from tests.support.processes import wait_until
-from tests.unit.gateway.messages import block, status
+from tests.unit.gateway.messages import frame, status
 from tests.unit.gateway.skins import LARGE, SMALL, SkinNode
 from tests.unit.gateway.wire_node import Listener, WireNode
 
@@ -74,7 +74,8 @@ def test_layout_that_never_comes_makes_dead_letters_and_delays_no_other_node(
         sequence += 1
     (letter,) = running.spool.dead_letters()
     assert (letter.node, letter.body) == ("fingertip", b"")
-    node.say(Stream.BLOCKS, block(2))
+    other_skin = frame(2)
+    node.say(Stream.FRAMES, other_skin)
     node.wait_for((1, 2))
     wait_until(lambda: len(cloud.stored) == 2 + sequence - 1 + 1, "the cloud stored all others")
     running.stop()

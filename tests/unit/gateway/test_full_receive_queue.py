@@ -10,7 +10,7 @@ from eskin_gateway.service import Gateway
 from eskin.errors import SpoolError
 from eskin.wire.topics import Stream
 from tests.support.processes import wait_until
-from tests.unit.gateway.messages import block, status
+from tests.unit.gateway.messages import frame, status
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,7 +36,7 @@ def test_full_queue_holds_the_broker_back_and_loses_nothing(
     commit = running.spool.commit
     monkeypatch.setattr(running.spool, "commit", full_disk)
     for number in range(1, 200):
-        node.say(Stream.BLOCKS, block(number))
+        node.say(Stream.FRAMES, frame(number))
     wait_until(
         lambda: running.receive_queue.full and running.commit_loop.fault is not None, "no more room"
     )
@@ -75,7 +75,7 @@ def test_dropped_messages_are_released_at_the_broker(
         commit = running.spool.commit
         monkeypatch.setattr(running.spool, "commit", full_disk)
         for number in range(1, 1500):  # more than the broker's window of 1000
-            node.say(Stream.BLOCKS, block(number))
+            node.say(Stream.FRAMES, frame(number))
         wait_until(lambda: running.receive_queue.statistics.dropped > 1000, "messages are dropped")
         wait_until(lambda: running.broker.connected, "the gateway is still connected")
         monkeypatch.setattr(running.spool, "commit", commit)

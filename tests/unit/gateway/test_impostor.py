@@ -11,7 +11,7 @@ import pytest
 from eskin.wire.topics import Stream
 from tests.support.impostor import GUISES, Impostor, guise, is_tls
 from tests.support.processes import wait_until
-from tests.unit.gateway.messages import block, status
+from tests.unit.gateway.messages import frame, status
 from tests.unit.gateway.wire_node import WireNode
 
 if TYPE_CHECKING:
@@ -53,6 +53,6 @@ def test_gateway_sends_nothing_to_an_impostor(
     broker.begin()
     wait_until(lambda: gateway.broker.connected, "the gateway is connected again")
     with WireNode(identities.node, identities.site, broker.node_port) as node:
-        node.say(Stream.BLOCKS, block(1))
+        node.say(Stream.FRAMES, frame(1))
         node.wait_for((1, 1))
     wait_until(lambda: len(cloud.stored) == 2, "what came later is stored, too")

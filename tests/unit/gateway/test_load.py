@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 from eskin_gateway.service import Gateway
 
 from eskin.wire.topics import Stream
 from tests.support.processes import wait_until
-from tests.unit.gateway.messages import block, status
+from tests.unit.gateway.messages import status
+from tests.unit.gateway.skins import SkinNode, SkinOf, patch
 
 if TYPE_CHECKING:
     from eskin_gateway.settings import GatewaySettings
@@ -18,7 +20,8 @@ if TYPE_CHECKING:
     from tests.unit.gateway.wire_node import WireNode
 
 CAPACITY = 2_097_152
-BLOCKS = 400  # of 8 kB: half as much again as the spool holds
+FRAMES = 400  # of 8 kB: half as much again as the spool holds
+SKIN = SkinOf(patch(0, 64))
 
 
 @pytest.mark.parametrize("mode", ["flooded", "slow"])
@@ -39,22 +42,25 @@ def test_overload_reaches_the_node_and_nothing_is_lost(
     try:
         wait_until(lambda: running.broker.connected, "the gateway is connected")
         node.say(Stream.STATUS, status(0))
-        for number in range(1, BLOCKS):
-            node.say(Stream.BLOCKS, block(number, n=1000))
+        SkinNode(node, SKIN).describe()
+        random = np.random.default_rng(1)
+        for number in range(1, FRAMES):
+            noise = random.integers(0, 15_000_000, (40, 64)).astype(np.float64)
+            node.say(Stream.FRAMES, SKIN.frame(number, {0: noise}, rows=40))
         full = "the spool and the inbox are full"
         wait_until(
             lambda: running.commit_loop.fault is not None and running.receive_queue.full, full
         )
         held = running.spool.statistics
         wait_until(lambda: len(node.acknowledged) == held.messages, "what is durable is answered")
-        assert held.messages < BLOCKS
+        assert held.messages < FRAMES
         assert held.used <= CAPACITY
         assert cloud.stored == []
         cloud.mode = "ok"
         cloud.release.set()
-        node.wait_for(*((1, number) for number in range(BLOCKS)))
+        node.wait_for(*((1, number) for number in range(FRAMES)))
         wait_until(lambda: running.spool.statistics.messages == 0, "the spool is empty")
-        assert len(set(cloud.stored)) == len(cloud.stored) == BLOCKS
+        assert len(set(cloud.stored)) == len(cloud.stored) == FRAMES
         assert cloud.duplicates == 0
         assert running.receive_queue.statistics.dropped == 0
         assert running.commit_loop.fault is None

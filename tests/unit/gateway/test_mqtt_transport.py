@@ -131,7 +131,7 @@ def test_oversized_ordinary_message_is_truncated(
 
 
 def test_oversized_message_from_paho_is_truncated(broker: MqttTransport) -> None:
-    message = paho.MQTTMessage(topic=b"eskin/v1/nodes/palm/blocks")
+    message = paho.MQTTMessage(topic=b"eskin/v1/nodes/palm/frames")
     message.payload = bytes(10 * MOST_ENVELOPE)
     broker.receive_from_paho(message)
     (received_message,) = broker._receive_queue.take(1, linger_s=0, wait_s=0)

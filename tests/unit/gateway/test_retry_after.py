@@ -14,7 +14,7 @@ from eskin_gateway.metrics import Metrics
 from eskin_gateway.ops.subject_sync import SubjectSync
 from eskin_gateway.spool.subject_assignments import SubjectAssignments
 from eskin_gateway.upstream.cloud_client import CloudClient
-from eskin_gateway.upstream.ingest_client import IngestClient, Viewers
+from eskin_gateway.upstream.ingest_client import IngestClient
 from eskin_gateway.upstream.subjects_client import SubjectsClient
 
 from eskin.errors import CloudError
@@ -70,7 +70,7 @@ def reach(identities: Identities, refuser: Refuser) -> Iterator[tuple[str, dict[
 def refused_batch(url: str, common: dict[str, Any]) -> None:
     client = CloudClient(url, **common)
     try:
-        IngestClient(client, Viewers()).send([("fingertip", b"")])
+        IngestClient(client).send([("fingertip", b"")])
     finally:
         client.close()
 

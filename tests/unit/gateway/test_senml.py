@@ -11,7 +11,8 @@ from eskin.identity import IdentityKind
 from eskin.wire.topics import Stream
 from tests.support.processes import wait_until
 from tests.unit.eskin.senml import read_senml
-from tests.unit.gateway.messages import CHANNEL, block, status
+from tests.unit.gateway.messages import status
+from tests.unit.gateway.skins import MIXED, SkinNode
 from tests.unit.gateway.wire_node import Listener, WireNode
 
 if TYPE_CHECKING:
@@ -30,11 +31,15 @@ def test_senml_is_published_for_channels_that_are_not_biometric(
     with Listener(client, broker.client_port, "eskin/v1/senml/#") as listening:
         wait_until(lambda: running.broker.connected, "the gateway is connected")
         node.say(Stream.STATUS, status(0))
-        node.say(Stream.BLOCKS, block(1, channel="t01.bioelectric"))
-        node.say(Stream.BLOCKS, block(2))
-        wait_until(lambda: bool(listening.received), "the block is public")
-        ((topic, pack, kept),) = listening.received
+        SkinNode(node, MIXED).describe()
+        node.say(Stream.FRAMES, MIXED.frame(1, page=1))
+        node.say(Stream.FRAMES, MIXED.frame(2))
+        channels = MIXED.patches[0].channels
+        wait_until(lambda: len(listening.received) >= len(channels), "the frame is public")
+        received = listening.received
     running.stop()
-    assert (topic, kept) == (f"eskin/v1/senml/fingertip/{CHANNEL}", False)
-    told = dict(read_senml(pack.decode(), f"fingertip/{CHANNEL}/"))
-    assert (told["lo"], told["hi"]) == block(2).bounds
+    assert [(topic, kept) for topic, _, kept in received] == [
+        (f"eskin/v1/senml/fingertip/{channel}", False) for channel in channels
+    ]
+    told = dict(read_senml(received[0][1].decode(), f"fingertip/{channels[0]}/"))
+    assert (told["lo"], told["hi"]) == (1000.0, 1100.0)

@@ -11,7 +11,7 @@ import pytest
 from eskin.errors import SpoolError
 from eskin.wire.topics import Stream
 from tests.support.processes import Running, free_port, wait_until
-from tests.unit.gateway.messages import block, status
+from tests.unit.gateway.messages import frame, status
 from tests.unit.gateway.wire_node import WireNode
 
 if TYPE_CHECKING:
@@ -95,17 +95,17 @@ def test_unreadable_spool_is_a_reason_and_hides_no_metric(
 
 def test_metrics_count_what_happened(gateway: Gateway, node: WireNode) -> None:
     node.say(Stream.STATUS, status(0))
-    node.say(Stream.BLOCKS, block(1))
-    node.publish(Stream.BLOCKS, b"rubbish")
+    node.say(Stream.FRAMES, frame(1))
+    node.publish(Stream.FRAMES, b"rubbish")
     node.wait_for((1, 0), (1, 1))
     wait_until(lambda: gateway.metrics.value("messages_stored_total") == 2, "stored")
     refused = "messages_rejected_total"
     wait_until(lambda: gateway.metrics.value(refused, reason="malformed") == 1, "refused")
-    # A node's status, and hulls of one block.
+    # A node's status, and the hull of one frame.
     wait_until(lambda: gateway.metrics.value("publications_total") == 2, "published")
     text = ask(gateway, "/metrics").text
     for line in (
-        "eskin_gateway_messages_received_total 3.0",
+        "eskin_gateway_messages_received_total 5.0",
         "eskin_gateway_messages_accepted_total 2.0",
         "eskin_gateway_messages_acknowledged_total 2.0",
         'eskin_gateway_messages_rejected_total{reason="malformed"} 1.0',
@@ -167,13 +167,13 @@ def test_killed_process_loses_nothing_it_acknowledged(
 ) -> None:
     cloud.end()
     process = Running([sys.executable, "-c", _PROGRAM, str(config)], log=tmp_path / "log")
-    sent = {number: block(number).encode() for number in range(1, 200)}
+    sent = {number: frame(number).encode() for number in range(1, 200)}
     with process, WireNode(identities.node, identities.site, broker.node_port) as node:
         process.wait_for(lambda: "broker connected" in process.output(), "connected")
         node.say(Stream.STATUS, status(0))
         node.wait_for((1, 0))
         for number in sent:
-            node.say(Stream.BLOCKS, block(number))
+            node.say(Stream.FRAMES, frame(number))
         process.wait_for(lambda: len(node.acknowledged) > 20, "some are acknowledged")
         process.kill()
         vouched = {sequence for _, sequence in node.acknowledged.copy() if sequence}
@@ -181,7 +181,7 @@ def test_killed_process_loses_nothing_it_acknowledged(
         process.start()
         process.wait_for(lambda: process.output().count("broker connected") > 1, "connected again")
         for number in sent:  # the node sends again what it must, and more
-            node.say(Stream.BLOCKS, block(number))
+            node.say(Stream.FRAMES, frame(number))
         wait_until(lambda: len(cloud.stored) == 200, "the cloud has all")
     stored = [body for _, body in cloud.stored]
     assert len(stored) == len(set(stored))

@@ -11,7 +11,7 @@ from eskin_gateway.spool.batch import Batch, Description, SpoolMessage
 from eskin_gateway.spool.spool import Spool
 from eskin_gateway.upstream.cloud_client import CloudClient
 from eskin_gateway.upstream.descriptions_client import DescriptionsClient
-from eskin_gateway.upstream.ingest_client import IngestClient, ItemResult, Viewers
+from eskin_gateway.upstream.ingest_client import IngestClient, ItemResult
 
 from eskin.errors import CloudError
 from eskin.identity import IdentityKind, client_context
@@ -212,13 +212,13 @@ def test_unknown_layout_without_hashes_is_an_error(identities: Identities, want:
     item = {"result": "unknown_layout", "reason": "post it", "want": want}
     cloud = Answering(identities, {"items": [item]})
     with pytest.raises(CloudError):
-        IngestClient(cloud.client, Viewers()).send([("n", FRAME)])
+        IngestClient(cloud.client).send([("n", FRAME)])
     cloud.close()
 
 
 def test_hashes_of_unknown_layouts_are_read(identities: Identities) -> None:
     item = {"result": "unknown_layout", "reason": "post it", "want": [WANT.hex()]}
     cloud = Answering(identities, {"items": [item]})
-    (result,) = IngestClient(cloud.client, Viewers()).send([("n", FRAME)])
+    (result,) = IngestClient(cloud.client).send([("n", FRAME)])
     assert (result.result, result.want) == ("unknown_layout", (WANT,))
     cloud.close()

@@ -18,7 +18,7 @@ from eskin.wire.messages import Acknowledgement, Position
 from eskin.wire.topics import Stream, node_topic
 from tests.support.identities import SITE, Identities
 from tests.unit.gateway.in_memory import Inside
-from tests.unit.gateway.messages import block, gap, peak, status
+from tests.unit.gateway.messages import frame, gap, peak, status
 from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
@@ -33,8 +33,13 @@ ACKS = node_topic("fingertip", Stream.ACKS)
 
 
 def introduce(inside: Inside, seal: Seal) -> None:
-    envelope = seal("fingertip", Stream.STATUS, status(0).encode(), introduce=True)
-    inside.arrive(Stream.STATUS, envelope)
+    inside.introduce(seal)
+
+
+def present(inside: Inside, seal: Seal) -> None:
+    """Say a first status only."""
+    told = seal("fingertip", Stream.STATUS, status(0).encode(), introduce=True)
+    inside.arrive(Stream.STATUS, told)
 
 
 def acknowledged(inside: Inside, identities: Identities) -> set[tuple[int, int]]:
@@ -62,12 +67,12 @@ def flipped(envelope: bytes) -> bytes:
 BAD: dict[str, Callable[[Seal, Identities], bytes]] = {
     "malformed": lambda _seal, _ids: b"\xff\x00rubbish",
     "oversized": lambda _seal, _ids: bytes(MOST_ENVELOPE + 1),
-    "forged": lambda seal, _ids: flipped(seal("fingertip", Stream.BLOCKS, block(1).encode())),
+    "forged": lambda seal, _ids: flipped(seal("fingertip", Stream.FRAMES, frame(1).encode())),
     "wrong_recipient": lambda _seal, ids: Seal(ids.node, ids.gateway)(
-        "fingertip", Stream.BLOCKS, block(1).encode()
+        "fingertip", Stream.FRAMES, frame(1).encode()
     ),
     "unknown_sender": lambda _seal, ids: Seal(ids.make(IdentityKind.NODE, "palm"), ids.site)(
-        "fingertip", Stream.BLOCKS, block(1).encode()
+        "fingertip", Stream.FRAMES, frame(1).encode()
     ),
 }
 
@@ -77,16 +82,16 @@ def test_invalid_message_is_rejected_and_released(
     inside: Inside, seal: Seal, identities: Identities, reason: str
 ) -> None:
     introduce(inside, seal)
-    inside.arrive(Stream.BLOCKS, BAD[reason](seal, identities))
+    inside.arrive(Stream.FRAMES, BAD[reason](seal, identities))
     assert inside.rejected() == {reason: 1}
-    assert inside.broker.released == [1, 2]
+    assert inside.broker.released == [1, 2, 3, 4]
     assert acknowledged(inside, identities) == {(1, 0)}
     assert inside.stored() == [status(0).encode()]
 
 
 def test_message_moved_to_another_topic_is_forged(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
-    inside.arrive(Stream.EVENTS, seal("fingertip", Stream.BLOCKS, block(1).encode()))
+    inside.arrive(Stream.EVENTS, seal("fingertip", Stream.FRAMES, frame(1).encode()))
     assert inside.rejected() == {"forged": 1}
 
 
@@ -94,7 +99,7 @@ def test_other_nodes_message_is_misaddressed(
     inside: Inside, seal: Seal, identities: Identities
 ) -> None:
     introduce(inside, seal)
-    inside.arrive(Stream.BLOCKS, seal("palm", Stream.BLOCKS, block(1).encode()), node="palm")
+    inside.arrive(Stream.FRAMES, seal("palm", Stream.FRAMES, frame(1).encode()), node="palm")
     assert inside.rejected() == {"misaddressed": 1}
     assert inside.spool.node("palm") is None
     assert acknowledged(inside, identities) == {(1, 0)}
@@ -102,7 +107,7 @@ def test_other_nodes_message_is_misaddressed(
 
 def test_topic_that_no_node_writes_is_rejected(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
-    inside.arrive(Stream.ACKS, seal("fingertip", Stream.ACKS, block(1).encode()))
+    inside.arrive(Stream.ACKS, seal("fingertip", Stream.ACKS, frame(1).encode()))
     assert inside.rejected() == {"topic": 1}
 
 
@@ -114,7 +119,7 @@ def strangers(tmp_path: Path) -> Identities:
 def test_certificate_of_other_ca_is_untrusted(
     inside: Inside, strangers: Identities, identities: Identities
 ) -> None:
-    introduce(inside, Seal(strangers.node, identities.site))
+    present(inside, Seal(strangers.node, identities.site))
     assert inside.rejected() == {"untrusted": 1}
     assert inside.stored() == []
 
@@ -131,7 +136,7 @@ def test_expired_certificate_is_untrusted(inside: Inside, identities: Identities
         lifetime=timedelta(days=1),
     )
     expired = replace(identities.node, key=key, chain=chain)  # other tests share the folder
-    introduce(inside, Seal(expired, identities.site))
+    present(inside, Seal(expired, identities.site))
     assert inside.rejected() == {"untrusted": 1}
 
 
@@ -142,7 +147,7 @@ def test_certificate_of_another_identity_is_untrusted(
     inside: Inside, identities: Identities, kind: IdentityKind, name: str
 ) -> None:
     other: Identity = identities.make(kind, name)
-    introduce(inside, Seal(other, identities.site))
+    present(inside, Seal(other, identities.site))
     assert inside.rejected() == {"untrusted": 1}
     assert inside.stored() == []
 
@@ -151,7 +156,7 @@ def test_certificate_that_expires_meanwhile_is_untrusted(inside: Inside, seal: S
     introduce(inside, seal)
     inside.clock.wall += timedelta(days=400)
     inside.clock.seconds += 11.0
-    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(1).encode()))
+    inside.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, frame(1).encode()))
     assert inside.rejected() == {"untrusted": 1}
 
 
@@ -171,9 +176,9 @@ def test_position_below_held_is_never_stored(
 ) -> None:
     introduce(inside, seal)
     for number, held in ((7, Position(1, 7)), (3, None)):
-        envelope = seal("fingertip", Stream.BLOCKS, block(number).encode(), held=held)
-        inside.arrive(Stream.BLOCKS, envelope)
-    assert inside.stored() == [status(0).encode(), block(7).encode()]
+        envelope = seal("fingertip", Stream.FRAMES, frame(number).encode(), held=held)
+        inside.arrive(Stream.FRAMES, envelope)
+    assert inside.stored() == [status(0).encode(), frame(7).encode()]
     assert acknowledged(inside, identities) == {(1, 0), (1, 3), (1, 7)}
 
 
@@ -184,11 +189,12 @@ def test_lower_boot_after_a_new_flash_is_accepted(
     first = status(0, boot=ahead).encode()
     held = Position(ahead, 0)
     inside.arrive(Stream.STATUS, seal("fingertip", Stream.STATUS, first, held=held, introduce=True))
-    said = [block(number, boot=now).encode() for number in (0, 2, 1)]
+    inside.describe(seal)
+    said = [frame(number, boot=now).encode() for number in (0, 2, 1)]
     for message in said:
-        envelope = seal("fingertip", Stream.BLOCKS, message, held=Position(now, 0))
-        inside.arrive(Stream.BLOCKS, envelope)
-        inside.arrive(Stream.BLOCKS, envelope)
+        envelope = seal("fingertip", Stream.FRAMES, message, held=Position(now, 0))
+        inside.arrive(Stream.FRAMES, envelope)
+        inside.arrive(Stream.FRAMES, envelope)
     assert inside.stored() == [first, *said]
     assert acknowledged(inside, identities) == {(ahead, 0), (now, 0), (now, 1), (now, 2)}
 
@@ -220,15 +226,16 @@ def test_status_of_an_old_boot_is_not_published(inside: Inside, seal: Seal) -> N
 @pytest.mark.parametrize(
     ("stream", "plaintext", "position"),
     [
-        (Stream.BLOCKS, peak(1).encode(), (1, 1)),
-        (Stream.EVENTS, block(1).encode(), (1, 1)),
+        (Stream.FRAMES, peak(1).encode(), (1, 1)),
+        (Stream.EVENTS, frame(1).encode(), (1, 1)),
         (Stream.STATUS, gap(1).encode(), (1, 1)),
-        (Stream.BLOCKS, cbor2.dumps({1: 9, 2: 4, 3: 2}), (4, 2)),
-        (Stream.BLOCKS, cbor2.dumps({3: 2, 1: 1, 2: 4}), (4, 2)),
-        (Stream.BLOCKS, cbor2.dumps({**cbor2.loads(block(1).encode()), 14: [0.0, 1.0]}), (1, 1)),
-        (Stream.BLOCKS, b"no cbor at all", None),
-        (Stream.BLOCKS, cbor2.dumps([1, 2, 3]), None),
-        (Stream.BLOCKS, cbor2.dumps({1: 1, 2: -4, 3: "x"}), None),
+        (Stream.FRAMES, cbor2.dumps({1: 9, 2: 4, 3: 2}), (4, 2)),
+        (Stream.FRAMES, cbor2.dumps({1: 99, 2: 4, 3: 2}), (4, 2)),
+        (Stream.FRAMES, cbor2.dumps({3: 2, 1: 7, 2: 4}), (4, 2)),
+        (Stream.FRAMES, cbor2.dumps({**cbor2.loads(frame(1).encode()), 14: [0.0, 1.0]}), (1, 1)),
+        (Stream.FRAMES, b"no cbor at all", None),
+        (Stream.FRAMES, cbor2.dumps([1, 2, 3]), None),
+        (Stream.FRAMES, cbor2.dumps({1: 7, 2: -4, 3: "x"}), None),
     ],
 )
 def test_unreadable_message_becomes_one_dead_letter_and_is_acknowledged(
@@ -260,7 +267,7 @@ def test_revoked_node_is_rejected_at_once(tmp_path: Path) -> None:
     assert inside.rejected() == {}
     own.authority.revoke("fingertip")
     inside.clock.seconds += 1.5
-    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(1).encode()))
+    inside.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, frame(1).encode()))
     assert inside.rejected() == {"untrusted": 1}
     palm = own.make(IdentityKind.NODE, "palm")
     envelope = Seal(palm, own.site)("palm", Stream.STATUS, status(0).encode(), introduce=True)
@@ -275,17 +282,17 @@ def test_missing_or_forged_revocation_list_rejects_all_nodes(
     crl = tmp_path / "node.crl.pem"
     inside = Inside(tmp_path, identities, revocations=crl)
     seal = Seal(identities.node, identities.site)
-    introduce(inside, seal)
+    present(inside, seal)
     assert inside.rejected() == {"untrusted": 1}
     assert "cannot be read" in str(inside.revocations.fault)
     strangers = Identities(tmp_path / "strangers")
     crl.write_bytes(strangers.authority.write_revocations(IdentityKind.NODE).read_bytes())
     inside.clock.seconds += 1.5
-    introduce(inside, seal)
+    present(inside, seal)
     assert "not issued by our CA" in str(inside.revocations.fault)
     crl.write_bytes(identities.authority.write_revocations(IdentityKind.NODE).read_bytes())
     inside.clock.seconds += 1.5
-    introduce(inside, seal)
+    present(inside, seal)
     assert inside.rejected() == {"untrusted": 2}
     assert inside.revocations.fault is None
     inside.spool.close()
@@ -298,7 +305,7 @@ def test_unreadable_spool_is_an_internal_error(
         raise SpoolError("the disk is gone")
 
     monkeypatch.setattr(inside.spool, "certificate", unreadable)
-    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(1).encode()))
+    inside.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, frame(1).encode()))
     assert inside.rejected() == {"internal_error": 1}
 
 

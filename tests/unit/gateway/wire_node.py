@@ -13,6 +13,7 @@ from eskin.wire.envelope import Opener, Sealer
 from eskin.wire.messages import Acknowledgement, Position
 from eskin.wire.topics import Stream, live_topic, node_topic
 from tests.support.processes import wait_until
+from tests.unit.gateway.messages import DESCRIPTIONS
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -20,9 +21,9 @@ if TYPE_CHECKING:
 
     from eskin.identity import Identity
     from eskin.wire.frames import Frame, Layout, Patch, Statements
-    from eskin.wire.messages import Message
+    from eskin.wire.messages import Result, Status
 
-    Sendable = Message | Frame | Statements | Patch | Layout
+    Sendable = Status | Result | Frame | Statements | Patch | Layout
 
 
 class WireNode:
@@ -68,10 +69,16 @@ class WireNode:
         self._client.loop_stop()
 
     def say(self, stream: Stream, message: Sendable, *, held: Position | None = None) -> bytes:
-        """Seal and publish; gives the envelope."""
+        """Seal and publish; gives the envelope.
+
+        A status is followed by what describes the fingertip, as at a connection.
+        """
         introduce = stream is Stream.STATUS
         envelope = self.seal(self.name, stream, message.encode(), held=held, introduce=introduce)
         self.publish(stream, envelope, retain=introduce)
+        if introduce:
+            for each in DESCRIPTIONS:
+                self.say(Stream.LAYOUTS, each)
         return envelope
 
     def publish(self, stream: Stream, envelope: bytes, *, retain: bool = False) -> None:

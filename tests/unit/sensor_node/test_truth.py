@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from eskin_sensor_node.node.ground_truth import GroundTruth, TrueBlock
+from eskin_sensor_node.node.ground_truth import GroundTruth, TrueFrame
 
 from eskin.errors import FlashError
 from eskin.wire.messages import Position
@@ -13,20 +13,31 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def block(sequence: int, n: int = 250) -> TrueBlock:
-    values = np.linspace(0.0, 1.0, n) * sequence
-    return TrueBlock(Position(1, sequence), "t01.area", 10**18 + sequence, 1_000_000, values)
+PERIOD = 1_000_000
+
+
+def true(sequence: int, n: int = 250, *, boot: int = 1, time: int = 10**18) -> TrueFrame:
+    """The truth behind a frame of one patch with so many samples."""
+    values = np.random.default_rng(sequence).normal(size=n)
+    sizes = np.array([[0, n]], np.uint32)
+    begin, lasting = time + sequence, n * PERIOD
+    place = Position(boot, sequence)
+    return TrueFrame(place, bytes(32), sequence, lasting, begin, begin + lasting, sizes, values)
 
 
 def test_truth_is_read_back_as_it_was_while_open_for_writing(tmp_path: Path) -> None:
     path = tmp_path / "truth.sqlite"
     truth = GroundTruth(path, limit=1 << 20)
     assert GroundTruth.oldest(path) is None
-    truth.store({"n": [block(3), block(5)]})
-    found = GroundTruth.read(path, [Position(1, 3), Position(1, 4), Position(1, 5)])
+    truth.store({"n": [true(3), true(5)]})
+    found = GroundTruth.read_frames(
+        path, [Position(1, 3), Position(1, 4), Position(1, 5)], node="n"
+    )
     assert sorted(found) == [Position(1, 3), Position(1, 5)]
-    kept, made = found[Position(1, 5)], block(5)
-    assert (kept.channel, kept.time, kept.dt) == (made.channel, made.time, made.dt)
+    kept, made = found[Position(1, 5)], true(5)
+    for name in ("position", "layout", "ticks", "lasting", "time", "end"):
+        assert getattr(kept, name) == getattr(made, name)
+    assert np.array_equal(kept.sizes, made.sizes)
     assert np.array_equal(kept.values, made.values)
     truth.close()
 
@@ -35,8 +46,10 @@ def test_oldest_truth_gives_way_beyond_the_limit(tmp_path: Path) -> None:
     path = tmp_path / "truth.sqlite"
     truth = GroundTruth(path, limit=1 << 18)
     for sequence in range(400):
-        truth.store({"n": [block(sequence)]})
-    found = GroundTruth.read(path, [Position(1, sequence) for sequence in range(400)])
+        truth.store({"n": [true(sequence)]})
+    found = GroundTruth.read_frames(
+        path, [Position(1, sequence) for sequence in range(400)], node="n"
+    )
     assert max(found) == Position(1, 399)
     assert 40 < len(found) < 140
     assert min(found).sequence == 400 - len(found)
@@ -60,17 +73,16 @@ def test_seed_is_kept_when_none_is_wanted(tmp_path: Path) -> None:
 
 def test_missing_truth_is_a_clear_error(tmp_path: Path) -> None:
     with pytest.raises(FlashError, match="cannot be read"):
-        GroundTruth.read(tmp_path / "none.sqlite", [Position(1, 1)])
+        GroundTruth.read_frames(tmp_path / "none.sqlite", [Position(1, 1)], node="n")
 
 
 def test_end_is_after_the_latest_sample_of_the_latest_boot(tmp_path: Path) -> None:
     truth = GroundTruth(tmp_path / "truth.sqlite", limit=1 << 20)
     assert truth.end() is None
-    truth.store({"n": [block(3), block(5, n=100)], "other": [block(4)]})
-    assert truth.end() == 10**18 + 4 + 250 * 1_000_000
-    later = TrueBlock(Position(2, 0), "t01.area", 9 * 10**17, 1_000_000, np.zeros(10))
-    truth.store({"n": [later]})
-    assert truth.end() == 10**18 + 4 + 250 * 1_000_000
+    truth.store({"n": [true(3), true(5, n=100)], "other": [true(4)]})
+    assert truth.end() == 10**18 + 4 + 250 * PERIOD
+    truth.store({"n": [true(0, n=10, boot=2, time=9 * 10**17)]})
+    assert truth.end() == 10**18 + 4 + 250 * PERIOD
     truth.close()
 
 
@@ -84,14 +96,14 @@ def test_second_node_on_one_truth_is_refused(tmp_path: Path) -> None:
 def test_nodes_of_one_file_are_told_apart(tmp_path: Path) -> None:
     path = tmp_path / "truth.sqlite"
     truth = GroundTruth(path, limit=1 << 20)
-    truth.store({"a": [block(3), block(4, n=9)], "b": [block(4), block(7)]})
+    truth.store({"a": [true(3), true(4, n=9)], "b": [true(4), true(7)]})
     truth.close()
     assert GroundTruth.made(path) == {
         "a": [Position(1, 3), Position(1, 4)],
         "b": [Position(1, 4), Position(1, 7)],
     }
     for node, samples in (("a", 9), ("b", 250)):
-        found = GroundTruth.read(path, [Position(1, 3), Position(1, 4)], node=node)
+        found = GroundTruth.read_frames(path, [Position(1, 3), Position(1, 4)], node=node)
         assert len(found[Position(1, 4)].values) == samples
         assert (Position(1, 3) in found) == (node == "a")
     assert GroundTruth.oldest(path, node="b") == Position(1, 4)

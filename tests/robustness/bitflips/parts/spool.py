@@ -14,7 +14,7 @@ from eskin.wire.topics import Stream
 from tests.robustness.bitflips.part import Part
 from tests.support.identities import Identities
 from tests.unit.gateway.in_memory import Inside
-from tests.unit.gateway.messages import block, gap, peak, status
+from tests.unit.gateway.messages import result, status
 from tests.unit.gateway.skins import LARGE
 from tests.unit.gateway.wire_node import Seal
 
@@ -45,7 +45,7 @@ def _envelope(stream: Stream, message: Any) -> bytes:
 
 
 def make(folder: Path) -> None:
-    """Messages of a node: its certificate, skin, blocks, peaks, gaps, and an unreadable one."""
+    """Messages of a node: its certificate, skin, frames, statements, and an unreadable one."""
     inside = Inside(folder, _identities())
     with closing(inside.spool):
         inside.arrive(Stream.STATUS, _envelope(Stream.STATUS, status(0)))
@@ -55,10 +55,10 @@ def make(folder: Path) -> None:
             if number % 5 == 4:
                 continue
             if number % 7 in {1, 2}:
-                said = gap(number) if number % 7 == 1 else peak(number)
-                inside.arrive(Stream.EVENTS, _envelope(Stream.EVENTS, said))
+                said = _SKIN.statements if number % 7 == 1 else _SKIN.peaks
+                inside.arrive(Stream.EVENTS, _envelope(Stream.EVENTS, said(number)))
             else:
-                inside.arrive(Stream.BLOCKS, _envelope(Stream.BLOCKS, block(number)))
+                inside.arrive(Stream.FRAMES, _envelope(Stream.FRAMES, _SKIN.frame(number)))
         inside.arrive(Stream.EVENTS, _seal()(_NODE, Stream.EVENTS, b"poison"))
         taken = inside.spool.take(5, 1 << 20)
         inside.spool.settle(taken, confirmed=taken)
@@ -85,11 +85,11 @@ def read(folder: Path) -> dict[str, Any]:
 def _later(inside: Inside) -> Iterator[tuple[str, Any]]:
     """What becomes of what comes now: new numbers must be stored."""
     before = len(inside.spool.take(1000, 1 << 30))
-    inside.arrive(Stream.BLOCKS, _envelope(Stream.BLOCKS, block(70)))
+    inside.arrive(Stream.EVENTS, _envelope(Stream.EVENTS, result(70, 1)))
     if not inside.rejected():
         yield "new is stored", len(inside.spool.take(1000, 1 << 30)) - before
     inside.arrive(Stream.STATUS, _envelope(Stream.STATUS, status(71)))
-    inside.arrive(Stream.BLOCKS, _envelope(Stream.BLOCKS, block(72)))
+    inside.arrive(Stream.EVENTS, _envelope(Stream.EVENTS, result(72, 2)))
     inside.arrive(Stream.FRAMES, _envelope(Stream.FRAMES, _SKIN.frame(73)))
     for each in _SKIN.descriptions:
         inside.arrive(Stream.LAYOUTS, _seal()(_NODE, Stream.LAYOUTS, each))

@@ -35,7 +35,7 @@ from tests.robustness.bitflips.part import Part
 from tests.support.identities import Identities
 from tests.unit.cloud.clouds import Clock, PlainIds, Stand, batch
 from tests.unit.cloud.everything import BUILT, PACKED, fill
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block, gap, peak
+from tests.unit.cloud.messages import CHANNEL, NODE, START, gap, peak, stretch
 from tests.unit.cloud.orders import fetch, opened
 from tests.unit.cloud.sealing import NODE as HAND
 from tests.unit.cloud.sealing import Site, sealing
@@ -90,7 +90,7 @@ async def _make(folder: Path) -> None:
         await fill(stand, Site(folder))
         values = [[1.0 + k] for k in range(40)]
         said = [
-            block(300 + k, v, [v[0] + 0.5], time=(START + k * SECOND,) * 2, dt=SECOND)
+            stretch(300 + k, v, [v[0] + 0.5], time=(START + k * SECOND,) * 2, dt=SECOND)
             for k, v in enumerate(values)
         ]
         await stand.ingest(batch(*said, peak(400), gap(401)))
@@ -234,8 +234,8 @@ class Asker:
                 log.warning("command refused by its node: %s", error)
 
     async def _bring(self) -> None:
-        old = (peak(1), gap(2), block(3), peak(400), gap(401))
-        for said in (*old, block(500), peak(501)):
+        old = (peak(1), gap(2), stretch(3), peak(400), gap(401))
+        for said in (*old, stretch(500), peak(501)):
             await self.bring(said)
 
     async def bring(self, said: Any) -> None:

@@ -21,7 +21,7 @@ from eskin.wire.timestamp import SECOND
 from tests.robustness.bitflips.part import Part
 from tests.support.identities import Identities
 from tests.unit.cloud.clouds import batch, standing
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 
 if TYPE_CHECKING:
     from tests.unit.cloud.clouds import Stand
@@ -52,7 +52,8 @@ def make(folder: Path) -> None:
 
 async def _bring(stand: Stand) -> None:
     for number in range(_COUNT):
-        said = block(number, [1.0 + number], [2.0 + number], time=(START + number * SECOND,) * 2)
+        time = (START + number * SECOND,) * 2
+        said = stretch(number, [1.0 + number], [2.0 + number], time=time)
         assert (await stand.ingest(batch(said))).status_code == 200
 
 

@@ -11,7 +11,8 @@ from eskin.wire.topics import Stream, node_topic
 from tests.robustness.fuzz.mutations.trees import mutate_tree
 from tests.robustness.fuzz.target import Target
 from tests.support.identities import Identities
-from tests.unit.gateway.messages import block, status
+from tests.unit.gateway.messages import status
+from tests.unit.gateway.skins import SMALL
 from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def make(folder: Path) -> Target:
     """Only `EnvelopeError`; what opens is what was sealed."""
     identities = Identities(folder / "identities")
     seal = Seal(identities.node, identities.site)
-    said = [status(0).encode(), block(1, n=3).encode()]
+    said = [status(0).encode(), SMALL.frame(1).encode()]
     seeds = [
         seal("fingertip", Stream.STATUS, plaintext, held=held, introduce=introduce)
         for plaintext in said

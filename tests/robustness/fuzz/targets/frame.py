@@ -75,13 +75,14 @@ def _check_frame(frame: Frame) -> None:
     for patch, values in zip(frame.patches, frame.values, strict=True):
         sampling = patch.sampling(frame.grids[patch.grid])
         assert (values.inf <= values.sup).all()
-        _check_encoders(values, sampling, math.ldexp(1.0, patch.samples.exponent))
+        check_encoders(values, sampling, math.ldexp(1.0, patch.samples.exponent))
     if sum(values.size for values in frame.values) <= SLOWEST:
         found = decode_frame(cbor2.dumps(cbor2.loads(frame.encode())))
         assert len(found) == len(frame.patches)
 
 
-def _check_encoders(values: Interval, sampling: Sampling, least_width: float) -> None:
+def check_encoders(values: Interval, sampling: Sampling, least_width: float) -> None:
+    """Both encoders agree, and what they write encloses the values."""
     encoded = encode_samples(values, sampling, least_width)
     cells = firmware.Sampling(*sampling)
     finest = firmware.finest_exponent(least_width)

@@ -6,18 +6,14 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import cbor2
-import numpy as np
 from eskin_cloud.ingest.batch import read_batch
 from eskin_cloud.ingest.errors import MalformedBatchError
 from eskin_cloud.store import Store
 from eskin_cloud.store.damage import FrameHeader, require_intact
 from eskin_cloud.store.schema.frame_tables import frames
-from eskin_cloud.store.schema.tables import blocks
 from eskin_cloud.store.write.ingest import ingest
 from sqlalchemy import select
 
-from eskin.wire.messages import Encoding
-from eskin.wire.messages.compression import decompress
 from tests.robustness.fuzz.mutations.trees import mutate_tree
 from tests.robustness.fuzz.target import Target
 from tests.unit.cloud import messages as said
@@ -33,7 +29,7 @@ if TYPE_CHECKING:
     from eskin.wire.messages import Message
 
 _LONGEST = 4096
-"""Bytes of a batch: some ten blocks, and five times as many inputs a second as with seventy."""
+"""Bytes of a batch: some ten frames, and five times as many inputs a second as with seventy."""
 _AT_ONCE = 500
 """Batches in one transaction, which is undone then: the store does not grow."""
 
@@ -66,23 +62,17 @@ def make(folder: Path) -> Target:
             assert (receipt.reason is not None) is refused
             assert bool(receipt.want) is (receipt.result == "unknown_layout")
         for entry in outcome.entries:
-            if entry.block is not None:
-                kept = select(blocks.c.data).where(blocks.c.cursor == entry.cursor)
-                assert decompress(connection.execute(kept).scalar_one()) == entry.block
             if entry.frame is not None:
                 found = connection.execute(select(frames).where(frames.c.cursor == entry.cursor))
                 row = found.mappings().one()
                 require_intact(FrameHeader, row)
                 assert row["data"] == entry.frame
 
-    one: list[Message] = [said.block(0), said.peak(1), said.gap(2), said.status(3), result(4, 1)]
+    one: list[Message] = [said.status(3), result(4, 1)]
     skins.describe(store, skins.HAND, *skins.PATCHES)
     placed: list[Frame | Statements] = [skins.frame(6), skins.frame(7, page=1), skins.statements(8)]
     batches = [[[said.NODE, message.encode()]] for message in (*one, *placed)]
     batches.append([item for batch in batches for item in batch])
-    wave = np.sin(np.arange(60) / 9.0)
-    long = said.block(5, wave, wave + 0.5, encoding=Encoding.F32)
-    batches.append([[said.NODE, long.encode()]])
     seeds = tuple(cbor2.dumps(batch) for batch in batches)
     return Target(seeds, mutate_tree, check, stack, longest=_LONGEST)
 

@@ -15,11 +15,13 @@ from tests.robustness.fuzz.mutations.trees import mutate_tree, read_input
 from tests.robustness.fuzz.target import Target
 from tests.support.identities import Identities
 from tests.unit.gateway.in_memory import Inside
-from tests.unit.gateway.messages import block, gap, peak, result, status
+from tests.unit.gateway.messages import result, status
+from tests.unit.gateway.skins import SMALL
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from eskin.wire.frames import Frame, Statements
     from eskin.wire.messages import Message
 
 _ANEW = 1000
@@ -38,6 +40,9 @@ def make(folder: Path) -> Target:
         status(0).encode(), topic=node_topic("fingertip", Stream.STATUS), introduce=True
     )
     inside.arrive(Stream.STATUS, known)
+    for each in SMALL.descriptions:
+        topic = node_topic("fingertip", Stream.LAYOUTS)
+        inside.arrive(Stream.LAYOUTS, sealer.seal(each, topic=topic))
     count = 0
 
     def check(data: bytes) -> None:
@@ -60,13 +65,15 @@ def make(folder: Path) -> Target:
             inside.node_states.reset()
 
     inside.broker.released.clear()
-    said: list[tuple[Stream, Message]] = [
-        (Stream.BLOCKS, block(1, n=3)),
-        (Stream.EVENTS, peak(2)),
-        (Stream.EVENTS, gap(3)),
+    said: list[tuple[Stream, Message | Frame | Statements]] = [
+        (Stream.FRAMES, SMALL.frame(1)),
+        (Stream.EVENTS, SMALL.peaks(2)),
+        (Stream.EVENTS, SMALL.statements(3)),
         (Stream.EVENTS, result(5, 1)),
         (Stream.STATUS, status(4)),
     ]
     inputs = [[node_topic("fingertip", stream), True, one.encode()] for stream, one in said]
+    layouts = node_topic("fingertip", Stream.LAYOUTS)
+    inputs += [[layouts, True, each] for each in SMALL.descriptions]
     inputs.append([node_topic("fingertip", Stream.STATUS), False, known])
     return Target(tuple(cbor2.dumps(one) for one in inputs), mutate_tree, check, stack)

@@ -33,7 +33,7 @@ def make(_: Path) -> Target:
         write_cursor(5, -7),
         write_cursor("fingertip", 3),
         "text/csv;q=0.5, application/*;q=0.3, */*;q=0",
-        "eskin/v1/nodes/fingertip/blocks",
+        "eskin/v1/nodes/fingertip/frames",
     )
     return Target(tuple(seed.encode() for seed in seeds), mutate_text, check)
 

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from eskin_cloud.query.models import DEFAULTS
-from eskin_cloud.rollup.tile_builder import build
-from eskin_cloud.store.compaction import compact_page
+from eskin_cloud.rollup.patch_tile_builder import build
 
-from eskin.wire.messages import Encoding
 from tests.robustness.fuzz.mutations.queries import OTHER, mutate_query
 from tests.robustness.fuzz.people import People, require_intervals
 from tests.robustness.fuzz.target import Target
+from tests.unit.cloud.brute_force import compact_all
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, gap, peak, status, stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from eskin_cloud.store import Store
 
 _SAMPLES: Final = 50
-_BLOCKS: Final = 40
+_FRAMES: Final = 40
 _SERIES: Final = f"api/v1/series/{NODE}/{CHANNEL}"
 _ALL: Final = f"start={START}&end={START + 10**10}"
 _SWING: Final = "&".join(
@@ -73,16 +72,16 @@ def make(folder: Path) -> Target:
 
 
 def _fill(store: Store) -> None:
-    """Two channels: one packed and with a pyramid, one with overlaps, gaps and wide times."""
+    """Two channels with pyramids: one even, one with overlaps, gaps and wide times."""
     draw = np.random.default_rng(1)
-    for number in range(_BLOCKS):
+    for number in range(_FRAMES):
         begin = START + number * _SAMPLES * DT
         lo, time = 1.0 + draw.random(_SAMPLES), (begin, begin)
-        put(store, block(2 * number, lo, lo + 0.25, time=time, encoding=Encoding.Q16))
+        put(store, stretch(2 * number, lo, lo + 0.25, time=time))
         if number % 5:
             early = begin + (number % 3 - 1) * 10 * DT
             time = early, early + 3 * DT
-            put(store, block(2 * number + 1, lo + 0.1, lo + 0.3, channel=OTHER, time=time))
+            put(store, stretch(2 * number + 1, lo + 0.1, lo + 0.3, channel=OTHER, time=time))
+    compact_all(store)
     build(store)
-    compact_page(store, (NODE, CHANNEL), 0)
-    put(store, status(0, boot=2, channels=(CHANNEL, OTHER)), peak(1, boot=2), gap(2, boot=2))
+    put(store, status(0, boot=2), peak(1, boot=2), gap(2, boot=2))

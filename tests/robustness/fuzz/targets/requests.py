@@ -10,7 +10,7 @@ from tests.robustness.fuzz.mutations.texts import mutate_text
 from tests.robustness.fuzz.people import People
 from tests.robustness.fuzz.target import Target
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, block, gap, peak, status
+from tests.unit.cloud.messages import CHANNEL, NODE, START, gap, peak, status, stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -61,7 +61,7 @@ def make(folder: Path) -> Target:
     """
     stack = ExitStack()
     people = People(folder, stack)
-    put(people.store, status(0), block(1, [1.0] * 50, [2.0] * 50), peak(2), gap(3))
+    put(people.store, status(0), stretch(1, [1.0] * 50, [2.0] * 50), peak(2), gap(3))
 
     def check(data: bytes) -> None:
         head, _, body = data.partition(b"\n\n")

@@ -13,7 +13,7 @@ from eskin.errors import SpoolError
 from eskin.wire.messages import Position
 from tests.robustness.fuzz.mutations.octets import mutate_image
 from tests.robustness.fuzz.target import Target
-from tests.unit.gateway.messages import block
+from tests.unit.gateway.skins import SMALL
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -50,7 +50,7 @@ def _batch(sequence: int) -> Batch:
     record = NodeState(held=Position(1, 0), status=b"status", thumbprint=b"t" * 32)
     record.add(Position(1, sequence))
     batch = Batch()
-    batch.messages.append(SpoolMessage("fingertip", 5, block(sequence, n=3).encode()))
+    batch.messages.append(SpoolMessage("fingertip", 5, SMALL.frame(sequence).encode()))
     batch.nodes["fingertip"] = record
     batch.certificates.append(NodeCertificate(b"t" * 32, 2**40, b"leaf", b"issuer"))
     batch.dead_letters.append(DeadLetter(5, "fingertip", "why", b"body"))

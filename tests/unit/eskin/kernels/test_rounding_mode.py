@@ -12,10 +12,7 @@ from eskin import models
 from eskin.interval import Interval
 from eskin.kernels.rounding_mode import rounding_to_nearest, rounds_to_nearest
 from eskin.peaks import find_peaks
-from eskin.tube import Tube
-from eskin.wire.messages import Block, Encoding, Position
-from eskin.wire.messages.compression import compress_all, decompress
-from eskin.wire.messages.concatenated import Joined
+from eskin.wire.frames import SampleCodes, Sampling, decode_samples, encode_samples
 from tests.unit.eskin.peaks.firmware import Detector
 
 if TYPE_CHECKING:
@@ -81,17 +78,18 @@ def test_peaks_are_found_as_if_it_rounded_to_nearest(odd_mode: int) -> None:
 
 
 @rounding_to_nearest
-def said() -> tuple[bytes, bytes | None]:
-    """A block of ``f32``, and what it is compressed."""
-    lo = np.random.default_rng(5).random(500)
-    tube = Tube((0, 0), 1_000_000, Interval(lo, lo + 1e-3), "F", 1.0)
-    data = Block.pack(Position(1, 2), "t01.capacitance", 7, tube, Encoding.F32).encode()
-    return data, compress_all(Joined.of([data]))[0]
+def said() -> tuple[Interval, Sampling, SampleCodes, Interval]:
+    """Samples of a patch, their codes, and what these are decoded to."""
+    lo = np.random.default_rng(5).random((20, 25))
+    values, sampling = Interval(lo, lo + 1e-3), Sampling(20, 25)
+    codes = encode_samples(values, sampling, 1e-3)
+    return values, sampling, codes, decode_samples(codes, sampling)
 
 
-def test_compressed_blocks_are_written_and_read_alike(odd_mode: int) -> None:
-    data, short = said()
-    assert short is not None
-    assert compress_all(Joined.of([data])) == [short]
-    assert decompress(short) == data
+def test_samples_are_encoded_and_decoded_alike(odd_mode: int) -> None:
+    values, sampling, codes, expected = said()
+    assert encode_samples(values, sampling, 1e-3) == codes
+    found = decode_samples(codes, sampling)
+    assert np.array_equal(found.inf, expected.inf)
+    assert np.array_equal(found.sup, expected.sup)
     assert C.fegetround() == odd_mode

@@ -20,23 +20,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.identity import IdentityKind
-from eskin.wire.frames import Controller, DescribedLayout, FrameSummary
-from eskin.wire.messages import Block, ChannelInfo, Encoding, Status
+from eskin.wire.frames import Controller, DescribedLayout, FrameSummary, Patch
 from eskin.wire.messages.header import CHANNEL as CHANNEL_NAME
 from eskin.wire.topics import Stream, live_topic
 from tests.support.identities import Identities
 from tests.support.processes import wait_until
 from tests.unit.gateway.in_memory import DAY_NS, Inside
-from tests.unit.gateway.messages import CHANNEL, EPOCH, block, status
-from tests.unit.gateway.skins import LARGE, MIXED, PERIOD, SMALL, SkinOf
-from tests.unit.gateway.test_public_payloads import summary
+from tests.unit.gateway.messages import CHANNEL, EPOCH, PATCH, status
+from tests.unit.gateway.skins import LARGE, MIXED, PERIOD, SMALL, WEARER, SkinNode, SkinOf
 from tests.unit.gateway.wire_node import Listener, Seal, WireNode
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from eskin_gateway.mqtt.transport import Publication
     from eskin_gateway.settings import GatewaySettings
 
+    from eskin.wire.frames import Frame
+    from eskin.wire.messages import Status
     from tests.support.brokers import Mosquitto
 
 PYTHON = Path(__file__).parents[4] / ".venv" / "homeassistant" / "bin" / "python"
@@ -70,18 +71,27 @@ def judged(*questions: Any) -> list[Any]:
     return list(json.loads(done.stdout))
 
 
-def now_status(sequence: int, *channels: ChannelInfo, boot: int = 1) -> Status:
+def now_status(sequence: int) -> Status:
     """A status of this moment."""
-    told = replace(status(sequence, boot=boot), time=(time.time_ns() - 10**9, time.time_ns()))
-    return replace(told, channels=channels) if channels else told
+    return replace(status(sequence), time=(time.time_ns() - 10**9, time.time_ns()))
 
 
-def now_block(sequence: int) -> Block:
-    """A block that ends at this moment."""
-    old = block(sequence)
-    now = time.time_ns() - len(old.tube) * old.tube.dt
-    tube = replace(old.tube, time=(now, now))
-    return Block.pack(old.position, old.channel, old.ticks, tube, Encoding.F32)
+def now_frame(sequence: int, skin: SkinOf) -> Frame:
+    """A frame that ends at this moment."""
+    now = time.time_ns() - 5 * PERIOD
+    return replace(skin.frame(sequence), time=(now, now))
+
+
+def published(frame: Frame, skin: SkinOf, node: str = "n") -> list[Publication]:
+    """What is published of a frame."""
+    data = frame.encode()
+    described = DescribedLayout.of(skin.layout, skin.patches)
+    due = FrameHulls().add(node, FrameSummary.decode(data), data, described, now=1.0)
+    return [each for _, hull in due for each in public_payloads.hulls(node, hull, senml=False)]
+
+
+ONE = SkinOf(PATCH)
+BOTH = SkinOf(PATCH, Patch("wire", "current", "A", ("t02",), 1.0), WEARER, pages=(2, 1))
 
 
 @pytest.fixture
@@ -98,12 +108,11 @@ def test_home_assistant_accepts_channels_with_bounds_and_availability(
     identities: Identities, broker: Mosquitto, node: WireNode
 ) -> None:
     client = identities.make(IdentityKind.CLIENT, "client.home")
-    both = ChannelInfo(CHANNEL, "F", 10**6, 1.0), ChannelInfo("t02.current", "A", 10**9, 1.0)
-    personal = ChannelInfo("t03.bioelectric", "V", 10**6, 1.0)
     with Listener(client, broker.client_port) as listener:
-        node.say(Stream.STATUS, now_status(0, *both, personal))
-        node.say(Stream.BLOCKS, now_block(1))
-        node.say(Stream.BLOCKS, block(3))
+        node.say(Stream.STATUS, now_status(0))
+        SkinNode(node, BOTH).describe()
+        node.say(Stream.FRAMES, now_frame(1, BOTH))
+        node.say(Stream.FRAMES, BOTH.frame(3))
         state = live_topic("fingertip", CHANNEL)
         wait_until(lambda: len(listener.on(state)) > 1, "both hulls are public")
         statuses = live_topic("fingertip", "status")
@@ -116,29 +125,28 @@ def test_home_assistant_accepts_channels_with_bounds_and_availability(
         wait_until(lambda: len(late.received) >= 2, "both channels are announced")
         assert {(topic, kept) for topic, _, kept in late.received} == {(TOPIC, True), (OTHER, True)}
         (one,) = judged(asked(TOPIC, late.on(TOPIC)[0], states=heard[0], statuses=heard[1]))
-        lo, hi = block(1).bounds
-        assert lo <= float(one["states"][0]) <= hi
+        assert float(one["states"][0]) == pytest.approx(1050.0)
         assert {"lo", "hi", "t0", "t1", "coverage", "unit"} <= set(one["attributes"][0])
-        # A delayed block is not the present state.
+        # A delayed frame is not the present state.
         assert (one["states"][1:], one["attributes"][1:]) == (["None"], [[]])
         assert one["available"] == [True, False]
         assert (one["component"], one["node_id"], one["unit"]) == ("sensor", "fingertip", "F")
-        assert one["expire_after"] == 61
-        node.say(Stream.STATUS, now_status(2, both[0]))
+        assert one["expire_after"] == 120
+        SkinNode(node, ONE).describe()
+        node.say(Stream.FRAMES, now_frame(4, ONE))
         wait_until(lambda: late.on(OTHER) == [late.on(OTHER)[0], b""], "the channel went")
     with Listener(client, broker.client_port, "homeassistant/#") as last:
-        node.say(Stream.STATUS, replace(now_status(4, both[0]), description="another finger"))
+        node.say(Stream.STATUS, replace(now_status(5), description="another finger"))
         anew = "the other channel is announced anew, after all that was kept"
         wait_until(lambda: any(not kept for _, _, kept in list(last.received)), anew)
         assert [topic for topic, _, _ in last.received] == [TOPIC, TOPIC]
 
 
 def test_home_assistant_accepts_every_unit_and_unbounded_sides() -> None:
-    body = json.loads(public_payloads.live("n", summary(now_block(0)))[1])
+    body = json.loads(published(now_frame(0, ONE), ONE)[0][1])
     open_above = json.dumps(body | {"hi": None}).encode()
-    channels = [ChannelInfo("t01.humidity", unit, 10**6, 1.0) for unit in UNITS]
     topic = config_topic("homeassistant", "n", "t01.humidity")
-    announced = [config("n", status(0), channel) for channel in channels]
+    announced = [config("n", status(0), "t01.humidity", unit) for unit in UNITS]
     answers = judged(*(asked(topic, each, states=[open_above], statuses=[]) for each in announced))
     told = {"m2": "m²", "Cel": "°C", "1": None}
     assert [one["unit"] for one in answers] == [told.get(unit, unit) for unit in UNITS]
@@ -163,7 +171,7 @@ def test_no_two_channels_share_a_topic(one: str, two: str) -> None:
 
 def test_texts_of_a_node_are_no_templates() -> None:
     evil = "{{ states.light | list }}"
-    said = json.loads(config("n", status(0, description=evil), ChannelInfo(CHANNEL, "F", 1, 1.0)))
+    said = json.loads(config("n", status(0, description=evil), CHANNEL, "F"))
     assert said["device"]["model"] == evil
     assert [name for name, value in said.items() if evil in str(value)] == ["device"]
 
@@ -177,6 +185,8 @@ def introduce(inside: Inside, seal: Seal, number: int, **changes: Any) -> None:
     told = replace(status(number), **changes)
     envelope = seal("fingertip", Stream.STATUS, told.encode(), introduce=True)
     inside.arrive(Stream.STATUS, envelope)
+    if not number:
+        describe(inside, seal, ONE, 100)
 
 
 @pytest.fixture
@@ -279,7 +289,7 @@ def test_patches_of_a_large_skin_are_announced_and_not_its_channels(
     tmp_path: Path, home: Inside, own: Identities
 ) -> None:
     seal = Seal(own.node, own.site)
-    introduce(home, seal, 0, channels=())
+    introduce(home, seal, 0)
     describe(home, seal, SMALL, 1)
     small = {"p000c00-pressure", "p000c01-pressure", "p000c02-pressure"}
     small |= {"p001c00-pressure", "p001c01-pressure"}
@@ -305,7 +315,7 @@ def test_biometric_patches_and_those_of_other_controllers_are_not_announced(
     home: Inside, own: Identities
 ) -> None:
     seal = Seal(own.node, own.site)
-    introduce(home, seal, 0, channels=())
+    introduce(home, seal, 0)
     describe(home, seal, MIXED, 1)
     assert present(home) == {"p000c00-pressure", "p000c01-pressure", "p000c02-pressure"}
     shared = SkinOf(*LARGE.patches, pages=(2, 2))
@@ -319,15 +329,10 @@ def test_biometric_patches_and_those_of_other_controllers_are_not_announced(
 def test_home_assistant_accepts_patches_and_contacts() -> None:
     skin = DescribedLayout.of(LARGE.layout, LARGE.patches)
     announced = configs("homeassistant", "n", now_status(0), skin)
-    frame = LARGE.frame(0, {0: np.full(20, 3500.0), 1: np.full(20, 10.0)})
+    late = LARGE.frame(0, {0: np.full(20, 3500.0), 1: np.full(20, 10.0)})
     now = time.time_ns() - 5 * PERIOD
-    hulls = FrameHulls(senml=False)
-    said = [replace(frame, time=(now, now)).encode(), frame.encode()]
-    fresh, late = (
-        list(hulls.add(name, FrameSummary.decode(data), data, skin, now=1.0))
-        for name, data in zip("nm", said, strict=True)
-    )
-    states = [fresh[0][1], late[0][1]]
+    fresh = published(replace(late, time=(now, now)), LARGE)
+    states = [fresh[0][1], published(late, LARGE)[0][1]]
     sides = json.loads(states[0])
     states.append(json.dumps(sides | {"hull": sides["hull"] | {"hi": None}}).encode())
     answers = judged(

@@ -100,10 +100,18 @@ class SkinBench:
     Args:
         folder: Where it lives.
         drift: Of its crystal, in parts of 1e9.
+        build: Its columns.
         sections: Changes of its settings.
     """
 
-    def __init__(self, folder: Path, *, drift: int = 20_000, **sections: Any) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        drift: int = 20_000,
+        build: type[TinyColumns] = TinyColumns,
+        **sections: Any,
+    ) -> None:
         self.settings = settings(folder, "paper-hand", **sections)
         self.truth = GroundTruth(self.settings.truth.path, limit=self.settings.truth.limit_bytes)
         self.flash = open_flash(self.settings.flash.path, node="paper-hand", epoch=1)
@@ -111,7 +119,7 @@ class SkinBench:
             self.flash,
             capacity=self.settings.flash.capacity_bytes,
             broker=self.settings.broker,
-            described=describe(LAYOUT, PATCHES),
+            described=describe(build.layout, build.patches),
         )
         self.ticks = 0
         self.clock = clock_at(lambda: self.ticks, drift=drift)
@@ -121,7 +129,7 @@ class SkinBench:
             outbox=self.outbox,
             truth=self.truth,
             seed=7,
-            build=TinyColumns,
+            build=build,
         )
         self.controls = SkinControls(self.node)
 
