@@ -1,4 +1,4 @@
-"""Channels of a patch beside the same samples in frames of their own: all answers are the same."""
+"""Channels of a patch, and the same samples in frames of their own: all answers are the same."""
 
 from __future__ import annotations
 
