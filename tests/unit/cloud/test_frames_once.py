@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from eskin.wire.frames import Frame, Statements
+from eskin.wire.frames import Frame, Statements
 from tests.unit.cloud.clouds import emptied
 from tests.unit.cloud.skins import (
     HAND,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
     from eskin_cloud.store import Store
 
-    from eskin.wire.frames import Frame, Layout, Patch
+    from eskin.wire.frames import Layout, Patch
 
 EXTRA: Final = patch("extra", 2)
 OTHER: Final = layout((PALM, WARM, TIP, EXTRA), (2, 1, 1))
