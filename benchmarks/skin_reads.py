@@ -18,7 +18,7 @@ from eskin_cloud.query.pictures import read_pictures
 from eskin_cloud.query.series import read_series
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.store import Store
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 

@@ -274,22 +274,19 @@ class RetentionSection(Section):
         return value
 
 
-class PackingSection(Section):
-    """Blocks of which a live stream is no more resumed are packed: the same bytes in a third.
+class CompactionSection(Section):
+    """Old frames become rows of their patches: the same values in a third of the bytes."""
 
-    Frames become rows of their patches: the same values in a third.
-    """
-
-    on: bool = Field(default=True, description="whether old blocks and frames are packed")
+    on: bool = Field(default=True, description="whether old frames are compacted")
     every_s: float = Field(
-        default=60.0, gt=0, le=86_400, description="seconds between two looks for what to pack"
+        default=60.0, gt=0, le=86_400, description="seconds between two looks for old frames"
     )
-    frames_after_min: float = Field(
+    after_min: float = Field(
         default=2.0,
         ge=0,
         le=10_080,
-        description="minutes after which frames are packed; a live stream is resumed from younger "
-        "ones only",
+        description="minutes after which frames are compacted; a live stream is resumed from "
+        "younger ones only",
     )
 
 
@@ -309,19 +306,6 @@ class LiveSection(Section):
     heartbeat_s: float = Field(
         default=10.0, gt=0, le=300, description="seconds between signs of life"
     )
-    watched_nodes: int = Field(
-        default=32,
-        ge=0,
-        le=1000,
-        description="nodes that are asked for short blocks at once, because streams have chosen "
-        "them; and as many because streams are of everything",
-    )
-    watched_s: float = Field(
-        default=10.0,
-        ge=1,
-        le=60,
-        description="seconds for which one look keeps a node's blocks short",
-    )
 
 
 class CloudSettings(Settings):
@@ -335,7 +319,7 @@ class CloudSettings(Settings):
     limits: LimitsSection = LimitsSection()
     live: LiveSection = LiveSection()
     retention: RetentionSection = RetentionSection()
-    packing: PackingSection = PackingSection()
+    compaction: CompactionSection = CompactionSection()
     keys: KeysSection = KeysSection()
     renewal: RenewalSection = RenewalSection()
     log: LogSection = LogSection()

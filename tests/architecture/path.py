@@ -396,7 +396,7 @@ class Stack:
             "people": {"port": people},
             "gateways": {"port": ingest, "identity": server.directory},
             "retention": {"every_s": 86_400},
-            "packing": {"every_s": 86_400},
+            "compaction": {"every_s": 86_400},
             "live": {"watched_nodes": 0},
         })  # fmt: skip
         broker = stack.enter_context(Mosquitto(self._folder / "broker", identities))

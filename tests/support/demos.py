@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import httpx
 import psutil
 
+from tests.support.files import ask
 from tests.support.processes import ESKIN, PLAIN, Running, free_port, wait_until
 
 if TYPE_CHECKING:
@@ -46,6 +45,11 @@ class RunningDemo(Running):
         self.wait_for(
             lambda: self.output().count("eskin is running") > before, "the demo is up", seconds=200
         )
+
+    @property
+    def store(self) -> Path:
+        """The cloud's database."""
+        return self.data / "cloud" / "store.sqlite"
 
     @property
     def access(self) -> dict[str, Any]:
@@ -94,13 +98,13 @@ class RunningDemo(Running):
         return found
 
     def samples(self) -> dict[str, int]:
-        """How many samples are stored, by node."""
-        return {
-            node["id"]: sum(
-                c["samples"] for c in self.get(f"/nodes/{node['id']}/channels")["items"]
-            )
-            for node in self.get("/nodes")["items"]
-        }
+        """How many samples are stored in the clear, by node."""
+        query = (
+            "SELECT node, sum(samples) FROM "
+            "(SELECT node, samples FROM pages UNION ALL SELECT node, samples FROM patches) "
+            "GROUP BY node"
+        )
+        return {str(node): int(count) for node, count in ask(self.store, query)}
 
     def wait_for_more(self, nodes: Sequence[str], *, seconds: float = 120.0) -> None:
         """Wait until each node has stored more samples than now."""
@@ -114,9 +118,7 @@ class RunningDemo(Running):
     def sequences(self) -> dict[tuple[str, int], list[tuple[int, int]]]:
         """Ranges of sequence numbers that the cloud stored, by node and boot."""
         found: dict[tuple[str, int], list[tuple[int, int]]] = {}
-        path = self.data / "cloud" / "store.sqlite"
-        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as db:
-            rows = db.execute("SELECT node, boot, first, last FROM sequences ORDER BY 1, 2, 3")
-            for node, boot, first, last in rows:
-                found.setdefault((node, boot), []).append((first, last))
+        query = "SELECT node, boot, first, last FROM sequences ORDER BY 1, 2, 3"
+        for node, boot, first, last in ask(self.store, query):
+            found.setdefault((node, boot), []).append((first, last))
         return found

@@ -129,6 +129,10 @@ class RealStack:
         log = self.folder / f"gateway-{number}.log"
         return Running([ESKIN, "gateway", "--config", str(config)], log=log)
 
+    def stored_frames(self) -> int:
+        """How many frames the cloud has stored."""
+        return int(ask(self.store, "SELECT coalesce(sum(frames), 0) FROM pages")[0][0])
+
     def stored_blocks(self) -> int:
         """How many blocks the cloud has stored."""
         return int(ask(self.store, "SELECT coalesce(sum(blocks), 0) FROM channels")[0][0])

@@ -72,7 +72,7 @@ class Malice:
     def _echo(self, topic: str, data: bytes) -> Iterator[tuple[str, bytes]]:
         """What a node said, back to it as its acknowledgement, and the other way round."""
         head, stream = topic.rsplit("/", 1)
-        yield f"{head}/{'acks' if stream in FROM_NODE else 'blocks'}", data
+        yield f"{head}/{'acks' if stream in FROM_NODE else 'frames'}", data
 
 
 class HostileBroker(LoopbackBroker):

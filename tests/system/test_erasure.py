@@ -21,13 +21,20 @@ from eskin.cli import app
 from eskin.errors import CloudError, NoKeyError, SettingsError
 from eskin.interval import Interval, Verdict
 from eskin.privacy import Decryptor, SealedMessage
-from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples, Privacy, Statements
-from eskin.wire.frames import Peak as StatedPeak
-from eskin.wire.messages import Block, Peak, Position
+from eskin.wire.frames import (
+    Frame,
+    Grid,
+    Layout,
+    Patch,
+    PatchSamples,
+    Peak,
+    Privacy,
+    Statements,
+)
+from eskin.wire.messages import Position
 from eskin.wire.topics import Stream
 from tests.support.identities import SITE
 from tests.unit.cloud.clouds import admit
-from tests.unit.cloud.messages import block, peak
 from tests.unit.cloud.sealing import ask, physician, remains, sealing
 from tests.unit.gateway.certificates import KnownNodes
 from tests.unit.gateway.in_memory import Inside, quick
@@ -45,18 +52,16 @@ if TYPE_CHECKING:
 
 NODE: Final = "fingertip"
 NAME: Final = "Ada Lovelace"
-CHANNEL: Final = "t05.bioelectric"
+CHANNEL: Final = "h0.bioelectric"
 SERIES: Final = f"/api/v1/series/{NODE}/{CHANNEL}"
-FRAMES: Final = f"/api/v1/series/{NODE}/h0.bioelectric"
 SKIN: Final = Patch("heart", "bioelectric", "V", ("h0",), 1e-3, Privacy.BIOMETRIC, "wearer")
 LAYOUT: Final = Layout((SKIN.content_hash,), (1,))
 STREAMS: Final = {
-    Block: Stream.BLOCKS,
     Frame: Stream.FRAMES,
     Patch: Stream.LAYOUTS,
     Layout: Stream.LAYOUTS,
 }
-Message = Block | Peak | Frame | Statements
+Message = Frame | Statements
 
 
 class House(SubjectsClient):
@@ -138,30 +143,26 @@ def house(tmp_path: Path, identities: Identities) -> Iterator[House]:
 
 
 def heart(first: int) -> list[Message]:
-    """Two blocks, a peak, a frame and a stated peak of a heart, now."""
+    """Two frames and a peak of a heart, now."""
     now = time.time_ns()
     lo = [0.7071 + 0.001 * k * first for k in range(60)]
-    beats: dict[str, Any] = {"channel": CHANNEL, "unit": "V", "time": (now, now)}
-    return [
-        block(first, lo, [v + 0.01 for v in lo], **beats),
-        block(first + 1, lo, [v + 0.02 for v in lo], **beats),
-        peak(first + 2, **beats),
-        *of_skin(first + 3, now, lo),
-    ]
+    return [beats(first, now, lo), beats(first + 1, now + 10**9, lo), peak(first + 2, now)]
 
 
-def of_skin(first: int, now: int, lo: list[float]) -> tuple[Frame, Statements]:
+def beats(number: int, now: int, lo: list[float]) -> Frame:
     grid = Grid(0, 1_000_000, 0, len(lo), 1.0)
     values = Interval([[low] for low in lo], [[low + 0.0123 * (k + 1)] for k, low in enumerate(lo)])
     samples = PatchSamples.pack(values, 1e-3, patch=0, grid=0, first_row=0)
-    layout, time_ = LAYOUT.content_hash, (now, now + 5)
-    stated = StatedPeak(
-        0, 0, time_, Verdict.CERTAIN, (1, 1), (0.4321 * first, 1e3), (0.123456, 0.2), 0.999
-    )
-    return (
-        Frame(Position(1, first), layout, 0, now % 10**12, time_, (grid,), (samples,)),
-        Statements(Position(1, first + 1), layout, (stated,)),
-    )
+    time_ = now, now + 5
+    position = Position(1, number)
+    return Frame(position, LAYOUT.content_hash, 0, now % 10**12, time_, (grid,), (samples,))
+
+
+def peak(number: int, now: int) -> Statements:
+    time_ = now, now + 5
+    height = 0.4321 * number, 1e3
+    stated = Peak(0, 0, time_, Verdict.CERTAIN, (1, 1), height, (0.123456, 0.2), 0.999)
+    return Statements(Position(1, number), LAYOUT.content_hash, (stated,))
 
 
 def pieces(message: Message) -> list[bytes]:
@@ -179,18 +180,16 @@ def test_erased_person_is_unreadable_and_unlinkable_in_every_file(
     told = heart(1)
     house.say(*told)
     house.forward()
-    waiting = heart(6)
+    waiting = heart(4)
     house.say(*waiting)
     (ada,) = house.inside.keystore.named(NAME)
-    shown = house.ask(SERIES)
-    assert shown.json()["resolution"] == "sample"
-    assert house.ask(FRAMES).json()["resolution"] == "sample"
-    assert house.ask(f"/api/v1/subjects/{ada.pseudonym}/export").text.count("\n") == 5
+    assert house.ask(SERIES).json()["resolution"] == "sample"
+    assert house.ask(f"/api/v1/subjects/{ada.pseudonym}/export").text.count("\n") == 3
 
     house.command("erase", "--name", NAME)
     house.subject_sync.sync()
     house.forward()  # what waited in the spool was sealed already
-    assert house.ask(SERIES).status_code == house.ask(FRAMES).status_code == 410
+    assert house.ask(SERIES).status_code == 410
     assert house.ask(f"/api/v1/subjects/{ada.pseudonym}/export").status_code == 404
     events = house.ask("/api/v1/events", channel=CHANNEL)
     assert events.json()["items"] == []
@@ -232,7 +231,7 @@ def test_nothing_that_is_left_opens_what_was_sealed_or_names_the_person(house: H
     own = house.stand.cloud.key_access.of(SITE)
     with house.stand.cloud.store.read() as connection:
         rows = connection.execute(select(sealed_messages.c.data)).scalars().all()
-    assert len(rows) == 5
+    assert len(rows) == 3
     for store in (keystore, own):
         for data in rows:
             with pytest.raises(NoKeyError, match="destroyed"):

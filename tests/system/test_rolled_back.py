@@ -60,7 +60,7 @@ def waiting(spool: Path) -> int:
 def test_rolled_back_spool_is_named_by_node_event_and_metric(stack: RealStack) -> None:
     older = stack.folder / "older.sqlite"
     with sensor_node(stack), stack.operator() as person:
-        wait_until(lambda: stack.stored_blocks() > 20, "blocks are stored")
+        wait_until(lambda: stack.stored_frames() > 20, "frames are stored")
         stack.cloud.stop()
         copy(stack.spool, older)
         before = waiting(older)

@@ -1,4 +1,4 @@
-"""The root CA is replaced under traffic: no restart, no refused connection, each block once."""
+"""The root CA is replaced under traffic: no restart, no refused connection, each frame once."""
 
 from __future__ import annotations
 
@@ -121,9 +121,9 @@ class Site:
 
     def wait_for_more(self) -> None:
         """Wait until the cloud has stored some more."""
-        query = "SELECT count(*) FROM blocks"
+        query = "SELECT count(*) FROM frames"
         enough = ask(self.store, query)[0][0] + 5
-        wait_until(lambda: ask(self.store, query)[0][0] > enough, "blocks are stored")
+        wait_until(lambda: ask(self.store, query)[0][0] > enough, "frames are stored")
 
     def is_heard_anew(self) -> bool:
         """Whether the gateway has taken something that the node's present certificate sealed."""

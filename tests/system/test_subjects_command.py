@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 NAME: Final = "Grace Hopper"
 CUT_OFF: Final = 10
 """Bytes that the third answer promises beside."""
-LINES: Final = b'{"kind":"block"}\n{"kind":"peak"}\n'
+LINES: Final = b'{"kind":"frame"}\n{"kind":"peak"}\n'
 
 
 class Site:

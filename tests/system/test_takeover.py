@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from eskin.identity.identity import CHAIN_FILE
-from eskin.wire.messages import decode_message
+from eskin.wire.messages.cbor_map import load
+from eskin.wire.messages.header import read_position
 from eskin.wire.timestamp import SECOND
 from tests.support.files import ask, write_settings
 from tests.support.processes import ESKIN, Running, wait_until
@@ -38,7 +39,7 @@ def stack(tmp_path: Path) -> Iterator[RealStack]:
 
 
 def sensor_node(stack: RealStack) -> Running:
-    """A node as it comes, but for its short blocks: it sends some 80 a second."""
+    """A node that sends 20 frames a second."""
     config = write_settings(stack.folder / "node.toml", {
         "node": {"name": "fingertip", "profile": "fingertip"},
         "sampling": {"stretch_ms": 50.0},
@@ -81,7 +82,7 @@ def missing(stack: RealStack) -> set[int]:
 def held(spool: Path) -> set[int]:
     """Numbers that a gateway has taken and not forwarded."""
     bodies = ask(spool, "SELECT body FROM messages")
-    return {decode_message(body).position.sequence for (body,) in bodies}
+    return {read_position(load(body)).sequence for (body,) in bodies}
 
 
 @dataclass(frozen=True)
@@ -98,13 +99,13 @@ class Death:
 
     def delay_s(self, stack: RealStack) -> float:
         """How long after it the last of what was stuck came, by the store's own time."""
-        rows = ask(stack.store, "SELECT sequence, received FROM blocks")
+        rows = ask(stack.store, "SELECT sequence, received FROM frames")
         last: int = max(received for number, received in rows if number in self.stuck)
         return (last - self.ended) / SECOND
 
     def usual_s(self, stack: RealStack) -> float:
         """How long at most what was measured after it, and went the other way, was on its way."""
-        query = "SELECT max(received - t_end) FROM blocks WHERE t_end BETWEEN {} AND {}"
+        query = "SELECT max(received - t_end) FROM frames WHERE t_end BETWEEN {} AND {}"
         until = self.ended + round(LIMIT_S * SECOND)
         ((late,),) = ask(stack.store, query.format(self.ended, until))
         return (late or 0) / SECOND
@@ -138,8 +139,8 @@ def test_other_gateway_takes_over_with_nothing_lost_or_doubled(stack: RealStack)
 
 
 def require_each_once(store: Path) -> None:
-    """No number is missing, and no block is there twice."""
+    """No number is missing, and no frame is there twice."""
     query = "SELECT min(first), count(*) FROM sequences GROUP BY node, boot"
     assert ask(store, query) == [(0, 1)]
-    ((blocks, different),) = ask(store, "SELECT count(*), count(DISTINCT sequence) FROM blocks")
-    assert blocks == different > 0
+    ((frames, different),) = ask(store, "SELECT count(*), count(DISTINCT sequence) FROM frames")
+    assert frames == different > 0

@@ -34,7 +34,6 @@ from eskin_cloud.schemas.series import (
 from eskin_cloud.store.read.block_index import find_next
 from eskin_cloud.store.read.lookup import Channel, find_channel
 from eskin_cloud.store.read.window import make_window, parse_time
-from eskin_cloud.store.write.channels import UNKNOWN
 
 router = APIRouter(tags=["series"])
 
@@ -180,7 +179,7 @@ def _not_impossible(runs: Iterator[Segment]) -> Iterator[Segment]:
 def _prediction(query: PredictionQuery, row: Channel, start: int) -> Prediction:
     """What is asked for; of a sealed channel the row is that of its opened blocks."""
     model = MODELS[query.model]
-    if row["unit"] == UNKNOWN:
+    if not row["unit"]:
         raise QueryError(
             "start",
             f"to end hold no block of {row['node']}/{row['channel']}, and nothing else tells its "

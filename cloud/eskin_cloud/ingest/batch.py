@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 MOST_ITEMS: Final = 10_000
+_NO_ITEM: Final = "the item is no array of a node's name and bytes"
 
 
 def read_batch(body: bytes) -> Sequence[ParsedMessage]:
@@ -36,34 +37,23 @@ def read_batch(body: bytes) -> Sequence[ParsedMessage]:
         raise MalformedBatchError(
             f"the batch has {len(listed)} items; at most {MOST_ITEMS} are allowed"
         )
-    said = [_said(value) for value in listed]
-    items = iter(_read([each for each in said if not isinstance(each, ParsedMessage)]))
-    return [each if isinstance(each, ParsedMessage) else next(items) for each in said]
+    return [_read_item(value) for value in listed]
 
 
-def _said(value: object) -> tuple[str, bytes] | ParsedMessage:
-    """A node and what it said; an item where that is not what stands there."""
-    if isinstance(value, list) and len(value) == 2:
-        node, data = value
-        if isinstance(node, str) and isinstance(data, bytes):
-            if len(data) > MOST_BYTES:
-                reason = f"message of over {MOST_BYTES} bytes"
-                return ParsedMessage.unreadable(node, data, reason)
-            return node, data
-    reason = "the item is no array of a node's name and bytes"
-    return ParsedMessage.unreadable("", cbor2.dumps(value), reason)
-
-
-def _read(said: Sequence[tuple[str, bytes]]) -> Sequence[ParsedMessage]:
-    """Read messages; else one that breaks what reads it would be brought for ever."""
+def _read_item(value: object) -> ParsedMessage:
+    """Parse one item; else one that breaks its parser would be brought for ever."""
+    if not isinstance(value, list) or len(value) != 2:
+        return ParsedMessage.unreadable("", cbor2.dumps(value), _NO_ITEM)
+    node, data = value
+    if not isinstance(node, str) or not isinstance(data, bytes):
+        return ParsedMessage.unreadable("", cbor2.dumps(value), _NO_ITEM)
+    if len(data) > MOST_BYTES:
+        return ParsedMessage.unreadable(node, data, f"message of over {MOST_BYTES} bytes")
     try:
-        return ParsedMessage.parse_all(said)
+        return ParsedMessage.parse(node, data)
     except MemoryError:  # which is ours, and no message's
         raise
     except Exception as error:
-        if len(said) > 1:
-            return [item for each in said for item in _read([each])]
-        node, data = said[0]
-        log.exception("message broke what reads it: bytes=%d", len(data))
+        log.exception("message broke its parser: bytes=%d", len(data))
         reason = f"it broke what reads it: {type(error).__name__}"
-        return [ParsedMessage.rejected(node, b"", reason + WITHHELD.format(len(data)))]
+        return ParsedMessage.rejected(node, b"", reason + WITHHELD.format(len(data)))

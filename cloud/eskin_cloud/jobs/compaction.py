@@ -1,4 +1,4 @@
-"""Compact old blocks and frames in the background, a little at a time."""
+"""Compact old frames in the background, a little at a time."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.store.compaction import compact_page, find_compactable
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,21 +23,16 @@ _RESTS: Final = 3.0
 
 async def compact(cloud: AppState, stopping: asyncio.Event) -> None:
     """Compact what is old enough."""
-    every_s = cloud.settings.packing.every_s
+    every_s = cloud.settings.compaction.every_s
     work = partial(_catch_up, cloud, stopping)
-    await run_periodically("packing", work, cloud=cloud, stopping=stopping, every_s=every_s)
+    await run_periodically("compaction", work, cloud=cloud, stopping=stopping, every_s=every_s)
 
 
 async def _catch_up(cloud: AppState, stopping: asyncio.Event) -> None:
-    # What a live stream may be resumed from stays as it came; and as much again, for one at the
-    # edge reads on while others store.
-    store, behind = cloud.store, 2 * cloud.settings.live.backlog
-    if not cloud.settings.packing.on:
+    settings, store = cloud.settings.compaction, cloud.store
+    if not settings.on:
         return
-    for place in await asyncio.to_thread(find_compactable, store, behind):
-        await _repeat(partial(compact_page, store, place, behind), stopping)
-    age = int(cloud.settings.packing.frames_after_min * _MINUTE)
-    due = Due.after(cloud.clock(), age)
+    due = Due.after(cloud.clock(), int(settings.after_min * _MINUTE))
     for page in await asyncio.to_thread(find_compactable_frames, store, due):
         await _repeat(partial(compact_frames, store, page, due), stopping)
 

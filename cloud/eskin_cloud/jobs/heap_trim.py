@@ -43,17 +43,17 @@ async def trim_heap(
     clock: Callable[[], float] = time.monotonic,
 ) -> None:
     """Look every few seconds."""
-    # Packing goes on for long when nothing comes any more, and a little of it fills all caches.
+    # Compaction goes on for long when nothing comes any more, and a little of it fills all caches.
     load = _Work(lambda: cloud.uploads.taken, most=_LITTLE)
-    packing = _Work(lambda: cloud.store.packed, most=0)
+    compaction = _Work(lambda: cloud.store.compacted, most=0)
     heap_trimmer = HeapTrimmer(clock)
 
     async def look() -> None:
-        over = [work.is_over() for work in (load, packing)]  # each looks, whatever the other says
+        over = [work.is_over() for work in (load, compaction)]  # both look
         if any(over):
             await _shrink(cloud)
         else:
-            await asyncio.to_thread(heap_trimmer.take, load.came + packing.came)
+            await asyncio.to_thread(heap_trimmer.take, load.came + compaction.came)
 
     await run_periodically("memory", look, cloud=cloud, stopping=stopping, every_s=interval)
 

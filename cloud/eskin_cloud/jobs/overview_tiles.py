@@ -8,8 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.rollup import patch_tile_builder as patches
-from eskin_cloud.rollup.tile_builder import Key, claim, find_unclaimed, rebuild_stale
+from eskin_cloud.rollup.patch_tile_builder import claim, find_stale, find_unclaimed, rebuild
 
 if TYPE_CHECKING:
     from eskin_cloud.app_state import AppState
@@ -30,29 +29,14 @@ async def _catch_up(cloud: AppState, stopping: asyncio.Event) -> None:
     for place in await asyncio.to_thread(find_unclaimed, store):
         while not stopping.is_set() and await asyncio.to_thread(claim, store, place):
             pass
-    after: Key | None = None
-    while not stopping.is_set():
-        begun = time.monotonic()
-        after = await asyncio.to_thread(rebuild_stale, store, after)
-        if after is None:
-            break
-        await _rest(cloud, begun)
-    await _build_patches(cloud, stopping)
-
-
-async def _build_patches(cloud: AppState, stopping: asyncio.Event) -> None:
-    store = cloud.store
-    for place in await asyncio.to_thread(patches.find_unclaimed, store):
-        while not stopping.is_set() and await asyncio.to_thread(patches.claim, store, place):
-            pass
-    stale = await asyncio.to_thread(patches.find_stale, store, None)
+    stale = await asyncio.to_thread(find_stale, store, None)
     while stale is not None and not stopping.is_set():
         more = True
         while more and not stopping.is_set():
             begun = time.monotonic()
-            more = await asyncio.to_thread(patches.rebuild, store, stale)
+            more = await asyncio.to_thread(rebuild, store, stale)
             await _rest(cloud, begun)
-        stale = await asyncio.to_thread(patches.find_stale, store, stale)
+        stale = await asyncio.to_thread(find_stale, store, stale)
 
 
 async def _rest(cloud: AppState, begun: float) -> None:

@@ -19,8 +19,8 @@ from eskin.wire.frames import Privacy
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.clock_guard import ClockGuard
 from eskin_cloud.jobs.periodic import run_periodically
+from eskin_cloud.store.compaction import Due, PageKey, compact_frames
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
-from eskin_cloud.store.patch_compaction import Due, PageKey, compact_frames
 from eskin_cloud.store.removal import (
     PatchSweep,
     RemovalReason,
@@ -31,7 +31,6 @@ from eskin_cloud.store.removal import (
     sweeps_of_erased,
 )
 from eskin_cloud.store.schema.frame_tables import pages
-from eskin_cloud.store.schema.tables import channels
 from eskin_cloud.store.write.clock_state import load_clock, save_clock
 
 if TYPE_CHECKING:
@@ -162,25 +161,19 @@ async def _step(cloud: AppState, due: Sweep) -> int:
     written = store.write(lambda c: remove(c, store.cache, due, most=most, now=cloud.clock()))
     removed = await asyncio.wrap_future(written)
     if removed:
-        _report(cloud, due.node, due.channel, due.reason, removed)
+        _report(cloud, due.node, due.place, due.reason, removed)
     return removed
 
 
-def _report(cloud: AppState, node: str, channel: str, reason: RemovalReason, removed: int) -> None:
+def _report(cloud: AppState, node: str, place: str, reason: RemovalReason, removed: int) -> None:
     cloud.metrics.removed.labels(reason.value).inc(removed)
-    log.info("removed: node=%s channel=%s reason=%s messages=%d", node, channel, reason, removed)
+    log.info("removed: node=%s place=%s reason=%s messages=%d", node, place, reason, removed)
 
 
 def _due(cloud: AppState, now: int) -> list[Sweep]:
-    rules = cloud.settings.retention
     with cloud.store.read() as connection:
-        found = sweeps_of_erased(connection)
-        for node, channel in connection.execute(select(channels.c.node, channels.c.channel)):
-            days = kept_for(rules, node, channel)
-            if days > 0:
-                found.append(Sweep(node, channel, RemovalReason.AGE, now - int(days * _DAY)))
-        found += _due_sealed(connection, rules, now)
-    return found
+        sealed = _due_sealed(connection, cloud.settings.retention, now)
+        return sweeps_of_erased(connection) + sealed
 
 
 def _due_sealed(connection: Connection, rules: RetentionSection, now: int) -> list[Sweep]:

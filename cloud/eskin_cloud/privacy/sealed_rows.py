@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from eskin.errors import BrokenSealError, MessageError
 from eskin.privacy import SealedMessage
 from eskin.wire.frames import Statements
-from eskin.wire.messages import Peak
 from eskin_cloud.store.damage import DamagedRow, report_damaged
-from eskin_cloud.store.write.events import peak_row
 from eskin_cloud.store.write.statements import statement_rows
 
 if TYPE_CHECKING:
@@ -39,15 +37,13 @@ def event_rows(
 
     Args:
         node: The node.
-        message: The message; blocks and frames give none.
+        message: The message; frames give none.
         data: Its bytes.
         described: The layout by which statements are read; without it they give none.
         cursor: Its cursor in the feed.
     """
     rows: list[dict[str, Any]] = []
-    if isinstance(message, Peak):
-        rows = [peak_row(node, message, data)]
-    elif isinstance(message, Statements) and described is not None:
+    if isinstance(message, Statements) and described is not None:
         rows = list(statement_rows(node, message, described, data))
     return [row | {"cursor": cursor, "number": k} for k, row in enumerate(rows)]
 

@@ -1,181 +1,322 @@
-"""Compact old blocks of a channel into packs, a page at a time.
+"""Compact old frames of a page into rows of its patches, some seconds of frames at a time.
 
-Packs are built from a snapshot, without the write lock; one transaction replaces the blocks by
-their pack, if all of them still exist.
+Rows are built from a snapshot, without the write lock; one transaction inserts them, moves the
+totals and deletes the frames, if all of them still exist. Damaged frames stay. Numbers and digests
+of all frames stay, so a copy of a compacted frame is still a duplicate.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
+import numpy as np
 from sqlalchemy import and_, delete, func, select, tuple_
 
 from eskin.errors import MessageError
-from eskin.wire.messages.compacted_block import is_packable
-from eskin_cloud.store.compacted_rows import follows, join_blocks
-from eskin_cloud.store.damage import DamagedRowError
-from eskin_cloud.store.schema.tables import blocks, channels, feed
+from eskin.runtime.digest import digest
+from eskin.wire.frames import Sampling
+from eskin.wire.frames.frame_parts import read_head
+from eskin.wire.timestamp import SECOND
+from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_row
+from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
+from eskin_cloud.store.patch_rows import MOST_CELLS, encode_runs
+from eskin_cloud.store.patch_totals import add_rows
+from eskin_cloud.store.read.patch_runs import runs_of_frames
+from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
+from eskin_cloud.store.schema.tables import feed
 from eskin_cloud.store.write.bulk_insert import insert_many
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sqlalchemy import ColumnElement, Connection
+    from sqlalchemy import ColumnElement, Connection, RowMapping
 
+    from eskin.wire.frames import Patch
+    from eskin_cloud.store.patch_run import PatchRun
     from eskin_cloud.store.store import Store
     from eskin_cloud.store.write.write_cache import Row
 
-_PAGE: Final = 256
-"""Blocks that are read, and then replaced, at once."""
-_SAMPLES: Final = 2048
-"""Samples of a full pack, so that a few packs fit a database page."""
-_BLOCKS: Final = 64
-"""Most blocks of a pack."""
-_KEY: Final = tuple(blocks.primary_key.columns)
+SHORTEST: Final = 10 * SECOND
+"""Least span of a row, if frames follow each other."""
+_LONGEST: Final = 600 * SECOND
+"""A row of few samples spans so much."""
+_SAMPLES: Final = 8192
+"""Samples of a patch in a row, on average of the page; below, it becomes longer."""
+_GAP: Final = 60 * SECOND
+"""A row ends before such a gap."""
+_SETTLED: Final = 3600 * SECOND
+"""Frames that are followed by none for so long become a row that is not full."""
+_FRAMES: Final = 1024
+"""Most frames of a row."""
+_HEADS: Final = tuple(
+    frames.c[name] for name in ("boot", "sequence", "t", "t_end", "samples", "received")
+)
+PageKey: TypeAlias = tuple[int, str, bytes, int]
+"""Slot, node, layout and number of a page."""
+
+
+class Due(NamedTuple):
+    """Which frames are compacted.
+
+    Attributes:
+        received: Those received until then, UTC ns.
+        settled: Of those received until then, UTC ns, also too few for a row.
+        ended: Of those whose samples ended before it, UTC ns, all, whenever they came.
+    """
+
+    received: int
+    settled: int
+    ended: int = -(2**63)
+
+    @classmethod
+    def after(cls, now: int, age: int) -> Due:
+        """Frames of an age in ns."""
+        return cls(now - age, now - max(age, _SETTLED))
+
+    def includes(self, head: RowMapping) -> bool:
+        """Whether a frame is compacted, if enough follow it."""
+        return bool(head["received"] <= self.received or head["t_end"] < self.ended)
+
+    def includes_few(self, heads: Sequence[RowMapping]) -> bool:
+        """Whether frames are compacted though they do not fill a row."""
+        return all(head["received"] <= self.settled or head["t_end"] < self.ended for head in heads)
 
 
 @dataclass(frozen=True, slots=True)
-class CompactedPage:
-    """A compacted page of a channel's blocks.
+class CompactedFrames:
+    """Rows that replace frames of a page.
 
     Attributes:
-        node: The node.
-        channel: The channel.
-        gone: Keys of the replaced blocks.
-        rows: Rows of their packs.
-        size: Bytes of the replaced blocks.
-        saved: Bytes saved by the packs.
-        since: Start of the page, UTC ns; ``None`` for the channel's beginning.
-        until: Start of the next page.
-        more: Whether there is a next page.
+        page: The page.
+        gone: Boot and sequence of the replaced frames.
+        samples: Of the replaced frames.
+        size: Bytes of the replaced frames.
+        rows: Rows of `patch_rows`, and the period of each.
+        since: Start of the frames, UTC ns; ``None`` for the page's beginning.
+        until: Up to where the page is compacted.
+        cursor: Latest cursor in the snapshot.
     """
 
-    node: str
-    channel: str
-    gone: Sequence[tuple[Any, ...]]
-    rows: Sequence[Row]
+    page: PageKey
+    gone: Sequence[tuple[int, int]]
+    samples: int
     size: int
-    saved: int
+    rows: Sequence[tuple[Row, int]]
     since: int | None
     until: int
-    more: bool
+    cursor: int
 
 
-def find_compactable(store: Store, behind: int) -> list[tuple[str, str]]:
-    """Channels with blocks that are old enough and not compacted yet.
-
-    Args:
-        store: The store.
-        behind: A block is old enough once so many messages followed it.
+def find_compactable_frames(store: Store, due: Due) -> list[PageKey]:
+    """Pages with frames that are old enough.
 
     Raises:
         StoreError: The store cannot be read.
     """
-    b, c = blocks.c, channels.c
-    since = func.coalesce(c.packed, -(2**63) + 1)
-    here = and_(b.node == c.node, b.channel == c.channel, b.t >= since, b.packed.is_(None))
+    p = pages.c
     with store.read() as connection:
-        old = _horizon(connection, behind)
-        # Only the first one: if it is too young, so are the others, which may be many.
-        first = select(b.cursor).where(here).order_by(b.t).limit(1).correlate(channels)
-        query = select(c.node, c.channel).where(c.blocks > 0, first.scalar_subquery() <= old)
-        rows = connection.execute(query).all()
-    return [(node, channel) for node, channel in rows]
+        query = select(p.slot, p.node, p.layout, p.page, p.compacted).where(p.frames > 0)
+        found = []
+        for *key, since in connection.execute(query).all():
+            first = _heads(connection, (key[0], key[1], key[2], key[3]), since, 1)
+            if first and due.includes(first[0]):
+                found.append((key[0], key[1], key[2], key[3]))
+    return found
 
 
-def compact_page(store: Store, place: tuple[str, str], behind: int) -> bool:
-    """Compact a page of a channel's blocks; returns whether there may be more.
-
-    Args:
-        store: The store.
-        place: Node and channel.
-        behind: See `find_compactable`.
+def compact_frames(store: Store, page: PageKey, due: Due) -> bool:
+    """Compact the page's next frames, one row a patch; returns whether there may be more.
 
     Raises:
         StoreError: The store cannot be read or written.
     """
     with store.read() as connection:
-        made = _compact(connection, place, behind)
+        made = _compact(connection, page, due)
     if made is None:
         return False
-    store.packed += made.size
-    written = store.write(lambda connection: _replace(connection, store, made))
-    return written.result() and made.more
+    store.compacted += made.size
+    return store.write(lambda connection: _replace(connection, store, made)).result()
 
 
-def _horizon(connection: Connection, behind: int) -> int:
-    return int(connection.execute(select(feed.c.cursor)).scalar_one()) - behind
+def _within(page: PageKey) -> ColumnElement[bool]:
+    f = frames.c
+    return and_(f.slot == page[0], f.node == page[1], f.page == page[3], f.layout == page[2])
 
 
-def _compact(connection: Connection, place: tuple[str, str], behind: int) -> CompactedPage | None:
-    """Build packs of the channel's next blocks; the last pack only if it is full."""
-    b, c = blocks.c, channels.c
-    here = and_(c.node == place[0], c.channel == place[1])
-    since = connection.execute(select(c.packed).where(here)).scalar_one_or_none()
-    query = select(blocks).where(b.node == place[0], b.channel == place[1], b.packed.is_(None))
+def _heads(
+    connection: Connection, page: PageKey, since: int | None, most: int
+) -> Sequence[RowMapping]:
+    f = frames.c
+    query = select(*_HEADS).where(_within(page)).order_by(f.t, f.boot, f.sequence).limit(most)
     if since is not None:
-        query = query.where(b.t >= since)
-    rows = connection.execute(query.order_by(b.t, b.boot, b.sequence).limit(_PAGE)).mappings().all()
-    horizon = _horizon(connection, behind)
-    old = next((k for k, row in enumerate(rows) if row["cursor"] > horizon), len(rows))
-    groups, left = _group(rows[:old])
-    full = len(rows) == _PAGE and old == _PAGE
-    if old == 0:
+        query = query.where(f.t >= since)
+    return connection.execute(query).mappings().all()
+
+
+def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames | None:
+    p, f = pages.c, frames.c
+    here = and_(p.slot == page[0], p.node == page[1], p.layout == page[2], p.page == page[3])
+    totals = connection.execute(select(p.compacted).where(here)).one_or_none()
+    if totals is None:
         return None
-    until = rows[old - left]["t"] if old - left < len(rows) else rows[-1]["t"] + 1
-    gone: list[tuple[Any, ...]] = []
-    packs: list[Row] = []
-    size = saved = 0
-    for group in groups:
-        try:
-            packs.append(join_blocks(group))
-        except (MessageError, DamagedRowError):
-            continue  # of a kind that is not compacted, or damaged
-        gone += [tuple(row[column.name] for column in _KEY) for row in group]
-        came = sum(len(row["data"]) for row in group)
-        size, saved = size + came, saved + came - len(packs[-1]["data"])
-    if until == since and not packs:
+    try:
+        described = find_layout(connection, page[1], page[2])
+    except (UnknownDescriptionError, MessageError):
+        return None  # damaged, and reported: its frames stay
+    since = totals.compacted
+    heads = _heads(connection, page, since, _FRAMES + 1)
+    numbers = described.page_ranges[page[3]]
+    count = _count(heads, due, _SAMPLES * len(numbers))
+    if not count:
         return None
-    return CompactedPage(*place, gone, packs, size, saved, since, until, full)
+    until = heads[count]["t"] if count < len(heads) else heads[count - 1]["t"] + 1
+    last = heads[count - 1]
+    query = select(frames).where(_within(page), f.t <= last["t"])
+    if since is not None:
+        query = query.where(f.t >= since)
+    query = query.order_by(f.t, f.boot, f.sequence).limit(count)
+    columns = sum(len(described.patches[number].taxels) for number in numbers)
+    gone: list[RowMapping] = []
+    cells = 0
+    for row in filter(_is_intact, connection.execute(query).mappings().all()):
+        cells += columns * _most_rows(row)
+        if gone and cells > MOST_CELLS:  # with strides, few samples may lie in many cells
+            until = row["t"]
+            break
+        gone.append(row)
+    if until == since and not gone:
+        return None
+    runs: dict[int, list[PatchRun]] = defaultdict(list)
+    if gone:
+        for number, run in runs_of_frames(gone, described, numbers):
+            runs[number].append(run)
+    return CompactedFrames(
+        page=page,
+        gone=[(row["boot"], row["sequence"]) for row in gone],
+        samples=sum(row["samples"] for row in gone),
+        size=sum(len(row["data"]) for row in gone),
+        rows=[
+            (_row(page, described.patches[number], described.layout.patches[number], each),
+             each[0].dt)
+            for number, each in runs.items()
+        ],
+        since=since,
+        until=until,
+        cursor=connection.execute(select(feed.c.cursor)).scalar_one(),
+    )  # fmt: skip
 
 
-def _group(rows: Sequence[Any]) -> tuple[list[list[Any]], int]:
-    """Group blocks by pack; returns also how many at the end do not fill one."""
-    groups: list[list[Any]] = []
-    open_: list[Any] = []
-    for row in rows:
-        good = is_packable(row["data"])
-        if open_ and not (good and follows(open_[-1], row) and not _is_full(open_)):
-            groups.append(open_)
-            open_ = []
-        if good:
-            open_.append(row)
-    if open_ and _is_full(open_):
-        groups.append(open_)
-        open_ = []
-    return groups, len(open_)
+def _count(heads: Sequence[RowMapping], due: Due, samples: int) -> int:
+    """How many of the first frames become a row; 0 if they are not enough yet."""
+    end, found = heads[0]["t_end"] if heads else 0, 0
+    for k, head in enumerate(heads):
+        if k and (head["t"] - end > _GAP or k == _FRAMES or found >= MOST_CELLS // 2):
+            return k
+        if not due.includes(head):
+            return k if due.includes_few(heads[:k]) else 0
+        end, found = max(end, head["t_end"]), found + head["samples"]
+        span = end - heads[0]["t"]
+        if span >= SHORTEST and (found >= samples or span >= _LONGEST):
+            return k + 1
+    return len(heads) if due.includes_few(heads) else 0
 
 
-def _is_full(group: Sequence[Any]) -> bool:
-    return len(group) >= _BLOCKS or sum(row["n"] for row in group) >= _SAMPLES
+def _most_rows(row: RowMapping) -> int:
+    """Rows of a frame's longest grid."""
+    return max(grid.rows for grid in read_head(row["data"]).grids)
 
 
-def _replace(connection: Connection, store: Store, made: CompactedPage) -> bool:
-    """Replace blocks by their packs, unless a block changed meanwhile."""
-    cache = store.cache
-    row = cache.row(connection, channels, made.node, made.channel)
-    if row is None or row["packed"] != made.since:
+def _is_intact(row: RowMapping) -> bool:
+    return is_intact_row(FrameHeader, row)
+
+
+def _row(page: PageKey, patch: Patch, name: bytes, runs: list[PatchRun]) -> Row:
+    """The row of some runs of a patch."""
+    runs.sort(key=lambda run: (run.t, run.boot, run.sequence))
+    data = encode_runs(runs)
+    found = [_measure(run, patch) for run in runs]
+    row: Row = {
+        "slot": page[0],
+        "node": page[1],
+        "patch": patch.patch_id,
+        "t": min(each.first for each in found),
+        "boot": runs[0].boot,
+        "sequence": runs[0].sequence,
+        "hash": name,
+        "t_end": max(each.last for each in found),
+        "error": max(run.error for run in runs),
+        "frames": len(runs),
+        "samples": sum(each.samples for each in found),
+        "lo": min(each.lo for each in found),
+        "hi": max(each.hi for each in found),
+        "coverage": min(run.coverage for run in runs),
+        "data": data,
+        "digest": digest(data),
+    }
+    return row | {"head": PatchRowHeader.of(row).checksum()}
+
+
+class _Measures(NamedTuple):
+    """Of a run: the middles of its first and last time, its samples, and their hull."""
+
+    first: int
+    last: int
+    samples: int
+    lo: float
+    hi: float
+
+
+def _measure(run: PatchRun, patch: Patch) -> _Measures:
+    rows, columns = run.lo.shape
+    lo, hi = run.lo, run.hi
+    if run.strides:
+        mask = Sampling(rows, columns, run.first_row, run.strides).mask
+        lo, hi = lo[mask], hi[mask]
+        row, column = np.nonzero(mask)
+        moments = row * run.dt + np.array(patch.skew or (0,) * columns, np.int64)[column]
+        first, last = int(moments.min()), int(moments.max())
+    else:
+        first, last = min(patch.skew, default=0), max(patch.skew, default=0)
+        last += (rows - 1) * run.dt
+    return _Measures(run.t + first, run.t + last, lo.size, float(lo.min()), float(hi.max()))
+
+
+def _replace(connection: Connection, store: Store, made: CompactedFrames) -> bool:
+    """Replace frames by their rows, unless a frame changed meanwhile."""
+    f, row = frames.c, store.cache.row(connection, pages, *made.page)
+    if row is None or row["compacted"] != made.since:
         return False
     if made.gone:
-        where: ColumnElement[bool] = tuple_(*_KEY).in_(made.gone)
-        here = select(func.count()).select_from(blocks).where(where, blocks.c.packed.is_(None))
+        where = and_(
+            f.slot == made.page[0],
+            f.node == made.page[1],
+            tuple_(f.boot, f.sequence).in_(made.gone),
+        )
+        here = select(func.count()).select_from(frames).where(where)
         if connection.execute(here).scalar_one() != len(made.gone):
             return False
-        connection.execute(delete(blocks).where(where))
-        insert_many(connection, blocks, made.rows)
-        row["bytes"] -= made.saved
-        row["longest"] = max(row["longest"], *(each["t_end"] - each["t"] for each in made.rows))
-    row["packed"] = made.until
-    cache.change(channels, made.node, made.channel)
+        connection.execute(delete(frames).where(where))
+        insert_many(connection, patch_rows, [each for each, _ in made.rows])
+        for each, dt in made.rows:
+            add_rows(connection, [each], dt)
+        _subtract(connection, row, made)
+    # A frame that came meanwhile may be earlier.
+    since = select(func.min(f.t)).where(_within(made.page), f.cursor > made.cursor)
+    late = connection.execute(since.where(f.t < made.until)).scalar_one()
+    row["compacted"] = made.until if late is None else late
+    store.cache.change(pages, *made.page)
     return True
+
+
+def _subtract(connection: Connection, row: Row, made: CompactedFrames) -> None:
+    """Subtract frames from a page's totals."""
+    row["frames"] -= len(made.gone)
+    row["samples"] -= made.samples
+    row["bytes"] -= made.size
+    f = frames.c
+    first = select(f.t).where(_within(made.page)).order_by(f.t).limit(1)
+    row["t_first"] = connection.execute(first).scalar_one_or_none()
+    if row["t_first"] is None:
+        row["t_last"] = None

@@ -1,32 +1,26 @@
 """Remove old messages and those of erased subjects, a few in each transaction.
 
-`sequences` stay, so that a copy of a removed message is still a duplicate. A channel's totals
-decrease; its hull stays, and encloses what remains.
+`sequences` stay, so that a copy of a removed message is still a duplicate. Totals of pages and
+patches decrease.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sqlalchemy import and_, delete, func, insert, select, tuple_, update
 
 from eskin.privacy.sealed_message import read_page
-from eskin_cloud.store.compacted_rows import split_blocks
-from eskin_cloud.store.damage import DamagedRowError
 from eskin_cloud.store.patch_totals import Place, subtract_rows
-from eskin_cloud.store.sample_grid import SampleGrid
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
 from eskin_cloud.store.schema.sealed_tables import is_of_erased_subject, removals, sealed_messages
-from eskin_cloud.store.schema.tables import blocks, channels, events
+from eskin_cloud.store.schema.tables import events
 from eskin_cloud.store.slot import slot_of
-from eskin_cloud.store.write.bulk_insert import insert_many
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from sqlalchemy import ColumnElement, Connection, Table
+    from sqlalchemy import ColumnElement, Connection
 
     from eskin_cloud.store.write.write_cache import WriteCache
 
@@ -40,25 +34,23 @@ class RemovalReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """What to remove of a channel.
+    """What to remove of sealed messages.
 
     Attributes:
         node: The node.
-        channel: The channel; of sealed frames and statements the place, as its row names it.
+        place: Their place, as `eskin.privacy.sealed_message.name_place` names it.
         reason: Why.
         before: Messages that ended before it are removed, UTC ns; of erased subjects, all are.
     """
 
     node: str
-    channel: str
+    place: str
     reason: RemovalReason
     before: int
 
 
 def remove(connection: Connection, cache: WriteCache, sweep: Sweep, *, most: int, now: int) -> int:
     """Remove some messages of a sweep; returns their number, below ``most`` at the end.
-
-    A pack is removed as a whole, so the number may exceed ``most``.
 
     Args:
         connection: The writer's, in a transaction.
@@ -67,20 +59,14 @@ def remove(connection: Connection, cache: WriteCache, sweep: Sweep, *, most: int
         most: Limit of messages.
         now: UTC ns.
     """
-    gone = 0
-    for table, where in _places(sweep):
-        keys = list(table.primary_key.columns)
-        query = select(*keys, *_counted(table)).where(*where).limit(most - gone)
-        rows = connection.execute(query).all() if gone < most else []
-        # Few are left to search then.
-        if table is blocks and gone + len(rows) < most and _split_packs(connection, cache, sweep):
-            rows = connection.execute(query).all()
-        if rows:
-            found = [tuple(row)[: len(keys)] for row in rows]
-            connection.execute(delete(table).where(tuple_(*keys).in_(found)))
-            _update_totals(connection, cache, sweep, table, rows)
-            gone += sum(map(_messages, rows))
+    key, gone = tuple_(*sealed_messages.primary_key.columns), 0
+    for due in _conditions(sweep):
+        v = sealed_messages.c
+        here = and_(v.node == sweep.node, v.place == sweep.place, due)
+        some = select(*sealed_messages.primary_key.columns).where(here).limit(most - gone)
+        gone += connection.execute(delete(sealed_messages).where(key.in_(some))).rowcount
     if gone:
+        _subtract(connection, cache, sweep, gone)
         _record_removal(connection, sweep, gone, now)
     return gone
 
@@ -136,8 +122,8 @@ def remove_rows(connection: Connection, sweep: PatchSweep, *, most: int, now: in
             here = (e.node == sweep.node) & e.cursor.in_(cursors)
             gone += connection.execute(delete(events).where(here)).rowcount
     if gone:
-        as_channel = Sweep(sweep.node, sweep.patch, RemovalReason.AGE, sweep.before)
-        _record_removal(connection, as_channel, gone, now)
+        as_place = Sweep(sweep.node, sweep.patch, RemovalReason.AGE, sweep.before)
+        _record_removal(connection, as_place, gone, now)
     return gone
 
 
@@ -172,117 +158,35 @@ def remove_damaged_frames(
 
 
 def sweeps_of_erased(connection: Connection) -> list[Sweep]:
-    """The remaining messages of erased subjects, by channel."""
-    query = select(
-        sealed_messages.c.node, sealed_messages.c.place, func.max(sealed_messages.c.t_hi)
-    )
-    query = query.where(is_of_erased_subject())
-    rows = connection.execute(query.group_by(sealed_messages.c.node, sealed_messages.c.place)).all()
+    """The remaining messages of erased subjects, by place."""
+    v = sealed_messages.c
+    query = select(v.node, v.place, func.max(v.t_hi)).where(is_of_erased_subject())
+    rows = connection.execute(query.group_by(v.node, v.place)).all()
     return [Sweep(row[0], row[1], RemovalReason.ERASURE, row[2]) for row in rows]
 
 
-def _places(sweep: Sweep) -> list[tuple[Table, list[ColumnElement[bool]]]]:
-    sealed = [sealed_messages.c.node == sweep.node, sealed_messages.c.place == sweep.channel]
+def _conditions(sweep: Sweep) -> list[ColumnElement[bool]]:
+    """Which messages of the place are removed; each condition can use an index."""
     if sweep.reason is RemovalReason.ERASURE:
-        return [(sealed_messages, [*sealed, is_of_erased_subject()])]
-    b, e, v = blocks.c, events.c, sealed_messages.c
-    here = [e.node == sweep.node, e.channel == sweep.channel]
-    # The conditions on t and t_lo are implied by the following ones, but let indexes be used.
+        return [is_of_erased_subject()]
+    v = sealed_messages.c
     return [
-        (
-            blocks,
-            [
-                b.node == sweep.node,
-                b.channel == sweep.channel,
-                b.t < sweep.before,
-                b.t_end + b.error < sweep.before,
-            ],
-        ),
-        (events, [*here, e.t_lo < sweep.before, e.t_hi < sweep.before]),
-        (sealed_messages, [*sealed, v.t_lo < sweep.before, v.t_hi < sweep.before]),
+        (v.t_lo < sweep.before) & (v.t_hi < sweep.before),
         # The message's own time may be far ahead, if the node's clock was: use the cloud's, too.
-        (sealed_messages, [*sealed, v.received < sweep.before]),
+        v.received < sweep.before,
     ]
 
 
-def _split_packs(connection: Connection, cache: WriteCache, sweep: Sweep) -> bool:
-    """Replace packs that are partly too old by their blocks."""
-    b = blocks.c
-    here = [b.node == sweep.node, b.channel == sweep.channel, b.packed.is_not(None)]
-    here += [b.t < sweep.before, b.t_end + b.error >= sweep.before]
-    found = connection.execute(select(blocks).where(*here)).mappings().all()
-    opened = False
-    for row in found:
-        try:
-            parts = split_blocks(dict(row))
-        except DamagedRowError:
-            continue  # removed as a whole, once all of it is too old
-        opened = True
-        key = [column == row[column.name] for column in blocks.primary_key.columns]
-        connection.execute(delete(blocks).where(*key))
-        insert_many(connection, blocks, parts)
-        _grow(connection, cache, sweep, sum(len(each["data"]) for each in parts) - len(row["data"]))
-    return opened
-
-
-def _grow(connection: Connection, cache: WriteCache, sweep: Sweep, more: int) -> None:
-    """Add to a channel's bytes."""
-    row = cache.row(connection, channels, sweep.node, sweep.channel)
-    if row is not None:
-        row["bytes"] += more
-        cache.change(channels, sweep.node, sweep.channel)
-
-
-def _messages(removed: Any) -> int:
-    """The number of messages of a removed row."""
-    return getattr(removed, "packed", None) or 1
-
-
-def _counted(table: Table) -> list[ColumnElement[Any]]:
-    """Columns of a removed row that count in its channel's totals."""
-    if table is blocks:
-        size = func.length(table.c.data).label("size")
-        return [size, table.c.packed, table.c.t, table.c.dt, table.c.n]
-    return [table.c.kind] if table is sealed_messages else []
-
-
-def _update_totals(
-    connection: Connection, cache: WriteCache, sweep: Sweep, table: Table, rows: Sequence[Any]
-) -> None:
-    if table is sealed_messages and (page := read_page(sweep.channel)):
-        _update_page(connection, cache, sweep, page, len(rows))
-        return
-    row = cache.row(connection, channels, sweep.node, sweep.channel)
-    if row is None or table is events:
-        return
-    place = table.c.place if table is sealed_messages else table.c.channel
-    here = (table.c.node == sweep.node) & (place == sweep.channel)
-    if table is blocks:
-        row["blocks"] -= sum(map(_messages, rows))
-        row["samples"] -= sum(removed.n for removed in rows)
-        row["bytes"] -= sum(removed.size for removed in rows)
-        if row["built"] is not None:
-            for removed in rows:
-                t, dt, n = removed[-3:]
-                cache.invalidate_tiles(row, SampleGrid(t, dt, n, _messages(removed)))
-        first = select(func.min(blocks.c.t)).where(here)
-    else:
-        row["blocks"] -= sum(removed.kind == "block" for removed in rows)
-        first = select(func.min(sealed_messages.c.t_lo)).where(here)
-    row["t_first"] = connection.execute(first).scalar_one()
-    if row["t_first"] is None:
-        row |= {"t_last": None, "lo": None, "hi": None}
-    cache.change(channels, sweep.node, sweep.channel)
-
-
-def _update_page(
-    connection: Connection, cache: WriteCache, sweep: Sweep, page: tuple[bytes, int], gone: int
-) -> None:
+def _subtract(connection: Connection, cache: WriteCache, sweep: Sweep, gone: int) -> None:
+    """Subtract removed frames from the totals of their page."""
+    page = read_page(sweep.place)
+    if page is None:
+        return  # statements, which are not counted
     key = slot_of(sweep.node), sweep.node, *page
     row, v = cache.row(connection, pages, *key), sealed_messages.c
     if row is None:
         return
-    first = select(func.min(v.t_lo)).where(v.node == sweep.node, v.place == sweep.channel)
+    first = select(func.min(v.t_lo)).where(v.node == sweep.node, v.place == sweep.place)
     row["frames"] -= gone
     row["t_first"] = connection.execute(first).scalar_one()
     if row["t_first"] is None:
@@ -292,9 +196,9 @@ def _update_page(
 
 def _record_removal(connection: Connection, sweep: Sweep, gone: int, now: int) -> None:
     r = removals.c
-    here = (r.node == sweep.node) & (r.channel == sweep.channel) & (r.reason == sweep.reason)
+    here = (r.node == sweep.node) & (r.place == sweep.place) & (r.reason == sweep.reason)
     values = {"messages": r.messages + gone, "before": sweep.before, "at": now}
     if connection.execute(update(removals).where(here).values(values)).rowcount == 0:
-        key = {"node": sweep.node, "channel": sweep.channel, "reason": sweep.reason.value}
+        key = {"node": sweep.node, "place": sweep.place, "reason": sweep.reason.value}
         row = key | {"messages": gone, "before": sweep.before, "at": now}
         connection.execute(insert(removals), row)

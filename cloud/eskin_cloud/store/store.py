@@ -41,7 +41,7 @@ class Store:
         location: The file, or the server's URL.
         clock: Returns UTC ns.
         readers: Number of connections that read.
-        packed: Bytes of blocks that were compacted since the start.
+        compacted: Bytes of frames that were compacted since the start.
         cache: The writer's cache of stored rows.
         writer: The thread that writes.
         damage: Why the store is not read any more (`jobs.integrity`); ``None`` if it is intact.
@@ -63,7 +63,7 @@ class Store:
         self.location = location
         self.clock = clock
         self.readers = readers
-        self.packed = 0
+        self.compacted = 0
         self.cache = WriteCache()
         self.damage: str | None = None
         damaged_rows.clear()

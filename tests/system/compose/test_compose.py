@@ -159,8 +159,8 @@ def test_database_is_the_cloud_s_alone(stack: Stack) -> None:
     assert stack.execute("database", *psql, "-d", "eskin", "-c", who) == "eskin|off|on"
     with pytest.raises(AssertionError, match=r"no pg_hba\.conf entry"):
         stack.execute("database", *psql, "-d", "postgres", "-c", "select 1")
-    blocks = stack.execute("database", *psql, "-d", "eskin", "-c", "select count(*) from blocks")
-    assert int(blocks) > 0
+    frames = stack.execute("database", *psql, "-d", "eskin", "-c", "select count(*) from frames")
+    assert int(frames) > 0
     assert stack.inspect("database")["HostConfig"]["NetworkMode"] == "none"
 
 
@@ -196,7 +196,7 @@ def test_killed_containers_come_back_and_nothing_is_lost(
         stack.wait_healthy(service)
     _wait_for_samples_after(stack, client, time.time_ns())
     # What was on the way when its carrier died is sent again a few seconds later. Outboxes need not
-    # be empty in any status: each tells of the same moment between two blocks.
+    # be empty in any status: each states the same moment between two frames.
     wait_until(lambda: not _missing(stack, client), "no sample is missing", seconds=60)
     assert items(client, "/api/v1/events?kind=gap") == []
 

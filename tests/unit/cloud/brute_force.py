@@ -10,7 +10,7 @@ from eskin_cloud.query.occupancy import measure_occupancy
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import Series, read_series
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.removal import PatchSweep, remove_rows

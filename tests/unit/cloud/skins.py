@@ -102,7 +102,7 @@ def describe(
 
 def bring_all(store: Store, *said: tuple[str, Said]) -> IngestResult:
     """Store messages of nodes in one batch, as ingest does."""
-    items = ParsedMessage.parse_all([(node, message.encode()) for node, message in said])
+    items = [ParsedMessage.parse(node, message.encode()) for node, message in said]
 
     def work(take: Callable[..., IngestResult], connection: Connection) -> IngestResult:
         return take(

@@ -298,7 +298,7 @@ def test_channel_keeps_its_unit(store: Store) -> None:
 def test_channels_of_all_layouts_of_a_node_count(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 9)
+    monkeypatch.setattr("eskin_cloud.store.write.layouts.MOST_CHANNELS", 9)
     describe(store, HAND, *PATCHES)  # 6 channels
     assert results(put(store, frame(0), stretch(1))) == [STORED] * 2  # 7
     third, fourth = patch("third", 2), patch("fourth", 1)

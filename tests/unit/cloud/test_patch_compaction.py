@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from eskin_cloud.store import patch_compaction
+from eskin_cloud.store import compaction
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.damage import PatchRowHeader, is_intact_row
 from eskin_cloud.store.disk_usage import measure_disk
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.patch_rows import MOST_CELLS, decode_runs
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows, patches
 from eskin_cloud.store.write.ingest import DUPLICATE, STORED
@@ -276,7 +276,7 @@ def test_frame_that_comes_meanwhile_is_compacted_later(
 ) -> None:
     describe(store, HAND, *PATCHES)
     put(store, *(said(k) for k in range(1, 200)))
-    replace = patch_compaction._replace
+    replace = compaction._replace
     brought: list[int] = []
 
     def and_another(connection: Any, *rest: Any) -> bool:
@@ -288,11 +288,11 @@ def test_frame_that_comes_meanwhile_is_compacted_later(
     waiting: list[Any] = []
     (page,) = find_compactable_frames(store, REST)
     with store.read() as connection:
-        made = patch_compaction._compact(connection, page, REST)
+        made = compaction._compact(connection, page, REST)
     assert made is not None
     put(store, said(0))
-    monkeypatch.setattr(patch_compaction, "_replace", and_another)
-    store.write(lambda c: patch_compaction._replace(c, store, made)).result(120)
+    monkeypatch.setattr(compaction, "_replace", and_another)
+    store.write(lambda c: compaction._replace(c, store, made)).result(120)
     assert count(store, frames) == 1
     compact_all(store)
     assert count(store, frames) == 0
@@ -346,7 +346,7 @@ import os, sys
 from pathlib import Path
 from sqlalchemy import Engine, event, make_url
 from eskin_cloud.store import Store
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 
 place, number = sys.argv[1], int(sys.argv[2])
 store = Store(make_url(place) if "://" in place else Path(place))

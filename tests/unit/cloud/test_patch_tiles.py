@@ -17,7 +17,7 @@ from eskin_cloud.rollup.blocks import Buckets, read_buckets
 from eskin_cloud.rollup.column_aggregates import ColumnAggregates, pack, unpack
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.rollup.reading import TileRange, read_range
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import PATCH_CHUNK, STEP

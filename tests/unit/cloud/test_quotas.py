@@ -29,7 +29,7 @@ def results(outcome: IngestResult) -> list[str]:
 
 
 def test_channels_of_a_node_are_limited(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 3)
+    monkeypatch.setattr("eskin_cloud.store.write.layouts.MOST_CHANNELS", 3)
     store = stand.cloud.store
     said = [block(number, channel=name) for number, name in enumerate(CHANNELS)]
     outcome = put(store, *said)
@@ -50,7 +50,7 @@ def test_channels_of_a_node_are_limited(stand: Stand, monkeypatch: pytest.Monkey
 def test_status_with_too_many_channels_is_rejected(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 3)
+    monkeypatch.setattr("eskin_cloud.store.write.layouts.MOST_CHANNELS", 3)
     store = stand.cloud.store
     assert results(put(store, status(0, channels=CHANNELS[:4]))) == [REJECTED]
     assert results(put(store, status(1, channels=CHANNELS[:3]), block(2))) == [STORED] * 2
@@ -61,7 +61,7 @@ def test_status_with_too_many_channels_is_rejected(
 async def test_sealed_channels_count(
     tmp_path: Path, identities: Identities, place: StoreLocation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 2)
+    monkeypatch.setattr("eskin_cloud.store.write.layouts.MOST_CHANNELS", 2)
     site = Site(tmp_path)
     with sealing(tmp_path, identities, place=place) as stand:
         told = [pulse(n, channel=f"t{n:02}.bioelectric") for n in range(6, 9)]
@@ -93,7 +93,7 @@ def test_ranges_of_a_boot_are_limited(stand: Stand, monkeypatch: pytest.MonkeyPa
 async def test_rejected_messages_leave_no_cache_entry(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 1)
+    monkeypatch.setattr("eskin_cloud.store.write.layouts.MOST_CHANNELS", 1)
     monkeypatch.setattr("eskin_cloud.store.write.write_cache._MAX_ROWS", 5)
     monkeypatch.setattr("eskin_cloud.store.write.write_cache._MAX_BOOTS", 5)
     cache = stand.cloud.store.cache

@@ -57,11 +57,11 @@ def shrunk(
                 return True
             with uploads.hold(load):
                 pass
-            cloud.store.packed += next(packing, 0)
+            cloud.store.compacted += next(packing, 0)
             raise TimeoutError
 
     cloud = Mock(uploads=uploads)
-    cloud.store.shrink, cloud.store.packed = shrink, 0
+    cloud.store.shrink, cloud.store.compacted = shrink, 0
     with patch("eskin_cloud.jobs.heap_trim.give_back", lambda: given.append(turn)):
         asyncio.run(trim_heap(cloud, Steps(), interval=60.0, clock=lambda: turn * seconds))
     assert given == found

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 from eskin_cloud.store import Store
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.damage import FrameHeader
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.removal import PatchSweep, remove_rows
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 from eskin_cloud.store.schema.sealed_tables import removals

@@ -1,4 +1,4 @@
-"""Rows of events: peaks, gaps and statuses."""
+"""Rows of events."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin_cloud.store.schema.tables import events, nodes
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
-    from eskin.wire.messages import Gap, Peak, Position, Status
+    from eskin.wire.messages import Position, Status
     from eskin_cloud.store.write.write_cache import Row, WriteCache
 
 ENERGY: Final = ("stored_lo", "stored_hi", "charge_lo", "charge_hi", "sustained", "shedding")
@@ -43,33 +43,7 @@ def store_event(connection: Connection, cache: WriteCache, row: Row, *, now: int
     cursor = cache.next_cursor(connection)
     row |= {"cursor": cursor, "received": now}
     connection.execute(insert(events), row)
-    return FeedEntry(cursor, row["node"], row["channel"], None, row, now)
-
-
-def peak_row(node: str, peak: Peak, data: bytes) -> Row:
-    """A peak's row."""
-    return event_row(
-        node,
-        "peak",
-        peak.position,
-        peak.time,
-        channel=peak.channel,
-        verdict=peak.verdict.name.lower(),
-        count_lo=peak.count[0],
-        count_hi=peak.count[1],
-        height_lo=peak.height[0],
-        height_hi=peak.height[1],
-        prominence_lo=peak.prominence[0],
-        prominence_hi=peak.prominence[1],
-        unit=peak.unit,
-        coverage=peak.coverage,
-        data=data,
-    )
-
-
-def gap_row(node: str, gap: Gap, data: bytes) -> Row:
-    """A gap's row."""
-    return event_row(node, "gap", gap.position, gap.time, detail=gap.detail, data=data)
+    return FeedEntry(cursor, row["node"], row["channel"], row, now)
 
 
 def status_row(
@@ -94,7 +68,6 @@ def status_row(
         "capacity": status.capacity,
         "gaps": status.gaps,
         "faults": _faults(status),
-        "places": _places(status),
         "clock_earliest": status.time[0],
         "clock_latest": status.time[1],
         "clock_after": status.gateway_time,
@@ -119,12 +92,6 @@ def _faults(status: Status) -> str | None:
         for each in status.faults
     ]
     return orjson.dumps(faults).decode()
-
-
-def _places(status: Status) -> str | None:
-    """The taxels' positions as JSON; ``None`` without any."""
-    places = [[place.taxel, place.x, place.y] for place in status.places]
-    return orjson.dumps(places).decode() if places else None
 
 
 def _energy(status: Status) -> Row:

@@ -14,7 +14,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from eskin.errors import MessageError
 from eskin.privacy import SealedMessage
 from eskin.wire.frames import DescribedLayout, FrameSummary, Privacy, Statements
-from eskin.wire.messages import BlockSummary, Gap, Peak, Position, Result, Status
+from eskin.wire.messages import Position, Result, Status
 from eskin_cloud.store.db_errors import explain, is_store_fault
 from eskin_cloud.store.descriptions import (
     UnknownDescriptionError,
@@ -24,21 +24,12 @@ from eskin_cloud.store.feed_entry import FeedEntry
 from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages
-from eskin_cloud.store.schema.tables import blocks, dead_letters, events
+from eskin_cloud.store.schema.tables import dead_letters, events
 from eskin_cloud.store.slot import slot_of
-from eskin_cloud.store.write.block_row import BlockRow
-from eskin_cloud.store.write.bulk_insert import BulkInsert, bulk_insert
-from eskin_cloud.store.write.channels import (
-    add_blocks,
-    add_sealed,
-    channels_of,
-    check_channels,
-    declare_channels,
-    ensure_channel,
-)
+from eskin_cloud.store.write.bulk_insert import bulk_insert
 from eskin_cloud.store.write.commands import store_result
 from eskin_cloud.store.write.duplicates import MAX_RANGES
-from eskin_cloud.store.write.events import event_row, gap_row, peak_row, status_row
+from eskin_cloud.store.write.events import event_row, status_row
 from eskin_cloud.store.write.layouts import layout_of
 from eskin_cloud.store.write.missing_messages import (
     describe_flash_rollback,
@@ -56,7 +47,6 @@ from eskin_cloud.store.write.presence import (
     mark_online,
     record_lag,
     record_layout,
-    record_position,
     record_sealed_lag,
 )
 from eskin_cloud.store.write.statements import statement_rows
@@ -67,7 +57,6 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from eskin_cloud.store.write.duplicates import StoredSequences
     from eskin_cloud.store.write.write_cache import Key, Row, WriteCache
 
 log = logging.getLogger(__name__)
@@ -98,8 +87,7 @@ class Receipt(NamedTuple):
 
 
 _Placed: TypeAlias = FrameSummary | Statements | SealedMessage
-"""What is read by a layout; of sealed messages, frames and statements."""
-_NonBlock: TypeAlias = Peak | Gap | Status | Result | SealedMessage
+"""What is read by a layout."""
 _STORED: Final = Receipt(STORED)
 _DUPLICATE: Final = Receipt(DUPLICATE)
 _UNKNOWN: Final = Receipt(
@@ -123,8 +111,7 @@ class IngestResult:
         results: One a message, in the batch's order.
         entries: Entries for the live feed.
         dropped: Number of old dead letters that were deleted to make room.
-        lag: Enclosure of the time from the last sample of the latest block or frame to its
-            storage, ns.
+        lag: Enclosure of the time from the last sample of the latest frame to its storage, ns.
         conflicts: Number of messages that differ from those stored under their numbers.
     """
 
@@ -136,34 +123,10 @@ class IngestResult:
 
 
 @dataclass(slots=True)
-class _BlockRun:
-    """A batch's blocks of one channel in one boot; work that they share is done once.
-
-    Attributes:
-        node: The node.
-        boot: Its boot.
-        channel: Its channel.
-        ranges: The cache's stored sequence numbers of this boot.
-        digests: The cache's new digests of this boot, by sequence number.
-        known: The channel's row; empty before the first block.
-        rows: The blocks' rows, in the batch's order.
-    """
-
-    node: str
-    boot: int
-    channel: str
-    ranges: StoredSequences
-    digests: dict[int, bytes]
-    known: Row = field(default_factory=dict)
-    rows: list[BlockRow] = field(default_factory=list)
-
-
-@dataclass(slots=True)
 class _Batch:
     connection: Connection
     cache: WriteCache
     now: int
-    blocks: BulkInsert
     frames: list[FrameRow] = field(default_factory=list)
     layouts: dict[tuple[str, bytes], DescribedLayout | UnknownDescriptionError | MessageError] = (
         field(default_factory=dict)
@@ -173,7 +136,6 @@ class _Batch:
     dead: list[Row] = field(default_factory=list)
     refused: list[tuple[str, Position]] = field(default_factory=list)
     entries: list[FeedEntry] = field(default_factory=list)
-    runs: dict[tuple[str, int, str], _BlockRun] = field(default_factory=dict)
     conflicts: int = 0
     items: Sequence[ParsedMessage] = ()
     compared: bool = False
@@ -186,7 +148,7 @@ class _Batch:
         cursor = self.cache.next_cursor(self.connection)
         row |= {"cursor": cursor, "received": self.now}
         self.events.append(row)
-        self.entries.append(FeedEntry(cursor, row["node"], row["channel"], None, row, self.now))
+        self.entries.append(FeedEntry(cursor, row["node"], row["channel"], row, self.now))
 
 
 def ingest(
@@ -211,15 +173,14 @@ def ingest(
         now: UTC ns.
         dead_letters: Most dead letters that are kept.
     """
-    batch = _Batch(connection, cache, now, bulk_insert(connection, blocks), items=items, site=site)
+    batch = _Batch(connection, cache, now, items=items, site=site)
     if site is not None:
         nodes = {item.node for item in items}
         known = cache.sites(connection, nodes)
         batch.foreign = {node for node in nodes if known.get(node) != site and is_node(node)}
     _prepare(batch, [item for item in items if item.node not in batch.foreign])
     results = [_ingest_message(batch, item, gateway) for item in items]
-    lags = _finish_runs(batch), _finish_frames(batch)
-    batch.blocks.finish()
+    lag = _finish_frames(batch)
     if batch.events:
         connection.execute(insert(events), batch.events)
     if batch.sealed:
@@ -227,7 +188,7 @@ def ingest(
     for node, (boot, sequence) in batch.refused:
         record_lost(connection, node, [(boot, sequence, sequence)])
     dropped = store_dead_letters(connection, batch.dead, most=dead_letters) if batch.dead else 0
-    return IngestResult(results, batch.entries, dropped, lags[1] or lags[0], batch.conflicts)
+    return IngestResult(results, batch.entries, dropped, lag, batch.conflicts)
 
 
 def ingest_individually(
@@ -292,37 +253,18 @@ def ingest_individually(
 
 
 def _prepare(batch: _Batch, items: Sequence[ParsedMessage]) -> None:
-    runs: dict[tuple[str, int, str], None] = {}
     boots: dict[tuple[str, int], None] = {}
-    places: dict[tuple[str, str], None] = {}
-    of_pages: dict[tuple[int, str, bytes, int], None] = {}
+    of_pages: dict[Key, None] = {}
     for item in items:
         node, message = item.node, item.message
-        if isinstance(message, BlockSummary):
-            runs[node, message.position.boot, message.channel] = None
-        elif isinstance(message, FrameSummary | Statements):
-            boots[node, message.position.boot] = None
-            if isinstance(message, FrameSummary):
-                of_pages[slot_of(node), node, message.layout, message.page] = None
+        if message is None:
+            continue
+        boots[node, message.position.boot] = None
+        if isinstance(message, FrameSummary):
+            of_pages[slot_of(node), node, message.layout, message.page] = None
         elif isinstance(message, SealedMessage) and isinstance(message.place, tuple):
-            boots[node, message.position.boot] = None
             of_pages[slot_of(node), node, *message.place] = None
-        elif message is not None:
-            boots[node, message.position.boot] = None
-            places |= dict.fromkeys((node, channel) for channel, _ in channels_of(message))
-    boots |= dict.fromkeys((node, boot) for node, boot, _ in runs)
-    places |= dict.fromkeys((node, channel) for node, _, channel in runs)
-    batch.cache.prepare(batch.connection, boots=boots, places=places, of_pages=of_pages)
-
-
-def _finish_runs(batch: _Batch) -> tuple[int, int] | None:
-    """Add each run's blocks to the rows of node and channel; returns the last block's lag."""
-    lag = None
-    for run in sorted((r for r in batch.runs.values() if r.rows), key=lambda r: r.rows[-1].cursor):
-        batch.cache.mark_ranges_changed(run.node, run.boot)
-        add_blocks(batch.cache, run.known, run.rows)
-        lag = record_position(batch.connection, batch.cache, run.rows, now=batch.now)
-    return lag
+    batch.cache.prepare(batch.connection, boots=boots, of_pages=of_pages)
 
 
 def _finish_frames(batch: _Batch) -> tuple[int, int] | None:
@@ -348,78 +290,36 @@ def _ingest_message(batch: _Batch, item: ParsedMessage, gateway: str) -> Receipt
     message = item.message
     if item.node in batch.foreign:
         return _UNKNOWN
-    if isinstance(message, BlockSummary):
-        return _ingest_block(batch, item, message, gateway)
-    if isinstance(message, FrameSummary | Statements):
-        return _ingest_placed(batch, item, message, message.layout, gateway)
-    if isinstance(message, SealedMessage) and message.layout is not None:
-        return _ingest_placed(batch, item, message, message.layout, gateway)
-    return _ingest_other(batch, item, message, gateway)
+    if message is None:
+        return _reject(batch, item, item.reason or "no message", gateway)
+    if isinstance(message, Status | Result):
+        return _ingest_report(batch, item, message, gateway)
+    return _ingest_placed(batch, item, message, gateway)
 
 
-def _ingest_other(
-    batch: _Batch, item: ParsedMessage, message: _NonBlock | None, gateway: str
+def _ingest_report(
+    batch: _Batch, item: ParsedMessage, message: Status | Result, gateway: str
 ) -> Receipt:
-    reason = item.reason
-    if message is not None:
-        place = message.position
-        ranges = batch.cache.ranges(batch.connection, item.node, place.boot)
-        if place.sequence in ranges:
-            return _check_duplicate(batch, item, place, gateway)
-        if not ranges.has_room_for(place.sequence):
-            return _reject(batch, item, _TOO_MANY_RANGES, gateway)
-        reason = check_channels(batch.connection, batch.cache, item.node, message)
-    if message is None or reason is not None:
-        if message is not None:
-            batch.refused.append((item.node, message.position))
-        return _reject(batch, item, reason or "no message", gateway)
-    batch.add_event(
-        mark_online(batch.connection, batch.cache, item.node, message.position, now=batch.now)
-    )
-    _store_message(batch, item.node, message, item.data)
-    batch.cache.add(batch.connection, item.node, place.boot, place.sequence, item.digest)
-    return _STORED
-
-
-def _ingest_block(batch: _Batch, item: ParsedMessage, block: BlockSummary, gateway: str) -> Receipt:
-    """Store a block; `_finish_runs` does what the blocks of a run share."""
-    node, (boot, sequence) = item.node, block.position
-    run = batch.runs.get((node, boot, block.channel))
-    if run is None:
-        ranges = batch.cache.ranges(batch.connection, node, boot)
-        digests = batch.cache.digests.added(node, boot)
-        run = _BlockRun(node, boot, block.channel, ranges, digests)
-        batch.runs[node, boot, block.channel] = run
-    if sequence in run.ranges:
-        return _check_duplicate(batch, item, block.position, gateway)
-    if not run.ranges.has_room_for(sequence):
-        return _reject(batch, item, _TOO_MANY_RANGES, gateway)
-    if block.unit != run.known.get("unit"):
-        reason = check_channels(batch.connection, batch.cache, node, block)
-        if reason is not None:
-            batch.refused.append((node, block.position))
-            return _reject(batch, item, reason, gateway)
-    if not run.rows:
-        batch.add_event(
-            mark_online(batch.connection, batch.cache, node, block.position, now=batch.now)
-        )
-        # Before the first block is stored: a batch must not state two units of a new channel.
-        run.known = ensure_channel(batch.connection, batch.cache, node, block)
-    cursor = batch.cache.next_cursor(batch.connection)
-    row = BlockRow.of(node, block, item.compressed or item.data, item.digest, cursor, batch.now)
-    run.rows.append(row)
-    run.ranges.add(sequence)
-    run.digests[sequence] = item.digest
-    batch.blocks.add(row)
-    batch.entries.append(FeedEntry(cursor, node, block.channel, item.data, None, batch.now))
-    return _STORED
-
-
-def _ingest_placed(
-    batch: _Batch, item: ParsedMessage, message: _Placed, layout: bytes, gateway: str
-) -> Receipt:
-    """Store a frame or statements; `_finish_frames` does what frames share."""
+    """Store a status or the result of a command."""
     node, place = item.node, message.position
+    ranges = batch.cache.ranges(batch.connection, node, place.boot)
+    if place.sequence in ranges:
+        return _check_duplicate(batch, item, place, gateway)
+    if not ranges.has_room_for(place.sequence):
+        return _reject(batch, item, _TOO_MANY_RANGES, gateway)
+    batch.add_event(mark_online(batch.connection, batch.cache, node, place, now=batch.now))
+    if isinstance(message, Result):
+        batch.add_event(store_result(batch.connection, node, message, item.data))
+    else:
+        _store_status(batch, node, message, item.data)
+    batch.cache.add(batch.connection, node, place.boot, place.sequence, item.digest)
+    return _STORED
+
+
+def _ingest_placed(batch: _Batch, item: ParsedMessage, message: _Placed, gateway: str) -> Receipt:
+    """Store a frame or statements; `_finish_frames` does what frames share."""
+    node, place, layout = item.node, message.position, message.layout
+    assert layout is not None  # noqa: S101 - `ParsedMessage.parse` refuses others
     described = _find_layout(batch, node, layout)
     if isinstance(described, UnknownDescriptionError):
         return _ask_for_descriptions(batch, item, place, described, gateway)
@@ -482,7 +382,7 @@ def _store_frame(
         *(item.node, frame, fitting, item.data, item.digest), cursor=cursor, now=batch.now
     )
     batch.frames.append(row)
-    head = cursor, item.node, None, None, None, batch.now
+    head = cursor, item.node, None, None, batch.now
     batch.entries.append(FeedEntry(*head, frame=item.data, layout=frame.layout))
 
 
@@ -529,7 +429,7 @@ def _store_sealed_by_layout(
 def _add_sealed(batch: _Batch, node: str, message: SealedMessage, data: bytes) -> None:
     cursor = batch.cache.next_cursor(batch.connection)
     batch.sealed.append(_sealed_row(node, message, data, cursor, batch.now))
-    head = cursor, node, message.channel, None, None, batch.now, data
+    head = cursor, node, None, None, batch.now, data
     batch.entries.append(FeedEntry(*head, layout=message.layout))
     record_sealed_lag(batch.connection, batch.cache, node, message, now=batch.now)
 
@@ -601,24 +501,11 @@ def _reject(batch: _Batch, item: ParsedMessage, reason: str, gateway: str) -> Re
     return Receipt(REJECTED, reason)
 
 
-def _store_message(batch: _Batch, node: str, message: _NonBlock, data: bytes) -> None:
-    if isinstance(message, SealedMessage):
-        _add_sealed(batch, node, message, data)
-        if message.channel is not None:
-            add_sealed(batch.connection, batch.cache, node, message.channel, message)
-    elif isinstance(message, Peak):
-        batch.add_event(peak_row(node, message, data))
-    elif isinstance(message, Gap):
-        batch.add_event(gap_row(node, message, data))
-        record_lost(batch.connection, node, message.lost)
-    elif isinstance(message, Result):
-        batch.add_event(store_result(batch.connection, node, message, data))
-    else:
-        declare_channels(batch.connection, batch.cache, node, message)
-        started = status_row(batch.connection, batch.cache, node, message, data, now=batch.now)
-        batch.add_event(started)
-        if started is not None and message.ended is not None:
-            _check_flash(batch, node, message, message.ended)
+def _store_status(batch: _Batch, node: str, status: Status, data: bytes) -> None:
+    started = status_row(batch.connection, batch.cache, node, status, data, now=batch.now)
+    batch.add_event(started)
+    if started is not None and status.ended is not None:
+        _check_flash(batch, node, status, status.ended)
 
 
 def _check_flash(

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import select
 
 from eskin.errors import MessageError
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout, require_stated
-from eskin_cloud.store.read.lookup import key_batches
 from eskin_cloud.store.schema.frame_tables import pages
-from eskin_cloud.store.schema.tables import channels
 from eskin_cloud.store.slot import slot_of
-from eskin_cloud.store.write import channels as limits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
     from sqlalchemy import Connection
 
     from eskin.wire.frames import DescribedLayout
     from eskin_cloud.store.write.write_cache import WriteCache
+
+MOST_CHANNELS: Final = 20_000
+"""Of a node: a hand of 8,400 taxels has as many channels of each quantity."""
 
 
 def layout_of(connection: Connection, cache: WriteCache, node: str, name: bytes) -> DescribedLayout:
@@ -53,24 +53,22 @@ def _acceptable_units(
         MessageError: A channel has another unit already, or there are too many.
     """
     used = _used_layouts(connection, node)
-    known = cache.frame_units.get(node)
+    known = cache.units.get(node)
     if known is None:
         known = _units_of(connection, node, used)
     if described.hash in used:  # accepted by an earlier process
         return known
-    of_blocks = _block_units(connection, cache, node, known | described.units)
     for channel, unit in described.units.items():
-        own = known.get(channel) or of_blocks.get(channel) or unit
+        own = known.get(channel, unit)
         if own != unit:
             raise MessageError(
                 f"channel {channel} of {node} is in {own!r}, and its layout states {unit!r}; a "
                 "channel keeps its unit; give the new quantity another name"
             )
     units = known | described.units
-    count = len(units) + cache.count_channels(connection, node) - len(of_blocks)
-    if count > limits.MOST_CHANNELS:
+    if len(units) > MOST_CHANNELS:
         raise MessageError(
-            f"{node} would have {count} channels with this layout; at most {limits.MOST_CHANNELS} "
+            f"{node} would have {len(units)} channels with this layout; at most {MOST_CHANNELS} "
             "are allowed; reuse the names that it has, or use another node"
         )
     return units
@@ -92,18 +90,3 @@ def _units_of(connection: Connection, node: str, layouts: Iterable[bytes]) -> di
         except UnknownDescriptionError:  # damaged, and reported
             continue
     return units
-
-
-def _block_units(
-    connection: Connection, cache: WriteCache, node: str, units: Mapping[str, str]
-) -> dict[str, str]:
-    """Units of those channels that have a row of their own."""
-    if not cache.count_channels(connection, node):
-        return {}
-    c = channels.c
-    found: dict[str, str] = {}
-    query = select(c.channel, c.unit).where(c.node == node)
-    for batch in key_batches(list(units)):
-        rows = connection.execute(query.where(c.channel.in_(batch)))
-        found |= {row.channel: row.unit for row in rows}
-    return found

@@ -14,13 +14,10 @@ from eskin_cloud.store.schema.tables import nodes
 from eskin_cloud.store.write.events import event_row, store_event
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from sqlalchemy import Connection
 
     from eskin.privacy import SealedMessage
     from eskin_cloud.store.feed_entry import FeedEntry
-    from eskin_cloud.store.write.block_row import BlockRow
     from eskin_cloud.store.write.write_cache import Row, WriteCache
 
 MOST_LAG: Final = 2**63 - 1
@@ -51,31 +48,6 @@ def add_offline_node(
     """Add a node that only a gateway knows, as offline."""
     if cache.row(connection, nodes, node) is None:
         cache.create(nodes, (node,), _new_node(node, Position(*place), now) | {"online": 0})
-
-
-def record_position(
-    connection: Connection, cache: WriteCache, rows: Sequence[BlockRow], *, now: int
-) -> tuple[int, int]:
-    """Record a node's position, and the lag of its last block.
-
-    Args:
-        connection: The writer's, in a transaction.
-        cache: The writer's.
-        rows: Rows of blocks of one boot of an online node, in the order of arrival.
-        now: UTC ns.
-
-    Returns:
-        An enclosure of the lag, ns, at most `MOST_LAG`.
-    """
-    last = rows[-1]
-    lag = _lag(now - (last.t_end - last.t), (last.t_lo, last.t_hi))
-    row = cache.row(connection, nodes, last.node)
-    if row is not None:
-        place = last.boot, max(each.sequence for each in rows)
-        row["boot"], row["sequence"] = max((row["boot"], row["sequence"]), place)
-        row["lag_lo"], row["lag_hi"] = lag
-        cache.change(nodes, last.node)
-    return lag
 
 
 def record_layout(
@@ -124,12 +96,12 @@ def record_lag(
 def record_sealed_lag(
     connection: Connection, cache: WriteCache, node: str, message: SealedMessage, *, now: int
 ) -> None:
-    """Record a sealed block's or frame's lag, by the minute, if no finer one is known.
+    """Record a sealed frame's lag, by the minute, if no finer one is known.
 
-    The lag of a peak is not recorded, as it would show when the peak occurred.
+    The lag of statements is not recorded, as it would show when a peak occurred.
     """
     row = cache.row(connection, nodes, node)
-    if row is None or message.kind not in {Kind.BLOCK, Kind.FRAME}:
+    if row is None or message.kind is not Kind.FRAME:
         return
     if row["lag_lo"] is None or row["lag_hi"] - row["lag_lo"] >= MINUTE:
         row["lag_lo"], row["lag_hi"] = _lag(now, message.time)

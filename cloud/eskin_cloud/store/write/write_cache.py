@@ -6,17 +6,15 @@ import logging
 import secrets
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from sqlalchemy import and_, bindparam, delete, func, insert, select, text, tuple_, update
+from sqlalchemy import and_, bindparam, delete, insert, select, tuple_, update
 
 from eskin.errors import StoreError
 from eskin_cloud.store.damage import damaged_rows
 from eskin_cloud.store.notify import FEED, notify
 from eskin_cloud.store.read.lookup import key_batches
 from eskin_cloud.store.row_digests import intact_rows, without_digest
-from eskin_cloud.store.sample_grid import CHUNK, level_for
 from eskin_cloud.store.schema.frame_tables import pages
-from eskin_cloud.store.schema.tables import channels, feed, nodes, sequences
-from eskin_cloud.store.schema.tile_tables import stale_chunks
+from eskin_cloud.store.schema.tables import feed, nodes, sequences
 from eskin_cloud.store.write.duplicates import StoredDigests, StoredSequences, stored_spans
 from eskin_cloud.store.write.node_sites import sites_of
 
@@ -24,8 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
 
     from sqlalchemy import ColumnElement, Connection, Table
-
-    from eskin_cloud.store.sample_grid import SampleGrid
 
 log = logging.getLogger(__name__)
 
@@ -37,15 +33,8 @@ MOVING: Final = "moving"
 """The writer's name while a store is moved."""
 _MAX_BOOTS: Final = 10_000
 _MAX_ROWS: Final = 100_000
-"""Rows of nodes, channels and pages together."""
+"""Rows of nodes and pages together."""
 _WRITER: Final = select(feed.c.writer)
-_MARK_STALE: Final = text(
-    "INSERT INTO stale_chunks (node, channel, chunk, mark) VALUES (:node, :channel, :chunk, :mark) "
-    "ON CONFLICT (node, channel, chunk) DO UPDATE SET mark = excluded.mark"
-)
-_CLEAR_STALE: Final = delete(stale_chunks).where(
-    stale_chunks.c.node == bindparam("n"), stale_chunks.c.channel == bindparam("c")
-)
 
 
 def _by_key(table: Table) -> ColumnElement[bool]:
@@ -53,7 +42,7 @@ def _by_key(table: Table) -> ColumnElement[bool]:
     return and_(*(column == bindparam(f"at_{column.name}") for column in table.primary_key.columns))
 
 
-_TABLES: Final = (nodes, channels, pages, sequences)
+_TABLES: Final = (nodes, pages, sequences)
 # Compiled once: compiling a statement takes as long as executing it.
 _INSERT: Final = {table: insert(table) for table in _TABLES}
 _UPDATE: Final = {table: update(table).where(_by_key(table)) for table in _TABLES}
@@ -61,14 +50,14 @@ _DELETE: Final = {table: delete(table).where(_by_key(table)) for table in _TABLE
 
 
 class WriteCache:
-    """Rows of nodes, channels, pages and sequences, and the last cursor; `save` writes them back.
+    """Rows of nodes, pages and sequences, and the last cursor; `save` writes them back.
 
     Only the writer thread uses it. A rollback clears it, and so does a write of another process.
 
     Attributes:
         name: Identifies this writer to other processes.
         digests: Digests of stored messages.
-        frame_units: By node, the units of the channels in its layouts.
+        units: By node, the units of the channels in its layouts.
     """
 
     def __init__(self) -> None:
@@ -96,15 +85,12 @@ class WriteCache:
         self.digests = StoredDigests()
         self._sites: dict[str, str] = {}
         self._ranges: dict[tuple[str, int], StoredSequences] = {}
-        self._rows: dict[Table, dict[Key, Row | None]] = {nodes: {}, channels: {}, pages: {}}
+        self._rows: dict[Table, dict[Key, Row | None]] = {nodes: {}, pages: {}}
         self._layouts: set[tuple[str, bytes]] = set()
-        self.frame_units: dict[str, dict[str, str]] = {}
-        self._channels_of: dict[str, int] = {}
+        self.units: dict[str, dict[str, str]] = {}
         self._new: set[tuple[Table, Key]] = set()
         self._changed: dict[tuple[Table, Key], None] = {}
         self._added: dict[tuple[str, int], None] = {}
-        self._invalid: dict[tuple[str, str, int], None] = {}
-        self._reset: dict[tuple[str, str], None] = {}
 
     def sites(self, connection: Connection, named: Collection[str]) -> dict[str, str]:
         """The sites of those nodes that have one; sites never change."""
@@ -129,7 +115,6 @@ class WriteCache:
         connection: Connection,
         *,
         boots: Iterable[tuple[str, int]],
-        places: Collection[tuple[str, str]],
         of_pages: Collection[Key] = (),
     ) -> None:
         """Read the rows that a batch needs, a few statements for all.
@@ -137,14 +122,11 @@ class WriteCache:
         Args:
             connection: The writer's, in a transaction.
             boots: Nodes and their boots.
-            places: Nodes and their channels.
             of_pages: Keys of pages.
         """
         unknown = [key for key in dict.fromkeys(boots) if key not in self._ranges]
         self._prepare_rows(connection, nodes, dict.fromkeys((node,) for node, _ in unknown))
-        self._prepare_rows(connection, channels, places)
         self._prepare_rows(connection, pages, of_pages)
-        self._prepare_counts(connection, places)
         if not unknown:
             return
         found: dict[tuple[str, int], list[tuple[int, int]]] = {key: [] for key in unknown}
@@ -183,22 +165,11 @@ class WriteCache:
             for row in connection.execute(query).mappings():
                 rows[tuple(row[column.name] for column in columns)] = without_digest(row)
 
-    def _prepare_counts(self, connection: Connection, places: Iterable[tuple[str, str]]) -> None:
-        known = self._rows[channels]
-        growing = dict.fromkeys(node for node, channel in places if not known[node, channel])
-        unknown = [node for node in growing if node not in self._channels_of]
-        here = channels.c.node
-        query = select(here, func.count()).group_by(here)
-        for part in key_batches(unknown):
-            self._channels_of |= dict.fromkeys(part, 0)
-            for node, count in connection.execute(query.where(here.in_(part))):
-                self._channels_of[node] = count
-
     def ranges(self, connection: Connection, node: str, boot: int) -> StoredSequences:
         """The stored sequence numbers of a node's boot."""
         key = node, boot
         if key not in self._ranges:
-            self.prepare(connection, boots=[key], places=())
+            self.prepare(connection, boots=[key])
         return self._ranges[key]
 
     def add(
@@ -214,7 +185,7 @@ class WriteCache:
         self._added[node, boot] = None
 
     def row(self, connection: Connection, table: Table, *key: Any) -> Row | None:
-        """A node's, a channel's or a page's row; call `change` after changing it."""
+        """A node's or a page's row; call `change` after changing it."""
         rows = self._rows[table]
         if key not in rows:
             query = select(table)
@@ -237,55 +208,17 @@ class WriteCache:
             units: The units of the channels in all layouts of the node.
         """
         self._layouts.add((node, layout))
-        self.frame_units[node] = units
-
-    def count_channels(self, connection: Connection, node: str) -> int:
-        """The number of a node's channels."""
-        if node not in self._channels_of:
-            query = select(func.count()).select_from(channels).where(channels.c.node == node)
-            self._channels_of[node] = connection.execute(query).scalar_one()
-        return self._channels_of[node]
+        self.units[node] = units
 
     def create(self, table: Table, key: Key, row: Row) -> None:
         """Add a new row."""
         self._rows[table][key] = row
-        if table is channels and key[0] in self._channels_of:
-            self._channels_of[key[0]] += 1
         self._new.add((table, key))
         self._changed[table, key] = None
 
     def change(self, table: Table, *key: Any) -> None:
         """Have `save` write a row."""
         self._changed[table, key] = None
-
-    def invalidate_tiles(self, channel: Row, samples: SampleGrid, *, since: int = -(2**63)) -> None:
-        """Mark the chunks of tiles that hold a row's samples as stale.
-
-        Samples that touch many chunks reset all tiles, to longer ones: otherwise a node that
-        samples each nanosecond at first, and each hour later, would mark billions of chunks.
-
-        Args:
-            channel: The channel's row.
-            samples: The row's samples.
-            since: Chunks that begin before it, UTC ns, are valid.
-        """
-        if channel["built"] is None:
-            return
-        grain = level_for(channel["grain"], samples)
-        if grain > channel["grain"]:
-            self._reset_tiles(channel, grain)
-            return
-        for chunk in samples.chunks(grain):
-            if since <= chunk << (grain + CHUNK) < channel["built"]:
-                self._invalid[channel["node"], channel["channel"], chunk] = None
-
-    def _reset_tiles(self, channel: Row, grain: int) -> None:
-        """Count a channel's tiles as not built; the next build deletes the old ones."""
-        place = channel["node"], channel["channel"]
-        channel |= {"built": None, "grain": grain}
-        self._reset[place] = None
-        self._invalid = {key: None for key in self._invalid if key[:2] != place}
-        self.change(channels, *place)
 
     def save(self, connection: Connection) -> None:
         """Write the changes, in the transaction of the messages that caused them."""
@@ -294,14 +227,6 @@ class WriteCache:
         self._trim()
 
     def _write(self, connection: Connection) -> None:
-        if self._reset:
-            connection.execute(
-                _CLEAR_STALE, [{"n": node, "c": channel} for node, channel in self._reset]
-            )
-            self._reset.clear()
-        if self._invalid:
-            connection.execute(_MARK_STALE, [_stale_row(*key) for key in self._invalid])
-            self._invalid.clear()
         values = {"writer": self.name} | ({"cursor": self._cursor} if self._moved else {})
         connection.execute(update(feed).values(values))
         if self._moved:
@@ -352,11 +277,10 @@ class WriteCache:
         if sum(map(len, self._rows.values())) > _MAX_ROWS:
             for rows in self._rows.values():
                 rows.clear()
-            self._channels_of.clear()
         if len(self._layouts) > _MAX_ROWS:
             self._layouts.clear()
-        if sum(map(len, self.frame_units.values())) > _MAX_ROWS:
-            self.frame_units.clear()
+        if sum(map(len, self.units.values())) > _MAX_ROWS:
+            self.units.clear()
 
 
 def _with_key_parameters(table: Table, rows: Iterable[Row]) -> list[Row]:
@@ -366,7 +290,3 @@ def _with_key_parameters(table: Table, rows: Iterable[Row]) -> list[Row]:
         {f"at_{name}" if name in keys else name: value for name, value in row.items()}
         for row in rows
     ]
-
-
-def _stale_row(node: str, channel: str, chunk: int) -> Row:
-    return {"node": node, "channel": channel, "chunk": chunk, "mark": secrets.randbits(62)}

@@ -13,7 +13,7 @@ import cbor2
 from eskin_cloud.access import Scope, create_token
 from eskin_cloud.api.middleware.answer import DAMAGED
 from eskin_cloud.rollup.patch_tile_builder import build
-from eskin_cloud.store.patch_compaction import Due, compact_frames, find_compactable_frames
+from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.schema.frame_tables import (
     descriptions,
     frames,
