@@ -42,9 +42,9 @@ def event_rows(
         described: The layout by which statements are read; without it they give none.
         cursor: Its cursor in the feed.
     """
-    rows: list[dict[str, Any]] = []
-    if isinstance(message, Statements) and described is not None:
-        rows = list(statement_rows(node, message, described, data))
+    if not isinstance(message, Statements) or described is None:
+        return []
+    rows = statement_rows(node, message, described, data)
     return [row | {"cursor": cursor, "number": k} for k, row in enumerate(rows)]
 
 
