@@ -306,19 +306,6 @@ class LiveSection(Section):
     heartbeat_s: float = Field(
         default=10.0, gt=0, le=300, description="seconds between signs of life"
     )
-    watched_nodes: int = Field(
-        default=32,
-        ge=0,
-        le=1000,
-        description="nodes that are asked for short blocks at once, because streams have chosen "
-        "them; and as many because streams are of everything",
-    )
-    watched_s: float = Field(
-        default=10.0,
-        ge=1,
-        le=60,
-        description="seconds for which one look keeps a node's blocks short",
-    )
 
 
 class CloudSettings(Settings):

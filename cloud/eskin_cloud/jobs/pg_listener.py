@@ -10,7 +10,7 @@ import psycopg
 
 from eskin.errors import StoreError
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.store.notify import CHANNEL, COMMANDS, FEED, WATCHED
+from eskin_cloud.store.notify import CHANNEL, COMMANDS, FEED
 from eskin_cloud.store.postgres import driver_arguments
 
 if TYPE_CHECKING:
@@ -65,5 +65,3 @@ def receive(cloud: AppState, text: str) -> None:
         cursor, writer = words
         if writer != cloud.store.cache.name:
             cloud.feed.advance(int(cursor))
-    elif kind == WATCHED:
-        cloud.viewers.hear(words)

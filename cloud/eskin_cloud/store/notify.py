@@ -17,8 +17,6 @@ FEED: Final = "feed"
 """Messages were stored; arguments: the last cursor, the writer's name."""
 COMMANDS: Final = "commands"
 """A command was issued or answered."""
-WATCHED: Final = "watched"
-"""Viewers watch nodes; arguments: the nodes' names."""
 
 
 def notify(connection: Connection, kind: str, *arguments: object) -> None:
