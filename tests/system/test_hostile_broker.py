@@ -21,7 +21,8 @@ from eskin_sensor_node.settings import IdentitySection as NodeIdentity
 
 from eskin.identity import IdentityKind
 from eskin.identity.identity import CHAIN_FILE
-from eskin.wire.messages import Status, decode_message
+from eskin.wire.messages.cbor_map import load
+from eskin.wire.messages.header import Kind, read_position
 from eskin.wire.topics import NODES
 from tests.support.identities import Identities
 from tests.support.processes import wait_until
@@ -114,8 +115,8 @@ def kept(cloud: StubCloud, name: str) -> set[bytes]:
 def require_exactly(said: list[bytes], stored: list[bytes]) -> None:
     """All that was said is stored once; beyond it only later statuses, each position once."""
     assert [stored.count(body) for body in said] == [1] * len(said)
-    messages = [decode_message(body) for body in stored]
-    positions = [message.position for message in messages]
+    messages = [load(body) for body in stored]
+    positions = [read_position(message) for message in messages]
     assert len(set(positions)) == len(positions)
     later = [m for m, body in zip(messages, stored, strict=True) if body not in set(said)]
-    assert all(isinstance(message, Status) for message in later)
+    assert {message.integer(1, 0, 255) for message in later} <= {Kind.STATUS}

@@ -11,15 +11,15 @@ import pytest
 from eskin_cloud.jobs.missing_messages import look
 from eskin_cloud.jobs.retention import sweep
 from eskin_cloud.settings import RetentionSection
-from eskin_cloud.store.write.channels import add_blocks
 from eskin_cloud.store.write.missing_messages import count_missing, subtract
+from eskin_cloud.store.write.pages import add_frames
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.wire.messages import Gap, Position
+from eskin.wire.messages import Position
 from eskin.wire.sequence_set import SequenceRanges
 from tests.unit.cloud.clouds import admit, batch, standing
-from tests.unit.cloud.messages import NODE, START, block, gap, status
+from tests.unit.cloud.messages import NODE, gap, status, stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -69,7 +69,7 @@ def ranges(told: Any) -> list[tuple[int, int, int]]:
 
 
 async def test_gap_between_stored_messages_is_reported_after_five_minutes(stand: Stand) -> None:
-    await bring(stand, *(block(number) for number in (0, 1, 2, 7, 8, 10)))
+    await bring(stand, *(stretch(number) for number in (0, 1, 2, 7, 8, 10)))
     await look(stand.cloud)
     stand.clock.turn(PATIENCE_S - 1)
     await look(stand.cloud)
@@ -87,45 +87,44 @@ async def test_gap_between_stored_messages_is_reported_after_five_minutes(stand:
 
 
 async def test_late_message_withdraws_the_report(stand: Stand) -> None:
-    await bring(stand, *(block(number) for number in (0, 5)))
+    await bring(stand, *(stretch(number) for number in (0, 5)))
     assert (await wait(stand))["messages"] == 4
-    await bring(stand, block(1), block(2))
+    await bring(stand, stretch(1), stretch(2))
     await look(stand.cloud)
     assert ranges(await missing(stand)) == [(1, 3, 4)]
     assert len(await details(stand)) == 1
-    await bring(stand, block(3), block(4))
+    await bring(stand, stretch(3), stretch(4))
     await look(stand.cloud)
     assert await missing(stand) is None
     assert [each.split(":")[0] for each in await details(stand)] == ["missing", "found"]
 
 
 async def test_gap_that_fills_in_time_is_not_reported(stand: Stand) -> None:
-    await bring(stand, *(block(number) for number in (0, 5)))
+    await bring(stand, *(stretch(number) for number in (0, 5)))
     await look(stand.cloud)
-    await bring(stand, *(block(number) for number in (1, 2, 3, 4)))
+    await bring(stand, *(stretch(number) for number in (1, 2, 3, 4)))
     assert await wait(stand) is None
     assert await details(stand) == []
 
 
 async def test_lost_messages_of_a_gap_are_not_missing(stand: Stand) -> None:
-    await bring(stand, block(3), gap(4), block(7))
+    await bring(stand, stretch(3), gap(4), stretch(7))
     assert ranges(await wait(stand)) == [(1, 5, 6)]
-    told = Gap(Position(1, 8), "flash full", (START, START), 2, 0, ((1, 5, 6),))
-    await bring(stand, told)
+    await bring(stand, gap(8, lost=((1, 5, 6),)))
     await look(stand.cloud)
     assert await missing(stand) is None
 
 
 async def test_dead_letter_is_not_missing(stand: Stand) -> None:
-    refused = [block(number, unit="H") for number in (1, 2, 4)]
-    await bring(stand, block(0), refused[0], refused[1], block(3), refused[2])
+    refused = [stretch(number, unit="H") for number in (1, 2, 4)]
+    await bring(stand, stretch(0), refused[0], refused[1], stretch(3), refused[2])
     await bring(stand, replace(status(0, boot=5), ended=((1, 4),)))
     assert await wait(stand) is None
 
 
 async def test_dead_letters_hide_no_missing_message(stand: Stand) -> None:
-    said = [block(number, unit="FH"[number % 2]) for number in range(2100)]
-    await bring(stand, *said, block(2101))
+    said = [stretch(number, unit="FH"[number % 2]) for number in range(2100)]
+    await bring(stand, *said, stretch(2101))
     assert ranges(await wait(stand)) == [(1, 2100, 2100)]
 
 
@@ -135,21 +134,21 @@ async def test_message_that_fails_is_not_missing(
     def add(*args: Any) -> None:
         if any(row.sequence == 1 for row in args[-1]):
             raise ZeroDivisionError
-        add_blocks(*args)
+        add_frames(*args)
 
-    monkeypatch.setattr("eskin_cloud.store.write.ingest.add_blocks", add)
-    await bring(stand, *(block(number) for number in range(3)))
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.add_frames", add)
+    await bring(stand, *(stretch(number) for number in range(3)))
     assert await wait(stand) is None
 
 
 async def test_end_of_a_former_boot_shows_its_missing_tail(stand: Stand) -> None:
-    await bring(stand, block(0), block(1), replace(status(0, boot=5), ended=((1, 9), (3, 2))))
+    await bring(stand, stretch(0), stretch(1), replace(status(0, boot=5), ended=((1, 9), (3, 2))))
     assert ranges(await wait(stand)) == [(1, 2, 9), (3, 0, 2)]
 
 
 async def test_messages_in_flash_are_not_missing(stand: Stand) -> None:
     holding = replace(status(20), held=Position(1, 10))
-    await bring(stand, block(0), holding)
+    await bring(stand, stretch(0), holding)
     assert ranges(await wait(stand)) == [(1, 1, 9)]
     await bring(stand, replace(status(21), held=Position(1, 22)))
     assert ranges(await wait(stand)) == [(1, 1, 19)]
@@ -160,7 +159,7 @@ async def test_removed_messages_are_not_missing(
 ) -> None:
     rules = RetentionSection(days=1.0)
     with standing(tmp_path, identities, place=place, retention=rules) as stand:
-        await bring(stand, *(block(number) for number in range(6)))
+        await bring(stand, *(stretch(number) for number in range(6)))
         stand.clock.turn(3 * 86_400)
         assert await sweep(stand.cloud) == 6
         for _ in range(2):
@@ -185,13 +184,13 @@ async def test_flash_rollback_is_reported(
     ended: tuple[tuple[int, int], ...] | None,
     lost: bool,  # noqa: FBT001 - a parameter of the test
 ) -> None:
-    await bring(stand, block(0), block(1), block(2), status(3, boot=0))
+    await bring(stand, stretch(0), stretch(1), stretch(2), status(3, boot=0))
     await bring(stand, replace(status(0, boot=2), ended=ended))
     assert any("flash" in each for each in await details(stand)) is lost
 
 
 async def test_store_rollback_is_reported_by_node_and_range(stand: Stand) -> None:
-    await bring(stand, *(block(number) for number in range(4)))
+    await bring(stand, *(stretch(number) for number in range(4)))
     admit(stand.cloud.store, "palm")
     async with stand.ingest_client() as gateway:
 
@@ -203,7 +202,7 @@ async def test_store_rollback_is_reported_by_node_and_range(stand: Stand) -> Non
             return [tuple(item.values()) for item in answer.json()["items"]]
 
         assert await ask((NODE, 1, 3), (NODE, 1, 2)) == []
-        await bring(stand, block(4, unit="H"))
+        await bring(stand, stretch(4, unit="H"))
         assert await ask((NODE, 1, 4)) == []
         assert await ask((NODE, 1, 9), ("palm", 4, 0)) == [(NODE, 1, 5, 9), ("palm", 4, 0, 0)]
         body = cbor2.dumps([[NODE, 1, 3], ["thumb", 2, 7]])
@@ -220,7 +219,7 @@ async def test_store_rollback_is_reported_by_node_and_range(stand: Stand) -> Non
 
 
 async def test_missing_ranges_of_a_node_are_bounded(stand: Stand) -> None:
-    await bring(stand, *(block(2 * number + 1) for number in range(1100)))
+    await bring(stand, *(stretch(2 * number + 1) for number in range(1100)))
     assert (await wait(stand))["messages"] == 1000
 
 

@@ -13,7 +13,8 @@ import pytest
 from eskin_cloud.service import only_one
 from eskin_cloud.store import Store
 from eskin_cloud.store.move import TABLES, move
-from eskin_cloud.store.schema.tables import blocks, feed
+from eskin_cloud.store.schema.frame_tables import frames
+from eskin_cloud.store.schema.tables import feed
 from eskin_cloud.store.write.clock_state import ClockReading, save_clock
 from sqlalchemy import func, select, text
 
@@ -23,7 +24,7 @@ from tests.support.files import write_settings
 from tests.support.stores import write_place
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.everything import fill
-from tests.unit.cloud.messages import START, block
+from tests.unit.cloud.messages import START, stretch
 from tests.unit.cloud.sealing import Site, sealing
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from tests.support.postgresql import Cluster
 
 _MANY = 1203
-"""Blocks beside all else: some pages of them."""
+"""Frames beside all else: some pages of them."""
 
 
 @pytest.fixture
@@ -44,7 +45,7 @@ def source(tmp_path: Path, identities: Identities) -> Path:
     """A store with something in every table."""
     with sealing(tmp_path, identities) as stand:
         asyncio.run(fill(stand, Site(tmp_path)))
-        many = (block(1000 + number, [-float("inf")], [0.1]) for number in range(_MANY))
+        many = (stretch(1000 + number, [-float("inf")], [0.1]) for number in range(_MANY))
         put(stand.cloud.store, *many)
         reading = ClockReading(stand.clock(), 2, 3)
         stand.cloud.store.write_and_wait(lambda connection: save_clock(connection, reading))
@@ -53,7 +54,7 @@ def source(tmp_path: Path, identities: Identities) -> Path:
 
 def count(place: Path | URL) -> int:
     with Store(place) as store, store.read() as connection:
-        return connection.execute(select(func.count()).select_from(blocks)).scalar_one()
+        return connection.execute(select(func.count()).select_from(frames)).scalar_one()
 
 
 def rows(place: Path | URL) -> dict[str, Sequence[Row[tuple[object, ...]]]]:
@@ -71,9 +72,6 @@ def check(target: URL, source: Path) -> None:
     assert [name for name, found in left.items() if not found] == []
     for name, expected in left.items():
         assert arrived[name] == expected, name
-    packs = select(func.count()).where(blocks.c.packed.is_not(None))
-    with Store(target) as store, store.read() as connection:
-        assert connection.execute(packs).scalar_one() > 0
 
 
 def killed_at_step(source: Path, target: URL, step: int) -> None:
@@ -106,7 +104,7 @@ def test_killed_move_resumes_and_copies_everything(source: Path, cluster: Cluste
     killed_at_step(source, target, total // 2)
     assert 0 < count(target) < count(source)
     with Store(target) as store, pytest.raises(StoreError, match="is being moved here"):
-        put(store, block(0))
+        put(store, stretch(0))
     killed_at_step(source, target, total + total // 2)  # while it compares
     assert count(target) == count(source)
     told: list[tuple[int, int]] = []
@@ -117,7 +115,7 @@ def test_killed_move_resumes_and_copies_everything(source: Path, cluster: Cluste
     with Store(source) as store, store.read() as connection:
         last = connection.execute(select(feed.c.cursor)).scalar_one()
     with Store(target) as store:
-        outcome = put(store, block(1000, [-float("inf")], [0.1]), block(5000))
+        outcome = put(store, stretch(1000, [-float("inf")], [0.1]), stretch(5000))
         assert [receipt.result for receipt in outcome.results] == ["duplicate", "stored"]
         assert outcome.entries[0].cursor == last + 1
 
@@ -175,12 +173,12 @@ def test_difference_is_detected(source: Path, cluster: Cluster) -> None:
     with pytest.raises(StoreError, match="copy differs"):
         move(source, target, now=START)
     with Store(target) as store, pytest.raises(StoreError, match="is being moved here"):
-        put(store, block(0))
+        put(store, stretch(0))
 
 
 def test_store_in_use_is_rejected_as_target(source: Path, cluster: Cluster) -> None:
     target = cluster.fresh()
     with Store(target) as store:
-        put(store, block(0))
+        put(store, stretch(0))
     with pytest.raises(StoreError, match="not empty"):
         move(source, target, now=START)

@@ -10,7 +10,7 @@ from eskin_cloud.query.clock_check import count_wrong_clocks
 
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import batch
-from tests.unit.cloud.messages import block, status
+from tests.unit.cloud.messages import status, stretch
 
 if TYPE_CHECKING:
     from tests.unit.cloud.clouds import Stand
@@ -67,6 +67,6 @@ async def test_wrong_clocks_are_counted(stand: Stand) -> None:
 
 
 async def test_node_without_a_status_states_nothing(stand: Stand) -> None:
-    assert (await stand.ingest(batch(block(1)))).status_code == 200
+    assert (await stand.ingest(batch(stretch(1)))).status_code == 200
     (node,) = (await stand.get("/api/v1/nodes")).json()["items"]
     assert node["clock"] is None

@@ -14,30 +14,30 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from tests.unit.cloud.clouds import emptied, put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
 from tests.unit.cloud.test_comparison import drawn_truth, said_of, samples_of, value_at, windows
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
 
-    from eskin.wire.messages import Block
+    from eskin.wire.frames import Frame
     from tests.unit.cloud.clouds import Stand
 
 SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
 ABOVE = Predicate(0.2, None, strict=True)
 
 
-def ask(store: Store, said: list[Block], window: Window) -> Occupancy:
+def ask(store: Store, said: list[Frame], window: Window) -> Occupancy:
     put(emptied(store), *said)
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
         return measure_occupancy(connection, row, window, ABOVE)
 
 
-def near(start: int, error: int, level: float, sequence: int, n: int = 4) -> Block:
+def near(start: int, error: int, level: float, sequence: int, n: int = 4) -> Frame:
     moment = START + start
     time = moment - error, moment + error
-    return block(sequence, [level] * n, [level] * n, time=time, dt=10)
+    return stretch(sequence, [level] * n, [level] * n, time=time, dt=10)
 
 
 @settings(
@@ -50,7 +50,7 @@ def near(start: int, error: int, level: float, sequence: int, n: int = 4) -> Blo
 )
 @example(said=[near(0, 30, 1.0, 0), near(40, 0, 0.0, 1)], window=Window(START, START + 80), seed=0)
 def test_every_signal_and_every_clock_within_the_intervals_agrees(
-    store: Store, said: list[Block], window: Window, seed: int
+    store: Store, said: list[Frame], window: Window, seed: int
 ) -> None:
     found = ask(store, said, window)
     random = np.random.default_rng(seed)
@@ -88,7 +88,7 @@ async def test_moments_of_a_bad_clock_may_all_lie_outside_of_the_window(
     for sequence, level in enumerate([0.0, 20.0]):
         moment = START + sequence * 100 * DT
         time = moment - error, moment + error
-        put(stand.cloud.store, block(sequence, [level] * 100, [level + 1] * 100, time=time))
+        put(stand.cloud.store, stretch(sequence, [level] * 100, [level + 1] * 100, time=time))
     question: dict[str, Any] = {"above": 10}
     if path == "/anomalies":
         question = {"model": "constant", "parameter": "value:0:10"}
@@ -116,9 +116,9 @@ async def test_segment_counts_the_samples_of_blocks_that_overlap(
     late = START + DT // 2
     put(
         stand.cloud.store,
-        block(0, *bounds, boot=1, coverage=0.999),
-        block(0, *bounds, boot=2, coverage=0.999, time=(late, late)),
-        block(1, *bounds, boot=3, coverage=0.999),
+        stretch(0, *bounds, boot=1, coverage=0.999),
+        stretch(0, *bounds, boot=2, coverage=0.999, time=(late, late)),
+        stretch(1, *bounds, boot=3, coverage=0.999),
     )
     window = question | {"start": START - DT, "end": START + 1000 * DT}
     (segment,) = (await stand.get(f"{SERIES}/{path}", **window)).json()["items"]

@@ -11,7 +11,7 @@ import pytest
 from eskin_cloud.access import Scope, create_token
 
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, NODE, block, status
+from tests.unit.cloud.messages import CHANNEL, NODE, status, stretch
 
 if TYPE_CHECKING:
     import httpx
@@ -73,7 +73,7 @@ def is_answered_well(answer: httpx.Response) -> bool:
 async def test_odd_requests_are_no_fault_of_ours(stand: Stand) -> None:
     stand.cloud.dashboard.mkdir()
     (stand.cloud.dashboard / "index.html").write_text("<p>here</p>")
-    put(stand.cloud.store, status(0), block(1))
+    put(stand.cloud.store, status(0), stretch(1))
     hour = timedelta(hours=1)
     token = create_token(stand.cloud.store, scopes=list(Scope), name="all", lifetime=hour)
     poor: list[tuple[str, int]] = []

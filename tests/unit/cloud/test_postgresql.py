@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import pytest
 from eskin_cloud.settings import StoreSection
 from eskin_cloud.store import Store, version
+from eskin_cloud.store.schema.frame_tables import frames, pages
 from eskin_cloud.store.schema.tables import (
     audit_log,
-    blocks,
-    channels,
     feed,
     nodes,
     sequences,
@@ -24,7 +23,7 @@ from sqlalchemy import delete, func, select, text, update
 from eskin.errors import StoreError
 from eskin.identity.identity import ROOT_FILE
 from tests.unit.cloud.clouds import problem, put, standing
-from tests.unit.cloud.messages import NODE, START, block, status
+from tests.unit.cloud.messages import NODE, START, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -68,7 +67,7 @@ def test_store_of_another_version_is_not_written(store: Store) -> None:
     store.write(lambda c: c.execute(versions.insert().values(version=later, applied=0))).result(120)
     try:
         with pytest.raises(StoreError, match="schema version"):
-            put(store, block(0))
+            put(store, stretch(0))
         with pytest.raises(StoreError, match="schema version"):
             store.check()
     finally:
@@ -81,27 +80,27 @@ def test_two_processes_store_each_message_once(store: Store) -> None:
     with Store(store.location) as other:
         for number in range(6):
             first, second = (store, other) if number % 2 else (other, store)
-            assert [r.result for r in put(first, block(number)).results] == ["stored"]
-            assert [r.result for r in put(second, block(number)).results] == ["duplicate"]
+            assert [r.result for r in put(first, stretch(number)).results] == ["stored"]
+            assert [r.result for r in put(second, stretch(number)).results] == ["duplicate"]
         with ThreadPoolExecutor(2) as pool:
-            many = [block(number) for number in range(6, 60)]
+            many = [stretch(number) for number in range(6, 60)]
             outcomes = list(pool.map(lambda to: put(to, *many), (store, other)))
     stored = [receipt.result for outcome in outcomes for receipt in outcome.results]
     assert stored.count("stored") == 54
     with store.read() as connection:
-        cursors = list(connection.execute(select(blocks.c.cursor)).scalars())
+        cursors = list(connection.execute(select(frames.c.cursor)).scalars())
         assert sorted(cursors) == list(range(1, 61))
-        assert connection.execute(select(channels.c.blocks)).scalar_one() == 60
+        assert connection.execute(select(pages.c.frames)).scalar_one() == 60
         assert connection.execute(select(sequences.c.first, sequences.c.last)).all() == [(0, 59)]
 
 
 def test_unit_of_another_process_counts(store: Store) -> None:
-    put(store, status(0))
+    put(store, stretch(0))
     with Store(store.location) as other:
-        assert put(other, block(1, unit="H")).results[0].result == "rejected"
-        put(other, block(2, channel="t09.inductance", unit="H"))
-    assert put(store, block(3, channel="t09.inductance")).results[0].result == "rejected"
-    assert put(store, block(4)).results[0].result == "stored"
+        assert put(other, stretch(1, unit="H")).results[0].result == "rejected"
+        put(other, stretch(2, channel="t09.inductance", unit="H"))
+    assert put(store, stretch(3, channel="t09.inductance")).results[0].result == "rejected"
+    assert put(store, stretch(4)).results[0].result == "stored"
     with store.read() as connection:
         assert connection.execute(select(nodes.c.sequence)).scalar_one() == 4
 
@@ -109,38 +108,38 @@ def test_unit_of_another_process_counts(store: Store) -> None:
 def test_unreachable_server_is_reported_and_retries_store_once(
     cluster: Cluster, store: Store
 ) -> None:
-    put(store, block(0))
+    put(store, stretch(0))
     cluster.stop()
     try:
         with pytest.raises(StoreError, match=r"cannot be written: .*then retry"):
-            put(store, block(1))
+            put(store, stretch(1))
         with pytest.raises(StoreError, match="does not answer; start it"):
-            put(store, block(1))
+            put(store, stretch(1))
         with pytest.raises(StoreError, match="cannot be read"):
             store.check()
     finally:
         cluster.start()
-    assert [r.result for r in put(store, block(0), block(1)).results] == ["duplicate", "stored"]
+    assert [r.result for r in put(store, stretch(0), stretch(1)).results] == ["duplicate", "stored"]
     store.check()
 
 
 def test_killed_server_keeps_acknowledged_messages(cluster: Cluster, store: Store) -> None:
-    put(store, block(0))
+    put(store, stretch(0))
     cluster.running.kill()
     try:
         with pytest.raises(StoreError, match=r"cannot be written: .*then retry"):
-            put(store, block(1))
+            put(store, stretch(1))
     finally:
         cluster.start()
-    assert [r.result for r in put(store, block(0), block(1)).results] == ["duplicate", "stored"]
+    assert [r.result for r in put(store, stretch(0), stretch(1)).results] == ["duplicate", "stored"]
 
 
 def test_writes_wait_for_a_server_that_hangs(cluster: Cluster, store: Store) -> None:
-    put(store, block(0))
+    put(store, stretch(0))
     cluster.running.signal(signal.SIGSTOP)
     with ThreadPoolExecutor(1) as pool:
         try:
-            waiting = pool.submit(put, store, block(1))
+            waiting = pool.submit(put, store, stretch(1))
             with pytest.raises(TimeoutError):
                 waiting.result(1.0)
         finally:
@@ -155,14 +154,14 @@ def test_writes_wait_for_a_server_that_hangs(cluster: Cluster, store: Store) -> 
 def test_fault_states_a_remedy(store: Store, code: str, remedy: str) -> None:
     refusal = f"BEGIN RAISE EXCEPTION 'no' USING ERRCODE = '{code}'; END"
     make = f"CREATE FUNCTION refuse() RETURNS trigger LANGUAGE plpgsql AS $$ {refusal} $$"
-    when = "CREATE TRIGGER refuse BEFORE INSERT ON blocks EXECUTE FUNCTION refuse()"
+    when = "CREATE TRIGGER refuse BEFORE INSERT ON frames EXECUTE FUNCTION refuse()"
     store.write(lambda c: [c.execute(text(words)) for words in (make, when)]).result(120)
     try:
         with pytest.raises(StoreError, match=remedy):
-            put(store, block(0))
+            put(store, stretch(0))
     finally:
         store.write(lambda c: c.execute(text("DROP FUNCTION refuse CASCADE"))).result(120)
-    assert put(store, block(0)).results[0].result == "stored"
+    assert put(store, stretch(0)).results[0].result == "stored"
 
 
 @pytest.mark.anyio

@@ -8,7 +8,7 @@ import pytest
 from eskin_cloud.live.subscription import Subscription
 
 from tests.unit.cloud.clouds import batch
-from tests.unit.cloud.messages import block, peak
+from tests.unit.cloud.messages import peak, stretch
 from tests.unit.cloud.streams import EVERYTHING, events_of
 
 if TYPE_CHECKING:
@@ -18,12 +18,12 @@ pytestmark = pytest.mark.anyio
 
 
 async def test_those_who_look_on_alike_are_told_the_same_bytes(stand: Stand) -> None:
-    await stand.ingest(batch(block(0), peak(1), block(2)))
+    await stand.ingest(batch(stretch(0), peak(1), stretch(2)))
     feed = stand.cloud.feed
     found, _ = await feed.after(0, 64)
     first = feed.encoder.page(found, EVERYTHING)
     assert feed.encoder.page(list(found), Subscription(frozenset(), frozenset(), 50)) is first
-    assert [event["event"] for event in events_of(first)] == ["block", "peak", "block"]
+    assert [event["event"] for event in events_of(first)] == ["frame", "peak", "frame"]
     elsewhere = Subscription(frozenset({"palm"}), frozenset(), 50)
     assert feed.encoder.page(found, elsewhere) == b""
     assert [event["id"] for event in events_of(feed.encoder.page(found[1:], EVERYTHING))] == [

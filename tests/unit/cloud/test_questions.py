@@ -11,7 +11,7 @@ from eskin_cloud.access import create_token
 from eskin_cloud.api.responses import choose
 
 from tests.unit.cloud.clouds import problem, put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
 
 if TYPE_CHECKING:
     from tests.unit.cloud.clouds import Stand
@@ -88,7 +88,7 @@ BAD_QUESTIONS: tuple[tuple[str, dict[str, Any], int, str], ...] = (
 async def test_bad_question_is_refused_with_what_to_do(
     stand: Stand, subtests: pytest.Subtests
 ) -> None:
-    put(stand.cloud.store, block(0))
+    put(stand.cloud.store, stretch(0))
     for path, params, status, says in BAD_QUESTIONS:
         with subtests.test(f"{path} {params}"):
             assert says in problem(await stand.get(path, **params), status)
@@ -116,7 +116,7 @@ async def test_fault_of_ours_tells_no_traceback(
 
 async def test_threshold_pages_hold_each_segment_once(stand: Stand) -> None:
     low = np.random.default_rng(5).choice([0.0, 1.0, 2.0], 200)
-    put(stand.cloud.store, block(0, low, low + 1))
+    put(stand.cloud.store, stretch(0, low, low + 1))
     whole = (await stand.get(THRESHOLD, above=1.5)).json()
     assert whole["next"] is None
     paged: list[Any] = []
@@ -132,7 +132,7 @@ async def test_threshold_pages_hold_each_segment_once(stand: Stand) -> None:
 
 
 async def test_segment_carries_the_union_bound_of_its_samples(stand: Stand) -> None:
-    put(stand.cloud.store, block(0, np.full(100, 2.0), np.full(100, 3.0), coverage=0.999))
+    put(stand.cloud.store, stretch(0, np.full(100, 2.0), np.full(100, 3.0), coverage=0.999))
     (segment,) = (await stand.get(THRESHOLD, above=1.5)).json()["items"]
     assert segment["verdict"] == "certain"
     assert 0.8999 < segment["coverage"] <= 0.9
@@ -142,8 +142,8 @@ async def test_time_in_a_band_is_told_as_an_interval_and_gaps_as_unknown(stand: 
     later = START + 7 * DT
     put(
         stand.cloud.store,
-        block(0, [1.0, 1.0, 2.5, 9.0], [2.0, 2.0, 3.5, 9.5]),
-        block(1, [1.0], [2.0], time=(later, later)),
+        stretch(0, [1.0, 1.0, 2.5, 9.0], [2.0, 2.0, 3.5, 9.5]),
+        stretch(1, [1.0], [2.0], time=(later, later)),
     )
     band = {"at_least": 1, "at_most": 3, "start": START, "end": START + 10 * DT}
     found = (await stand.get(TIME, **band)).json()

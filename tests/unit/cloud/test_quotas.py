@@ -8,7 +8,7 @@ import pytest
 from eskin_cloud.store.write.ingest import DUPLICATE, REJECTED, STORED
 
 from tests.unit.cloud.clouds import batch, put
-from tests.unit.cloud.messages import NODE, block, peak, status
+from tests.unit.cloud.messages import NODE, peak, status, stretch
 from tests.unit.cloud.sealing import NODE as HAND
 from tests.unit.cloud.sealing import Site, declared, pulse, sealing
 
@@ -31,30 +31,20 @@ def results(outcome: IngestResult) -> list[str]:
 def test_channels_of_a_node_are_limited(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eskin_cloud.store.write.layouts.MOST_CHANNELS", 3)
     store = stand.cloud.store
-    said = [block(number, channel=name) for number, name in enumerate(CHANNELS)]
+    said = [stretch(number, channel=name) for number, name in enumerate(CHANNELS)]
     outcome = put(store, *said)
     assert results(outcome) == [STORED] * 3 + [REJECTED] * 2
-    assert "more than 3 channels" in str(outcome.results[-1].reason)
+    assert "at most 3 are allowed" in str(outcome.results[-1].reason)
     store.cache.clear()
-    assert results(put(store, block(10, channel=CHANNELS[3]), status(11, channels=CHANNELS))) == [
+    assert results(put(store, stretch(10, channel=CHANNELS[3]), status(11, channels=CHANNELS))) == [
         REJECTED,
         REJECTED,
     ]
     assert results(put(store, peak(12, channel=CHANNELS[4]))) == [REJECTED]
-    assert results(put(store, block(13), peak(14), status(15, channels=CHANNELS[:3]))) == (
+    assert results(put(store, stretch(13), peak(14), status(15, channels=CHANNELS[:3]))) == (
         [STORED] * 3
     )
-    assert results(put(store, block(0, channel=CHANNELS[4]), node="palm")) == [STORED]
-
-
-def test_status_with_too_many_channels_is_rejected(
-    stand: Stand, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("eskin_cloud.store.write.layouts.MOST_CHANNELS", 3)
-    store = stand.cloud.store
-    assert results(put(store, status(0, channels=CHANNELS[:4]))) == [REJECTED]
-    assert results(put(store, status(1, channels=CHANNELS[:3]), block(2))) == [STORED] * 2
-    assert results(put(store, block(3, channel=CHANNELS[3]))) == [REJECTED]
+    assert results(put(store, stretch(0, channel=CHANNELS[4]), node="palm")) == [STORED]
 
 
 @pytest.mark.anyio
@@ -69,7 +59,7 @@ async def test_sealed_channels_count(
         assert [item["result"] for item in answer.json()["items"]] == [
             STORED,
             STORED,
-            REJECTED,
+            STORED,
             REJECTED,
         ]
         listed = (await stand.get(f"/api/v1/nodes/{HAND}/channels")).json()["items"]
@@ -79,14 +69,14 @@ async def test_sealed_channels_count(
 def test_ranges_of_a_boot_are_limited(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eskin_cloud.store.write.duplicates.MAX_RANGES", 3)
     store = stand.cloud.store
-    outcome = put(store, *(block(number) for number in (0, 2, 4, 6, 4)), peak(8))
+    outcome = put(store, *(stretch(number) for number in (0, 2, 4, 6, 4)), peak(8))
     assert results(outcome) == [STORED] * 3 + [REJECTED, DUPLICATE, REJECTED]
     assert "gaps" in str(outcome.results[3].reason)
     store.cache.clear()
-    assert results(put(store, block(8))) == [REJECTED]
-    assert results(put(store, block(5), peak(6))) == [STORED] * 2, "these leave no other hole"
-    assert results(put(store, block(1), block(9))) == [STORED] * 2, "one hole was filled"
-    assert results(put(store, block(11), block(11, boot=2))) == [REJECTED, STORED]
+    assert results(put(store, stretch(8))) == [REJECTED]
+    assert results(put(store, stretch(5), peak(6))) == [STORED] * 2, "these leave no other hole"
+    assert results(put(store, stretch(1), stretch(9))) == [STORED] * 2, "one hole was filled"
+    assert results(put(store, stretch(11), stretch(11, boot=2))) == [REJECTED, STORED]
 
 
 @pytest.mark.anyio
@@ -97,11 +87,11 @@ async def test_rejected_messages_leave_no_cache_entry(
     monkeypatch.setattr("eskin_cloud.store.write.write_cache._MAX_ROWS", 5)
     monkeypatch.setattr("eskin_cloud.store.write.write_cache._MAX_BOOTS", 5)
     cache = stand.cloud.store.cache
-    assert (await stand.ingest(batch(block(0)))).status_code == 200
+    assert (await stand.ingest(batch(stretch(0)))).status_code == 200
     for number in range(30):
-        refused = block(0, boot=2 + number, channel=f"t{number:02}.pressure")
+        refused = stretch(0, boot=2 + number, channel=f"t{number:02}.pressure")
         answer = await stand.ingest(batch(refused))
         assert [item["result"] for item in answer.json()["items"]] == [REJECTED]
         assert sum(map(len, cache._rows.values())) <= 7
         assert len(cache._ranges) <= 6
-    assert results(put(stand.cloud.store, block(0), block(1), node=NODE)) == [DUPLICATE, STORED]
+    assert results(put(stand.cloud.store, stretch(0), stretch(1), node=NODE)) == [DUPLICATE, STORED]

@@ -29,7 +29,7 @@ from eskin.identity import IdentityKind
 from eskin.runtime.http_server.protocol import HttpLimits
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import batch, problem, put, standing
-from tests.unit.cloud.messages import CHANNEL, NODE, block, status
+from tests.unit.cloud.messages import CHANNEL, NODE, status, stretch
 from tests.unit.cloud.orders import order, waiting_gateway
 from tests.unit.eskin.test_listening import GET, listening
 
@@ -60,7 +60,7 @@ async def test_revoked_gateway_that_waits_is_given_no_command(
     own = GatewaysSection(identity=server, revocations=lists)
     lost = identities.make(IdentityKind.GATEWAY, "gateway.waits")
     with standing(tmp_path, identities, gateways=own) as stand:
-        await stand.ingest(batch(status(0), block(1)))
+        await stand.ingest(batch(status(0), stretch(1)))
         stand.gateway = lost
         asked = await waiting_gateway(stand)
         identities.authority.revoke("gateway.waits")
@@ -127,18 +127,18 @@ async def test_live_stream_of_a_revoked_session_tells_nothing_more(stand: Stand)
             (row,) = list_sessions(connection, now=stand.clock())
         assert revoke_session(stand.cloud.store, row["id"])
         assert not revoke_session(stand.cloud.store, row["id"])
-        await stand.ingest(batch(block(1)))
+        await stand.ingest(batch(stretch(1)))
         told = b""
         while (message := await sent.get()) is not None:
             told += message.get("body", b"")
-    assert b"event: block" not in told
+    assert b"event: frame" not in told
 
 
 async def test_long_answer_breaks_off_between_its_pieces(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "_PIECE", 100)
-    put(stand.cloud.store, status(0), block(1, [1.0] * 400, [2.0] * 400))
+    put(stand.cloud.store, status(0), stretch(1, [1.0] * 400, [2.0] * 400))
     path = f"/api/v1/series/{NODE}/{CHANNEL}"
     async with stand.client() as client:
         whole = (await client.get(path)).content

@@ -10,7 +10,7 @@ from eskin_cloud.settings import LimitsSection
 
 from tests.support.logs import log_lines
 from tests.unit.cloud.clouds import batch, standing
-from tests.unit.cloud.messages import block
+from tests.unit.cloud.messages import stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,10 +22,10 @@ pytestmark = pytest.mark.anyio
 
 
 async def test_node_whose_every_message_is_refused_fills_no_log(stand: Stand) -> None:
-    await stand.ingest(batch(block(0)))
+    await stand.ingest(batch(stretch(0)))
     with log_lines() as lines:
         for number in range(1, 1000, 20):
-            bad = [block(number + k, unit="V") for k in range(20)]
+            bad = [stretch(number + k, unit="V") for k in range(20)]
             answer = await stand.ingest(batch(*bad))
             assert {item["result"] for item in answer.json()["items"]} == {"rejected"}
     told = [line for line in lines() if "gateway=" in line]

@@ -16,7 +16,7 @@ from sqlalchemy import insert, select
 from eskin.wire.timestamp import SECOND
 from tests.support.identities import SITE
 from tests.unit.cloud.clouds import Stand, batch, standing
-from tests.unit.cloud.messages import CHANNEL, START, block, peak
+from tests.unit.cloud.messages import CHANNEL, START, peak, stretch
 from tests.unit.cloud.sealing import NODE as HAND
 from tests.unit.cloud.sealing import Site, ask, beat, declared, physician, pulse, sealing
 
@@ -53,8 +53,8 @@ async def test_each_channel_has_its_own_retention(
 ) -> None:
     rules = RetentionSection(days=3, channels={f"*/{OTHER}": 10}, at_once=4)
     with standing(tmp_path, identities, place=place, retention=rules) as stand:
-        told = [block(10 + day, [float(day)], [day + 1.0], **days(day)) for day in range(9)]
-        told += [block(30 + day, channel=OTHER, **days(day)) for day in range(9)]
+        told = [stretch(10 + day, [float(day)], [day + 1.0], **days(day)) for day in range(9)]
+        told += [stretch(30 + day, channel=OTHER, **days(day)) for day in range(9)]
         body = batch(*told, peak(50, **days(1)), peak(51, **days(8)))
         await stand.ingest(body)
         at_day(stand, 3)
@@ -81,10 +81,10 @@ async def test_channel_restarts_after_removal_of_all_blocks(
     tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     with standing(tmp_path, identities, place=place, retention=RetentionSection(days=1)) as stand:
-        await stand.ingest(batch(block(1, [-5.0], [5.0]), block(2)))
+        await stand.ingest(batch(stretch(1, [-5.0], [5.0]), stretch(2)))
         at_day(stand, 2)
         assert await sweep(stand.cloud) == 2
-        await stand.ingest(batch(block(3, [1.0], [2.0], **days(2))))
+        await stand.ingest(batch(stretch(3, [1.0], [2.0], **days(2))))
         (row,) = rows(stand, channels)
         assert (row["blocks"], row["lo"], row["hi"]) == (1, 1.0, 2.0)
         path = f"/api/v1/series/fingertip/{CHANNEL}"
@@ -102,7 +102,7 @@ async def test_sealed_messages_expire_by_time_or_arrival(
         early: list[Block | Peak] = [pulse(1), beat(2), pulse(3, **days(300))]
         await stand.ingest(site.batch(declared(), *early))
         at_day(stand, 2 - 0.001)
-        await stand.ingest(site.batch(pulse(4, **days(1)), block(9)))
+        await stand.ingest(site.batch(pulse(4, **days(1)), stretch(9)))
         assert await sweep(stand.cloud) == 0
         at_day(stand, 2.01)
         assert await sweep(stand.cloud) == 3
@@ -140,12 +140,12 @@ async def test_ingest_goes_on_between_the_steps(
 ) -> None:
     rules = RetentionSection(days=1, at_once=10, every_s=0.05)
     with standing(tmp_path, identities, place=place, retention=rules) as stand:
-        await stand.ingest(batch(*(block(n) for n in range(200))))
+        await stand.ingest(batch(*(stretch(n) for n in range(200))))
         at_day(stand, 3)
         stopping = asyncio.Event()
         before = stand.cloud.store.writer.jobs
         running = asyncio.create_task(apply_retention(stand.cloud, stopping))
-        late = cbor2.dumps([["palm", block(1, **days(3)).encode()]])
+        late = cbor2.dumps([["palm", stretch(1, **days(3)).encode()]])
         answer = await stand.ingest(late)
         assert answer.json()["items"][0]["result"] == "stored"
         removed = stand.cloud.metrics.removed.labels("age")

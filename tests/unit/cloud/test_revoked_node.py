@@ -11,7 +11,7 @@ from eskin_cloud.settings import NodesSection
 
 from eskin.identity import IdentityKind, der
 from tests.unit.cloud.clouds import batch, count_frames, standing
-from tests.unit.cloud.messages import block
+from tests.unit.cloud.messages import stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -62,9 +62,10 @@ async def present(stand: Stand, *nodes: Identity) -> list[str | None]:
 
 
 async def bring(stand: Stand, *numbers: int) -> list[str]:
-    """What becomes of blocks of the node."""
+    """What becomes of frames of the node."""
     async with stand.ingest_client() as client:
-        body = batch(*(block(number) for number in numbers), node=NAME)
+        body = batch(*(stretch(number) for number in numbers), node=NAME)
+        stand.present(body)
         answer = await client.post("/api/v1/ingest", content=body)
     return [item["result"] for item in answer.json()["items"]]
 

@@ -20,7 +20,7 @@ from sqlalchemy import select
 from eskin.interval import Verdict
 from eskin.wire.timestamp import SECOND, format_timestamp
 from tests.unit.cloud.clouds import problem
-from tests.unit.cloud.messages import DT, START, block, peak
+from tests.unit.cloud.messages import DT, START, peak, stretch
 from tests.unit.cloud.sealing import (
     CHANNEL,
     NODE,
@@ -75,7 +75,9 @@ async def test_sealed_channel_answers_as_the_same_channel_in_the_clear(
     stored = await stand.ingest(site.batch(declared(), *waves))
     assert {item["result"] for item in stored.json()["items"]} == {"stored"}
     bare = [
-        block(w.position.sequence, w.tube.values.inf, w.tube.values.sup, time=w.tube.time, unit="V")
+        stretch(
+            w.position.sequence, w.tube.values.inf, w.tube.values.sup, time=w.tube.time, unit="V"
+        )
         for w in waves
     ]
     await stand.ingest(cbor2.dumps([["twin", w.encode()] for w in bare]))
@@ -112,8 +114,8 @@ async def test_sealed_blocks_that_claim_less_than_the_status_have_their_own_cove
 ) -> None:
     bounds = np.full(40, 5.0), np.full(40, 6.0)
     sealed = pulse(1, *bounds, time=(START, START), coverage=0.99)
-    bare = block(1, *bounds, time=(START, START), unit="V", coverage=0.99)
-    level = block(1, np.full(40, 1.0), np.full(40, 2.0), time=(START, START), unit="V")
+    bare = stretch(1, *bounds, time=(START, START), unit="V", coverage=0.99)
+    level = stretch(1, np.full(40, 1.0), np.full(40, 2.0), time=(START, START), unit="V")
     await stand.ingest(site.batch(declared(), sealed))
     await stand.ingest(cbor2.dumps([["twin", bare.encode()], ["level", level.encode()]]))
     window = {"start": START, "end": START + 40 * DT} | question
@@ -193,7 +195,7 @@ async def test_biometric_block_in_the_clear_is_refused_and_none_of_it_is_kept(
 
 
 async def test_channel_that_tells_of_nobody_cannot_be_sealed(stand: Stand, site: Site) -> None:
-    items = (await stand.ingest(site.batch(block(1), peak(2)))).json()["items"]
+    items = (await stand.ingest(site.batch(stretch(1), peak(2)))).json()["items"]
     assert {item["result"] for item in items} == {"rejected"}
 
 

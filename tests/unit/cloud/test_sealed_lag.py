@@ -8,7 +8,7 @@ import cbor2
 import pytest
 
 from eskin.wire.timestamp import SECOND
-from tests.unit.cloud.messages import START, block
+from tests.unit.cloud.messages import START, stretch
 from tests.unit.cloud.sealing import NODE, Site, beat, declared, keyed, physician, pulse
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ async def test_lag_of_a_block_in_the_clear_is_not_widened_by_sealed_ones(
     moment = START + 90 * SECOND
     stand.clock.now = moment + 5 * SECOND
     await stand.ingest(site.batch(pulse(1, time=(moment, moment))))
-    clear = block(2, [1.0], [2.0], time=(moment, moment), channel="t01.capacitance")
+    clear = stretch(2, [1.0], [2.0], time=(moment, moment), channel="t01.capacitance")
     await stand.ingest(cbor2.dumps([[NODE, clear.encode()]]))
     await stand.ingest(site.batch(pulse(3, time=(moment, moment))))
     assert await lag_of(stand) == {"lo_ns": 5 * SECOND, "hi_ns": 5 * SECOND}

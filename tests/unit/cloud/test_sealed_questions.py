@@ -10,7 +10,7 @@ import pytest
 
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import problem
-from tests.unit.cloud.messages import DT, START, block, status
+from tests.unit.cloud.messages import DT, START, status, stretch
 from tests.unit.cloud.sealing import CHANNEL, NODE, Site, ask, declared, keyed, physician, pulse
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ async def test_sealed_channel_is_compared_with_models_of_the_unit_of_its_blocks(
 ) -> None:
     bounds = np.full(40, 5e-9), np.full(40, 6e-9)
     sealed = pulse(1, *bounds, time=(START, START), unit="F")
-    bare = block(1, *bounds, time=(START, START), unit="F")
+    bare = stretch(1, *bounds, time=(START, START), unit="F")
     told = [] if named is None else [status(0, unit=named, channels=(CHANNEL,))]
     await stand.ingest(site.batch(*told, sealed))
     await stand.ingest(cbor2.dumps([["twin", bare.encode()]]))
@@ -96,7 +96,9 @@ async def test_buckets_that_reach_beyond_a_window_enclose_what_was_sealed_there(
     ]
     await stand.ingest(site.batch(declared(), *said))
     twins = [
-        block(w.position.sequence, w.tube.values.inf, w.tube.values.sup, time=w.tube.time, unit="V")
+        stretch(
+            w.position.sequence, w.tube.values.inf, w.tube.values.sup, time=w.tube.time, unit="V"
+        )
         for w in said
     ]
     await stand.ingest(cbor2.dumps([["twin", w.encode()] for w in twins]))

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 
 from tests.unit.cloud.clouds import batch
 from tests.unit.cloud.described import check_answer
-from tests.unit.cloud.messages import block, gap, peak, status
+from tests.unit.cloud.messages import gap, peak, status, stretch
 from tests.unit.cloud.service import PATIENCE_S, Service
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ VISITORS: Final = {"nobody": (), **{str(scope): (scope,) for scope in Scope}, "a
 def service(tmp_path_factory: pytest.TempPathFactory, identities: Identities) -> Iterator[Service]:
     folder = tmp_path_factory.mktemp("cloud")
     with Service(folder, identities) as running:
-        running.ingest(batch(status(0), block(1), peak(2), gap(3))).raise_for_status()
+        running.ingest(batch(status(0), stretch(1), peak(2), gap(3))).raise_for_status()
         yield running
 
 

@@ -23,7 +23,7 @@ from eskin.runtime.http_server.listener import bind
 from eskin.runtime.settings import table
 from tests.support.processes import Running
 from tests.unit.cloud.clouds import batch
-from tests.unit.cloud.messages import CHANNEL, NODE, block, peak
+from tests.unit.cloud.messages import CHANNEL, NODE, peak, stretch
 from tests.unit.cloud.service import PATIENCE_S, PROGRAM, Service
 
 if TYPE_CHECKING:
@@ -71,10 +71,10 @@ def test_batch_over_tls_reaches_a_live_stream_and_a_series(service: Service) -> 
     thread = threading.Thread(target=listen)
     thread.start()
     assert listening.wait(PATIENCE_S)
-    answer = service.ingest(batch(block(0), peak(1)))
+    answer = service.ingest(batch(stretch(0), peak(1)))
     assert [item["result"] for item in answer.json()["items"]] == ["stored", "stored"]
     service.wait_for(lambda: "event: peak" in heard, "the peak was heard")
-    assert "event: block" in heard
+    assert "event: frame" in heard
     with service.people(service.token()) as client:
         series = client.get(f"/api/v1/series/{NODE}/{CHANNEL}").json()
         assert series["lo"] == [1.0]
@@ -87,11 +87,11 @@ def test_batch_over_tls_reaches_a_live_stream_and_a_series(service: Service) -> 
 
 
 def test_acknowledged_batch_survives_a_power_cut(service: Service) -> None:
-    assert service.ingest(batch(block(0), block(1))).status_code == 200
+    assert service.ingest(batch(stretch(0), stretch(1))).status_code == 200
     service.kill()
     service.log.write_text("")
     service.start()
-    answer = service.ingest(batch(block(1), block(2)))
+    answer = service.ingest(batch(stretch(1), stretch(2)))
     assert [item["result"] for item in answer.json()["items"]] == ["duplicate", "stored"]
 
 
@@ -113,7 +113,7 @@ def test_gateways_listener_speaks_tls_only(standing: Service) -> None:
 def test_gateways_listener_is_closed_to_clients_without_a_certificate(standing: Service) -> None:
     anonymous = client_context(standing.server.directory / "root.pem")
     with pytest.raises(httpx.TransportError), standing.gateway_client(verify=anonymous) as client:
-        client.post("/api/v1/ingest", content=batch(block(0)))
+        client.post("/api/v1/ingest", content=batch(stretch(0)))
 
 
 def test_certificate_of_another_kind_is_told_why_and_hung_up_on(
@@ -123,7 +123,7 @@ def test_certificate_of_another_kind_is_told_why_and_hung_up_on(
     for kind, name in ((IdentityKind.NODE, "n7"), (IdentityKind.CLIENT, "client.demo")):
         other = client_context(root, identities.make(kind, name))
         with standing.gateway_client(verify=other) as client:
-            answer = client.post("/api/v1/ingest", content=batch(block(0)))
+            answer = client.post("/api/v1/ingest", content=batch(stretch(0)))
         assert answer.status_code == 403
         assert answer.headers["connection"] == "close"
 
@@ -136,7 +136,7 @@ def test_resumed_session_is_none_that_passes_without_its_chain(
     folder = standing.gateway.directory
     context.load_cert_chain(folder / "chain.pem", folder / "key.pem")
     context.minimum_version = context.maximum_version = version
-    body = batch(block(3))
+    body = batch(stretch(3))
     head = (
         "POST /api/v1/ingest HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/cbor\r\n"
         f"Content-Length: {len(body)}\r\n\r\n"
@@ -154,7 +154,7 @@ def test_resumed_session_is_none_that_passes_without_its_chain(
 
 
 def test_client_that_leaves_in_mid_body_is_one_quiet_line(standing: Service) -> None:
-    body = batch(block(0))
+    body = batch(stretch(0))
     head = (
         "POST /api/v1/ingest HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/cbor\r\n"
         f"Content-Length: {len(body)}\r\n\r\n"
@@ -170,7 +170,7 @@ def test_client_that_leaves_in_mid_body_is_one_quiet_line(standing: Service) -> 
     left = "client left in the middle of its body"
     standing.wait_for(lambda: left in standing.output(), "it is told")
     # A request that comes after it is answered, so all that was to be said of it was said.
-    assert standing.ingest(batch(block(1))).status_code == 200
+    assert standing.ingest(batch(stretch(1))).status_code == 200
     said = standing.output().splitlines()[before:]
     assert [line for line in said if "ERROR" in line or "Traceback" in line] == []
     assert len([line for line in said if left in line]) == 1
@@ -185,7 +185,7 @@ def test_rubbish_leaves_no_line_in_the_log(standing: Service) -> None:
             connection.sendall(b"\x16\x03\x01\x00 rubbish\r\n\r\n")
             assert b" 400 " in connection.recv(4096)
     # A request that comes after them is answered, so all that was to be said of them was said.
-    assert standing.ingest(batch(block(2))).status_code == 200
+    assert standing.ingest(batch(stretch(2))).status_code == 200
     said = standing.output().splitlines()[before:]
     assert [line for line in said if "uvicorn" in line or "nvalid" in line] == []
 

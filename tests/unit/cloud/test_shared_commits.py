@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from eskin_cloud.store import Store
+from eskin_cloud.store.schema.frame_tables import descriptions, frames, pages
 from eskin_cloud.store.schema.tables import (
-    blocks,
-    channels,
     dead_letters,
     events,
     feed,
@@ -26,7 +25,7 @@ from sqlalchemy.exc import IntegrityError
 from eskin.errors import QueryError
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.commits import bring, kinds, one_commit
-from tests.unit.cloud.messages import block, gap, peak, status
+from tests.unit.cloud.messages import gap, peak, status, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 
     from tests.unit.cloud.clouds import Clock, Said
 
-_COMPARED: Final = (blocks, channels, dead_letters, events, nodes, sequences)
+_COMPARED: Final = (dead_letters, descriptions, events, frames, nodes, pages, sequences)
 
 
 def contents(store: Store) -> dict[str, list[tuple[Any, ...]]]:
@@ -65,8 +64,8 @@ def stumble(_: Connection) -> None:
 
 def collide(connection: Connection) -> None:
     """Add a row that is there already: PostgreSQL reports it when the COPY ends."""
-    row = connection.execute(select(blocks).limit(1)).one()
-    inserts_ = bulk_insert(connection, blocks)
+    row = connection.execute(select(frames).limit(1)).one()
+    inserts_ = bulk_insert(connection, frames)
     inserts_.add(tuple(row))
     inserts_.finish()
 
@@ -78,27 +77,27 @@ def test_shared_commit_saves_the_cache_once(store: Store) -> None:
         del rest
         saved.append(" ".join(statement.split()[:2]))
 
-    put(store, block(0), status(1))
+    put(store, stretch(0), status(1))
     event.listen(store._writing, "before_cursor_execute", note)
     with one_commit(store):
-        written = [bring(store, block(10 * k), block(10 * k + 1)) for k in range(1, 9)]
+        written = [bring(store, stretch(10 * k), stretch(10 * k + 1)) for k in range(1, 9)]
     assert [kinds(each.result(120)) for each in written] == [["stored"] * 2] * 8
-    assert saved.count("UPDATE channels") == saved.count("UPDATE nodes") == 1
+    assert saved.count("UPDATE pages") == saved.count("UPDATE nodes") == 1
     assert saved.count("UPDATE feed") == 1
     store.cache.clear()
-    assert kinds(put(store, block(80), block(82))) == ["duplicate", "stored"]
+    assert kinds(put(store, stretch(80), stretch(82))) == ["duplicate", "stored"]
 
 
 def test_other_work_sees_earlier_batches(store: Store) -> None:
     def count(connection: Connection) -> tuple[int, int]:
-        rows = select(func.count()).select_from(blocks)
-        counted = select(func.coalesce(func.sum(channels.c.blocks), 0))
+        rows = select(func.count()).select_from(frames)
+        counted = select(func.coalesce(func.sum(pages.c.frames), 0))
         return connection.execute(rows).scalar_one(), connection.execute(counted).scalar_one()
 
     with one_commit(store):
-        bring(store, block(0), block(1))
+        bring(store, stretch(0), stretch(1))
         first = store.write(count)
-        bring(store, block(2))
+        bring(store, stretch(2))
         second = store.write(count)
     assert first.result(120) == (2, 2)
     assert second.result(120) == (3, 3)
@@ -113,18 +112,22 @@ def test_failed_batch_affects_no_other(
     then: Callable[[Connection], None],
     told: type[Exception],
 ) -> None:
-    put(store, block(0))
+    put(store, stretch(0))
     with one_commit(store):
-        before = bring(store, block(1), peak(2))
-        broken = bring(store, block(3), then=then)
-        after = bring(store, block(4))
-        other = store.write(lambda c: c.execute(select(func.count()).select_from(blocks)).scalar())
+        before = bring(store, stretch(1), peak(2))
+        broken = bring(store, stretch(3), then=then)
+        after = bring(store, stretch(4))
+        other = store.write(lambda c: c.execute(select(func.count()).select_from(frames)).scalar())
     with pytest.raises(told):
         broken.result(120)
     assert kinds(before.result(120)) == ["stored", "stored"]
     assert kinds(after.result(120)) == ["stored"]
     assert other.result(120) == 3
-    assert kinds(put(store, block(1), block(3), block(4))) == ["duplicate", "stored", "duplicate"]
+    assert kinds(put(store, stretch(1), stretch(3), stretch(4))) == [
+        "duplicate",
+        "stored",
+        "duplicate",
+    ]
     assert "commit failed" not in caplog.text
     with store.read() as connection:
         assert connection.execute(select(dead_letters)).all() == []
@@ -136,9 +139,13 @@ def test_message_that_fails_becomes_a_dead_letter_alone(
     def breaks(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("eskin_cloud.store.write.ingest.peak_row", breaks)
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.statement_rows", breaks)
     with one_commit(store):
-        written = [bring(store, block(0)), bring(store, block(1), peak(2)), bring(store, block(3))]
+        written = [
+            bring(store, stretch(0)),
+            bring(store, stretch(1), peak(2)),
+            bring(store, stretch(3)),
+        ]
     assert [kinds(each.result(120)) for each in written] == [
         ["stored"], ["stored", "rejected"], ["stored"],
     ]  # fmt: skip
@@ -158,7 +165,7 @@ def test_shared_commits_equal_single_commits(
 ) -> None:
     shared, alone = map(emptied, twins)
     for store in (shared, alone):
-        put(store, block(99))
+        put(store, stretch(99))
     with one_commit(shared):
         written = []
         for numbers, then, between in work:
@@ -175,9 +182,11 @@ def test_shared_commits_equal_single_commits(
 
 
 def _said(number: int) -> Said:
-    kinds = (peak, gap, status, partial(block, unit="H"))  # the last is refused: another unit
+    kinds = (peak, gap, status, partial(stretch, unit="H"))  # the last is refused: another unit
     return (
-        kinds[number % 4](number) if number % 3 == 0 else block(number, channel=f"t{number % 4}.c")
+        kinds[number % 4](number)
+        if number % 3 == 0
+        else stretch(number, channel=f"t{number % 4}.c")
     )
 
 

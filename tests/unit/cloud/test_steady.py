@@ -13,7 +13,7 @@ from eskin_cloud.settings import RetentionSection
 from eskin_cloud.store.write.clock_state import ClockReading, load_clock
 
 from tests.unit.cloud.clouds import batch, count_frames, standing
-from tests.unit.cloud.messages import START, block
+from tests.unit.cloud.messages import START, stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -140,7 +140,7 @@ async def test_cloud_that_starts_with_a_clock_a_year_ahead_removes_nothing(
     tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:
     with standing(tmp_path, identities, place=place, retention=RetentionSection(days=1)) as stand:
-        await stand.ingest(batch(*(block(n) for n in range(5))))
+        await stand.ingest(batch(*(stretch(n) for n in range(5))))
         await Rounds(stand.cloud)()
         right = stand.clock()
         stand.clock.now = right + YEAR
@@ -169,7 +169,7 @@ async def test_year_that_a_clock_leapt_ahead_removes_nothing(
     monkeypatch.setattr(retention, "sweep", counted)
     rules = RetentionSection(days=1, every_s=0.001)
     with standing(tmp_path, identities, retention=rules) as stand:
-        await stand.ingest(batch(*(block(n) for n in range(5))))
+        await stand.ingest(batch(*(stretch(n) for n in range(5))))
         stopping = asyncio.Event()
         running = asyncio.create_task(apply_retention(stand.cloud, stopping))
         for moment in (stand.clock.now, START + YEAR):

@@ -12,7 +12,7 @@ from sqlalchemy import func, select
 
 from eskin.wire.messages import Encoding
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
@@ -30,7 +30,7 @@ def said(number: int, channel: str = CHANNEL) -> Block:
     sequence = 2 * number + (channel == OTHER)
     values = [1.0 + number] * SAMPLES, [2.0 + number] * SAMPLES
     time = start, start
-    return block(sequence, *values, channel=channel, time=time, encoding=Encoding.Q16)
+    return stretch(sequence, *values, channel=channel, time=time, encoding=Encoding.Q16)
 
 
 async def told(stand: Stand) -> dict[str, int]:
@@ -52,7 +52,7 @@ async def test_bytes_a_sample_are_all_bytes_by_all_samples(stand: Stand) -> None
     empty = (await stand.get("/api/v1/storage")).json()
     assert empty["samples"] == 0
     assert empty["bytes_per_sample"] is None
-    put(stand.cloud.store, *(block(k, [1.0] * 500, [2.0] * 500) for k in range(20)))
+    put(stand.cloud.store, *(stretch(k, [1.0] * 500, [2.0] * 500) for k in range(20)))
     found = (await stand.get("/api/v1/storage")).json()
     assert found["samples"] == 10_000
     # Of each sample two floats of 64 bit are kept, whatever else is.

@@ -13,7 +13,7 @@ from sqlalchemy import select
 
 from eskin.wire.sequence_set import SequenceRanges
 from tests.unit.cloud.clouds import batch, count_frames
-from tests.unit.cloud.messages import block
+from tests.unit.cloud.messages import stretch
 
 if TYPE_CHECKING:
     from tests.unit.cloud.clouds import Stand
@@ -53,18 +53,18 @@ def test_number_after_many_gaps_changes_one_range() -> None:
 async def test_cost_of_a_commit_is_independent_of_gaps(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    even = [block(number) for number in range(0, 600, 2)]
+    even = [stretch(number) for number in range(0, 600, 2)]
     assert (await stand.ingest(batch(*even))).status_code == 200
 
     def fail(_: SequenceRanges) -> None:
         raise AssertionError("all of it is looked at")
 
     monkeypatch.setattr(SequenceRanges, "__iter__", fail)
-    answer = await stand.ingest(batch(block(600), block(601), block(300)))
+    answer = await stand.ingest(batch(stretch(600), stretch(601), stretch(300)))
     results = [item["result"] for item in answer.json()["items"]]
     assert results == ["stored", "stored", "duplicate"]
     monkeypatch.undo()
-    missing = [block(number) for number in range(1, 600, 2)]
+    missing = [stretch(number) for number in range(1, 600, 2)]
     answer = await stand.ingest(batch(*missing))
     assert {item["result"] for item in answer.json()["items"]} == {"stored"}
     stand.cloud.store.cache.clear()
@@ -80,7 +80,7 @@ async def test_cost_of_a_commit_is_independent_of_gaps(
 async def test_cache_of_rows_is_bounded(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eskin_cloud.store.write.write_cache._MAX_ROWS", 3)
     for number in range(6):
-        said = block(2 * number, channel=f"t{number:02}.pressure"), block(2 * number + 1)
+        said = stretch(2 * number, channel=f"t{number:02}.pressure"), stretch(2 * number + 1)
         answer = await stand.ingest(batch(*said))
         assert {item["result"] for item in answer.json()["items"]} == {"stored"}
         assert sum(map(len, stand.cloud.store.cache._rows.values())) <= 3 + 3

@@ -14,7 +14,7 @@ from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin.wire.messages import Position
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import Stand, batch
-from tests.unit.cloud.messages import START, block, peak, status
+from tests.unit.cloud.messages import START, peak, status, stretch
 from tests.unit.cloud.sealing import CHANNEL, NODE, Site, ask, beat, keyed, physician, pulse
 from tests.unit.cloud.worn import beats as heartbeats
 from tests.unit.cloud.worn import describe_worn, worn
@@ -94,7 +94,7 @@ async def bring(stand: Stand, site: Site, beats: int) -> None:
     await stand.ingest(site.batch(declared, pulse(1), beat(2), worn(3)))
     sequence = 4
     for k in range(4):
-        await stand.ingest(batch(block(sequence, channel=OPEN), node=NODE))
+        await stand.ingest(batch(stretch(sequence, channel=OPEN), node=NODE))
         await stand.ingest(batch(peak(sequence + 1, channel=OPEN), node=NODE))
         # The same samples at the same time, whatever the number.
         frame = replace(worn(k, page=0), position=Position(1, sequence + 2))
