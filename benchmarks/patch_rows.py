@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from eskin_cloud.rollup.blocks import Buckets
+from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.column_aggregates import joined, pack
 from eskin_cloud.rollup.patch_folding import fold_runs
 from eskin_cloud.store.patch_rows import decode_runs, encode_runs

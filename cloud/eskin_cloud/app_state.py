@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from eskin_cloud.commands import Notifier
     from eskin_cloud.ingest.gateway_trust import GatewayTrust
     from eskin_cloud.ingest.upload_budget import UploadBudget
-    from eskin_cloud.live import Feed, LiveContacts, Viewers
+    from eskin_cloud.live import Feed, LiveContacts
     from eskin_cloud.metrics import Metrics
     from eskin_cloud.privacy.key_access import KeyAccess
     from eskin_cloud.settings import CloudSettings
@@ -28,7 +28,6 @@ class AppState:
         settings: All settings.
         store: Keeps everything.
         feed: The live feed of what is stored.
-        viewers: Which nodes are viewed live.
         contacts: Contacts of the nodes that streams of frames have chosen.
         notifier: Wakes gateways that wait for commands.
         gateway_trust: Verifies certificates of gateways, and those of nodes that they present.
@@ -43,7 +42,6 @@ class AppState:
     settings: CloudSettings
     store: Store
     feed: Feed
-    viewers: Viewers
     contacts: LiveContacts
     notifier: Notifier
     gateway_trust: GatewayTrust

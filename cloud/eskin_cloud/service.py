@@ -38,8 +38,7 @@ from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.jobs.pg_listener import listen
 from eskin_cloud.jobs.retention import apply_retention
 from eskin_cloud.jobs.silence import watch_silence
-from eskin_cloud.jobs.viewers import announce_viewed_nodes
-from eskin_cloud.live import Feed, LiveContacts, Viewers
+from eskin_cloud.live import Feed, LiveContacts
 from eskin_cloud.metrics import Metrics
 from eskin_cloud.privacy.key_access import KeyAccess
 from eskin_cloud.store import Store
@@ -105,7 +104,6 @@ def make_cloud(
         store=store,
         feed=feed,
         contacts=LiveContacts(feed),
-        viewers=Viewers(most=live.watched_nodes, lasting=live.watched_s),
         notifier=notifier,
         gateway_trust=GatewayTrust(
             trust, gateways=own.revocations, nodes=settings.nodes.revocations
@@ -206,7 +204,6 @@ def _jobs(cloud: AppState, stopping: asyncio.Event) -> list[Coroutine[Any, Any, 
     return [
         run_periodically("stuck writer", end_stuck, cloud=cloud, stopping=stopping, every_s=1.0),
         watch_silence(cloud, stopping),
-        announce_viewed_nodes(cloud, stopping),
         apply_erasures(cloud, stopping),
         find_missing_messages(cloud, stopping),
         apply_retention(cloud, stopping),

@@ -17,7 +17,7 @@ from eskin.wire.frames import (
     decode_samples,
 )
 from eskin.wire.messages import Position
-from eskin_cloud.rollup.blocks import Buckets
+from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.column_aggregates import pack as pack_tiles
 from eskin_cloud.rollup.column_aggregates import unpack as unpack_tiles
 from eskin_cloud.rollup.patch_folding import fold_runs

@@ -10,7 +10,7 @@ from eskin.privacy import is_biometric
 from eskin_cloud.api.dependencies import CloudState, Reader
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
-from eskin_cloud.privacy.peaks import find_peaks
+from eskin_cloud.privacy.sealed_events import find_sealed_events
 from eskin_cloud.query.events import EventQuery, find_events
 from eskin_cloud.schemas.base import TIME, PageDocument, Time, page
 from eskin_cloud.schemas.events import EventDocument, EventKind, describe_event
@@ -69,7 +69,7 @@ def get_events(
         reader = cloud.key_access.reader(scopes, connection, access.opened) if may else None
         if query.node is not None:
             find_node(connection, query.node)
-        peaks = [] if reader is None else find_peaks(connection, reader, question)
-        rows, following = find_events(connection, question, peaks)
+        opened = [] if reader is None else find_sealed_events(connection, reader, question)
+        rows, following = find_events(connection, question, opened)
     answer = [describe_event(row, ids) for row in rows]
     return as_json(page(answer, None if following is None else ids.write(*following)))

@@ -49,7 +49,7 @@ class ExportQuery(BaseModel):
         default=None,
         ge=1,
         le=10**9,
-        description="samples after which the file ends, with its block; `Link` tells how to go on",
+        description="samples after which the file ends, with its frame; `Link` states how to go on",
     )
     cursor: str | None = Field(default=None, max_length=1000, description="from `Link`")
 
@@ -128,7 +128,9 @@ def _source(
         if not access.uncounted(connection, [node]):
             return ExportChannel(row, cloud.store.read)
         ids = cloud.feed.ids
-        return ExportChannel(row, cloud.store.read, lambda p: ids.number(node, p.boot, p.sequence))
+        return ExportChannel(
+            row, cloud.store.read, lambda run: ids.number(node, run.boot, run.sequence)
+        )
     reader = cloud.key_access.reader(access.holder.scopes, connection, access.opened)
     memory, known = stack.enter_context(decrypted_window(connection, reader, row, window))
     return ExportChannel(known, lambda: nullcontext(memory))

@@ -37,9 +37,9 @@ SCHEMA: Final = pa.schema(
     ]
 )
 """A row is a sample: taken between ``earliest`` and ``latest``, enclosed by ``lo`` and ``hi`` with
-``coverage``. Both are null where nothing is known. ``boot`` and ``sequence`` name the block that
+``coverage``. Both are null where nothing is known. ``boot`` and ``sequence`` name the frame that
 brought it; ``sequence`` is another number, which counts nothing, where the node has biometric
-channels and the reader lacks the scope. ``dt`` is the block's sampling period in ns.
+channels and the reader lacks the scope. ``dt`` is the sampling period in ns.
 """
 _PLAIN: Final = pa.schema(
     [field.with_type(pa.string()) if field.type in {_WORD, _MOMENT} else field for field in SCHEMA]
@@ -75,41 +75,42 @@ class _Outlet(io.RawIOBase):
 
 def as_table(part: ExportPart, window: Window) -> Any:
     """The samples of a part that lie in a window, as an Arrow table (`SCHEMA`)."""
-    spans = [(each, *clip(each.tube.first_moment, each.tube.dt, len(each.tube), window))
-             for each in part.blocks]  # fmt: skip
-    kept = [(each, slice(first, last + 1)) for each, first, last in spans if first <= last]
-    tubes = [each.tube[cut] for each, cut in kept]
-    counts = [len(tube) for tube in tubes]
+    runs = part.runs
+    ends = [clip(run.t, run.dt, run.lo.size, window) for run in runs]
+    cuts = [slice(first, last + 1) for first, last in ends]
+    counts = [last + 1 - first for first, last in ends]
 
     def each(values: list[Any], kind: Any) -> Any:
         return np.repeat(np.asarray(values, kind), counts)
 
-    steps = [np.arange(len(tube), dtype=np.int64) * tube.dt for tube in tubes] or [np.empty(0, int)]
-    step = np.concatenate(steps)
-    lo = np.concatenate([tube.values.inf for tube in tubes] or [np.empty(0)])
-    hi = np.concatenate([tube.values.sup for tube in tubes] or [np.empty(0)])
+    dt, error = (
+        each([run.dt for run in runs], np.int64),
+        each([run.error for run in runs], np.int64),
+    )
+    number = np.concatenate([np.arange(first, last + 1) for first, last in ends])
+    t = each([run.t for run in runs], np.int64) + number * dt
+    lo = np.concatenate([run.lo[cut] for run, cut in zip(runs, cuts, strict=True)])
+    hi = np.concatenate([run.hi[cut] for run, cut in zip(runs, cuts, strict=True)])
     missing = (lo == -np.inf) & (hi == np.inf)
-    units = sorted({tube.unit for tube in tubes})
     columns = [
-        _words([part.channel["node"]], np.zeros(len(lo), np.int32)),
-        _words([part.channel["channel"]], np.zeros(len(lo), np.int32)),
-        pa.array(each([tube.time[0] for tube in tubes], np.int64) + step).cast(_MOMENT),
-        pa.array(each([tube.time[1] for tube in tubes], np.int64) + step).cast(_MOMENT),
+        _constant(part.channel["node"], lo.size),
+        _constant(part.channel["channel"], lo.size),
+        pa.array(t - error).cast(_MOMENT),
+        pa.array(t + error).cast(_MOMENT),
         pa.array(lo, mask=missing),
         pa.array(hi, mask=missing),
-        _words(units, each([units.index(tube.unit) for tube in tubes], np.int32)),
-        pa.array(each([tube.coverage for tube in tubes], np.float64)),
-        pa.array(each([tube.dt for tube in tubes], np.int64)),
-        pa.array(each([block.position.boot for block, _ in kept], np.int64)),
-        pa.array(each([part.number(block.position) for block, _ in kept], np.int64)),
+        _constant(part.channel["unit"], lo.size),
+        pa.array(each([run.coverage for run in runs], np.float64)),
+        pa.array(dt),
+        pa.array(each([run.boot for run in runs], np.int64)),
+        pa.array(each([part.number(run) for run in runs], np.int64)),
     ]
     return pa.Table.from_arrays(columns, schema=SCHEMA)
 
 
-def _words(words: list[str], indices: Any) -> Any:
-    return pa.DictionaryArray.from_arrays(
-        pa.array(indices, pa.int32()), pa.array(words, pa.string())
-    )
+def _constant(word: str, count: int) -> Any:
+    indices = pa.array(np.zeros(count, np.int32))
+    return pa.DictionaryArray.from_arrays(indices, pa.array([word], pa.string()))
 
 
 class _Csv:

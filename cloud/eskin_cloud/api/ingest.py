@@ -24,7 +24,6 @@ from eskin_cloud.schemas.base import Json
 from eskin_cloud.schemas.ingest import IngestDocument
 from eskin_cloud.store.write.gateways import record_contact
 from eskin_cloud.store.write.ingest import (
-    UNKNOWN_NODE,
     IngestResult,
     Receipt,
     ingest,
@@ -75,13 +74,7 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
     cloud.metrics.dead_letters_dropped.inc(outcome.dropped)
     cloud.metrics.conflicts.inc(outcome.conflicts)
     results = [_describe(result) for result in outcome.results]
-    own = (
-        item.node
-        for item, receipt in zip(items, outcome.results, strict=True)
-        if receipt.result != UNKNOWN_NODE
-    )
-    watched = cloud.viewers.watched(dict.fromkeys(own))
-    return as_json({"items": results, "watched": dict.fromkeys(watched, cloud.viewers.lasting)})
+    return as_json({"items": results})
 
 
 def _describe(receipt: Receipt) -> Json:

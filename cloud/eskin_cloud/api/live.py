@@ -45,13 +45,10 @@ class LiveQuery(BaseModel):
         default=[], max_length=1000, description="these only, each NODE/CHANNEL"
     )
     points: int = Field(
-        default=50, ge=1, le=1000, description="entries that a block is reduced to at most"
-    )
-    grain: int = Field(
-        default=0,
-        ge=0,
-        le=10**18,
-        description="ns: entries need be no finer; 0: as fine as `points` lets them be",
+        default=1,
+        ge=1,
+        le=1000,
+        description="hulls that the rows of a patch become at most, of each frame",
     )
 
 
@@ -99,9 +96,7 @@ class EventStream(StreamingResponse):
     response_class=EventStream,
     responses={
         101: {"description": "a WebSocket, where one was asked for: docs/rest.md, *Live frames*"},
-        200: {
-            "description": "server-sent events: frame, block, peak, gap, status, command, lagging"
-        },
+        200: {"description": "server-sent events: frame, peak, gap, status, command, lagging"},
         **REFUSALS_OF_PLACE,
     },
 )
@@ -124,7 +119,6 @@ async def get_live(
         frozenset(query.node),
         frozenset(parse_channel(text) for text in query.channel),
         query.points,
-        query.grain,
     )
     await asyncio.to_thread(_require_known, cloud, selection.looked_at)
     if any(is_biometric(channel) for _, channel in selection.channels):
@@ -133,7 +127,6 @@ async def get_live(
     events = stream(
         feed,
         selection,
-        viewers=cloud.viewers,
         cursor=cursor,
         backlog=live.backlog,
         heartbeat=live.heartbeat_s,

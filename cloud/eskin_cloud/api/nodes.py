@@ -104,10 +104,7 @@ def get_channels(
         )
         gone = list_removed(connection, node)
         counted = not access.uncounted(connection, [node])
-    items = [
-        describe_channel(row, gone.get(row.get("patch") or row["channel"]), counted=counted)
-        for row in rows
-    ]
+    items = [describe_channel(row, gone.get(row["patch"]), counted=counted) for row in rows]
     return as_json(page(items, following))
 
 

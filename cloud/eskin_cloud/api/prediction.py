@@ -31,8 +31,8 @@ from eskin_cloud.schemas.series import (
     describe_occupancy,
     describe_segment,
 )
-from eskin_cloud.store.read.block_index import find_next
 from eskin_cloud.store.read.lookup import Channel, find_channel
+from eskin_cloud.store.read.patch_columns import find_next
 from eskin_cloud.store.read.window import make_window, parse_time
 
 router = APIRouter(tags=["series"])
@@ -168,7 +168,7 @@ def get_anomalies_time(
         with opened(cloud, access, connection, row, window) as (source, known):
             prediction = _prediction(query, known, window.start)
             runs = find_anomalies(source, known, window, prediction)
-            found = total_occupancy(runs, window, find_next(source, known, window))
+            found = total_occupancy(runs, window, find_next(source, known, window.end))
     return describe_occupancy(found, window, known)
 
 
@@ -177,14 +177,8 @@ def _not_impossible(runs: Iterator[Segment]) -> Iterator[Segment]:
 
 
 def _prediction(query: PredictionQuery, row: Channel, start: int) -> Prediction:
-    """What is asked for; of a sealed channel the row is that of its opened blocks."""
+    """What is asked for."""
     model = MODELS[query.model]
-    if not row["unit"]:
-        raise QueryError(
-            "start",
-            f"to end hold no block of {row['node']}/{row['channel']}, and nothing else tells its "
-            "unit, which a prediction needs; ask where it has samples",
-        )
     if model.unit is not None and model.unit != row["unit"]:
         raise QueryError(
             "model",

@@ -13,7 +13,6 @@ from starlette.responses import Response, StreamingResponse
 
 from eskin.errors import NoKeyError, QueryError
 from eskin.wire.frames import Frame, FrameSummary, Statements
-from eskin.wire.messages import Block
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.api.dependencies import Access, Administrator, BiometricReader, CloudState
 from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
@@ -23,7 +22,7 @@ from eskin_cloud.privacy.key_access import Reader
 from eskin_cloud.privacy.sealed_rows import event_rows, open_row
 from eskin_cloud.schemas.access import SubjectDocument
 from eskin_cloud.schemas.base import NoQuery, PageDocument, dump, page
-from eskin_cloud.schemas.events import describe_block, describe_columns, describe_event
+from eskin_cloud.schemas.events import describe_columns, describe_event
 from eskin_cloud.store.damage import are_countable
 from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.read.lookup import UnknownChannelError
@@ -109,8 +108,7 @@ async def get_export(
 ) -> Response:
     """Export all that is stored about a subject.
 
-    Each line is a block, the samples of a channel in a frame, or an event in JSON, in the order of
-    storing.
+    Each line is the samples of a channel in a frame, or an event in JSON, in the order of storing.
     """
     reader = Reader(cloud.key_access.require(access.holder.scopes), access.opened)
     site = await asyncio.to_thread(_require_site, cloud, subject, query.site)
@@ -177,13 +175,12 @@ def _lines(cloud: AppState, reader: Reader, row: dict[str, Any]) -> list[Mapping
     if opened is None:
         return []
     message, data = opened
-    node, described = row["node"], None
-    if isinstance(message, Block):
-        return [describe_block(node, message)]
-    if isinstance(message, FrameSummary | Statements):
-        with cloud.store.read() as connection:
-            described = find_layout(connection, node, message.layout)
-        if isinstance(message, FrameSummary):
-            return list(describe_columns(node, Frame.decode(data), described))
+    node = row["node"]
+    if not isinstance(message, FrameSummary | Statements):
+        return []
+    with cloud.store.read() as connection:
+        described = find_layout(connection, node, message.layout)
+    if isinstance(message, FrameSummary):
+        return list(describe_columns(node, Frame.decode(data), described))
     rows = event_rows(node, message, data, described, row["cursor"])
     return [describe_event(each, cloud.feed.ids) for each in rows]

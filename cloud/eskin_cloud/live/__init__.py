@@ -4,6 +4,5 @@ from __future__ import annotations
 
 from eskin_cloud.live.contacts import LiveContacts
 from eskin_cloud.live.feed import Feed
-from eskin_cloud.live.viewers import Viewers
 
-__all__ = ["Feed", "LiveContacts", "Viewers"]
+__all__ = ["Feed", "LiveContacts"]

@@ -16,17 +16,16 @@ from sqlalchemy import func, select
 
 from eskin.errors import MessageError
 from eskin.privacy import SealedMessage
-from eskin.wire.messages.compression import decompress
 from eskin_cloud.live.frame_encoder import FrameEncoder
 from eskin_cloud.live.layouts import Layouts
 from eskin_cloud.live.sse_encoder import SseEncoder
 from eskin_cloud.query.opaque_ids import OpaqueIds
-from eskin_cloud.store.damage import FrameHeader, RowHeader, is_intact, is_intact_row
+from eskin_cloud.store.damage import FrameHeader, is_intact_row
 from eskin_cloud.store.feed_entry import FeedEntry
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
-from eskin_cloud.store.schema.tables import blocks, events, feed
+from eskin_cloud.store.schema.tables import events, feed
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -252,7 +251,7 @@ def _open_places(
 ) -> list[int]:
     """The first or latest places in ``(after, end]`` of what is not sealed, in that order."""
     places: list[int] = []
-    for column in (blocks.c.cursor, events.c.cursor, frames.c.cursor):
+    for column in (events.c.cursor, frames.c.cursor):
         query = select(column).where(column > after, column <= end)
         query = query.order_by(column.desc() if latest else column).limit(most)
         places += connection.execute(query).scalars()
@@ -261,24 +260,16 @@ def _open_places(
 
 def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedEntry]:
     """Entries with ``after < cursor <= end``."""
-    b = blocks.c
-    query = select(b.cursor, b.data, b.received, b.head, *(b[name] for name in RowHeader._fields))
-    rows = connection.execute(query.where(b.cursor > after, b.cursor <= end))
-    found = [
-        FeedEntry(cursor, head[0], head[1], decompress(data), None, received)
-        for cursor, data, received, own, *head in rows
-        if is_intact(RowHeader(*head), own, data)
-    ]
     e = events.c
     named = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
-    found += [
-        FeedEntry(row["cursor"], row["node"], row["channel"], None, dict(row), row["received"])
+    found = [
+        FeedEntry(row["cursor"], row["node"], row["channel"], dict(row), row["received"])
         for row in intact_rows(connection, events, named)
     ]
     f = frames.c
     framed = select(frames).where(f.cursor > after, f.cursor <= end)
     found += [
-        FeedEntry(row["cursor"], row["node"], None, None, None, row["received"],
+        FeedEntry(row["cursor"], row["node"], None, None, row["received"],
                   frame=row["data"], layout=row["layout"])
         for row in connection.execute(framed).mappings()
         if is_intact_row(FrameHeader, row)
@@ -292,6 +283,6 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedE
             message = SealedMessage.decode(data)
         except MessageError:  # damaged
             continue
-        head = cursor, node, message.channel, None, None, received, data
+        head = cursor, node, None, None, received, data
         found.append(FeedEntry(*head, layout=message.layout))
     return sorted(found, key=lambda entry: entry.cursor)

@@ -52,7 +52,7 @@ class PatchHull:
 
     def follows(self, before: PatchHull) -> bool:
         """Whether this hull begins where another one of the same channels ended."""
-        # Half a period late is no gap yet, as everywhere (`store.read.block_index.longest_step`).
+        # Half a period late is no gap yet, as everywhere (`rollup.aggregates.longest_step`).
         same = (self.patch, self.period) == (before.patch, before.period)
         return same and abs(self.start - before.end) <= self.period // 2
 
@@ -79,7 +79,7 @@ class FrameHulls:
         t0: Middle of the first moment's time, UTC ns.
         time_error: Greatest distance of a moment from its middle, ns.
         received: When the cloud stored the last of the frames, UTC ns.
-        patches: In the order of the layout.
+        patches: In the order of the layout; the hulls of one patch in order of time.
     """
 
     node: str
@@ -108,7 +108,10 @@ class FrameHulls:
 
 
 def read_hulls(
-    entry: FeedEntry, described: DescribedLayout | None, channels: frozenset[str] | None
+    entry: FeedEntry,
+    described: DescribedLayout | None,
+    channels: frozenset[str] | None,
+    points: int = 1,
 ) -> FrameHulls | None:
     """The hulls of a frame's channels.
 
@@ -116,6 +119,7 @@ def read_hulls(
         entry: A frame.
         described: The layout by which it is read.
         channels: These only; ``None`` for all.
+        points: Hulls that the rows of a patch become at most, each of as many rows.
 
     Returns:
         ``None`` where the frame has none of the channels, or there is no layout to read it by.
@@ -134,26 +138,34 @@ def read_hulls(
             named = tuple(patch.channels[k] for k in columns)
             if not columns:
                 continue
-        sampling = Sampling(
-            row[Part.ROWS], row[Part.COLUMNS], row[Part.FIRST_ROW], records.strides(record)
-        )
-        cells = slice(row[Part.BEGIN], row[Part.BEGIN] + sampling.rows * sampling.columns)
-        lo, hi = _hull(sampling, records.lo[cells], records.hi[cells])
-        start, period = t0 + row[Part.DELAY], row[Part.PERIOD]
-        patches.append(
-            PatchHull(
-                patch=patch.patch_id,
-                unit=patch.unit,
-                channels=named,
-                start=start,
-                end=start + sampling.rows * period,
-                period=period,
-                n=sampling.rows,
-                coverage=float(records.coverage[record]),
-                lo=lo if columns is None else lo[columns],
-                hi=hi if columns is None else hi[columns],
+        cells = slice(row[Part.BEGIN], row[Part.BEGIN] + row[Part.ROWS] * row[Part.COLUMNS])
+        shape = row[Part.ROWS], row[Part.COLUMNS]
+        lo, hi = records.lo[cells].reshape(shape), records.hi[cells].reshape(shape)
+        step, period = -(-row[Part.ROWS] // points), row[Part.PERIOD]
+        for first in range(0, row[Part.ROWS], step):
+            part = slice(first, first + step)
+            sampling = Sampling(
+                len(lo[part]),
+                row[Part.COLUMNS],
+                row[Part.FIRST_ROW] + first,
+                records.strides(record),
             )
-        )
+            least, most = _hull(sampling, lo[part], hi[part])
+            start = t0 + row[Part.DELAY] + first * period
+            patches.append(
+                PatchHull(
+                    patch=patch.patch_id,
+                    unit=patch.unit,
+                    channels=named,
+                    start=start,
+                    end=start + sampling.rows * period,
+                    period=period,
+                    n=sampling.rows,
+                    coverage=float(records.coverage[record]),
+                    lo=least if columns is None else least[columns],
+                    hi=most if columns is None else most[columns],
+                )
+            )
     if not patches:
         return None
     error = (head.time[1] - head.time[0] + 1) // 2
@@ -162,8 +174,6 @@ def read_hulls(
 
 def _hull(sampling: Sampling, lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
     """The hull of each column's samples; unbounded where it has none."""
-    shape = sampling.rows, sampling.columns
-    lo, hi = lo.reshape(shape), hi.reshape(shape)
     if not sampling.strides:
         return lo.min(axis=0), hi.max(axis=0)
     mask = sampling.mask
@@ -193,8 +203,8 @@ def join_frames(frames: Iterable[FrameHulls | None]) -> Sequence[FrameHulls]:
 def describe_frames(hulls: FrameHulls) -> Json:
     """A frame, or several that follow each other: each patch's hulls over its ``n`` rows.
 
-    A patch's rows begin ``t`` ns after ``t0`` and last ``dt`` ns; ``channels`` names its columns
-    where not all were asked for.
+    The rows of a hull begin ``t`` ns after ``t0`` and last ``dt`` ns; ``channels`` names its
+    columns where not all were asked for.
     """
     return {
         "node": hulls.node,

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from eskin_cloud.live.feed import Feed
     from eskin_cloud.live.subscription import Subscription
-    from eskin_cloud.live.viewers import Viewers
     from eskin_cloud.store.feed_entry import FeedEntry
 
 log = logging.getLogger(__name__)
@@ -28,7 +27,6 @@ async def stream(
     feed: Feed,
     selection: Subscription,
     *,
-    viewers: Viewers,
     cursor: int,
     backlog: int,
     heartbeat: float,
@@ -40,7 +38,6 @@ async def stream(
     Args:
         feed: Where it is read.
         selection: What is sent.
-        viewers: Count this stream as a view.
         cursor: Where to begin.
         backlog: How far behind a stream may be; beyond, it gets ``lagging`` and moves on.
         heartbeat: Seconds between signs of life.
@@ -50,7 +47,7 @@ async def stream(
     """
     present, pace = feed.last, Backpressure(time.monotonic)
     try:
-        with feed.subscribed(), viewers.looking(selection.looked_at):
+        with feed.subscribed():
             place = cursor if sealed else await feed.open_before(cursor)
             near = 0
             yield b"retry: 2000\n" + _sign(feed, place, b"connected")

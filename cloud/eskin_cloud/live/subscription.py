@@ -15,16 +15,13 @@ class Subscription:
 
     Attributes:
         nodes: These only; all if empty.
-        channels: These ``(node, channel)`` only, as far as blocks, frames and peaks go; all if
-            empty.
-        points: Entries that a block is reduced to at most.
-        grain: Time that an entry need be no shorter than, ns.
+        channels: These ``(node, channel)`` only, as far as frames and peaks go; all if empty.
+        points: Hulls that the rows of a patch become at most, of each frame.
     """
 
     nodes: frozenset[str]
     channels: frozenset[tuple[str, str]]
-    points: int
-    grain: int = 0
+    points: int = 1
 
     @property
     def looked_at(self) -> frozenset[str]:

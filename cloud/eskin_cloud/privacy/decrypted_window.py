@@ -17,12 +17,10 @@ from eskin.errors import MessageError, NoKeyError, QueryError
 from eskin.privacy.sealed_message import name_place
 from eskin.runtime.digest import digest
 from eskin.wire.frames import FrameSummary
-from eskin.wire.messages import Block, BlockSummary
 from eskin_cloud.privacy.errors import ErasedError
 from eskin_cloud.privacy.sealed_rows import open_row
 from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.read.lookup import find_channel
-from eskin_cloud.store.read.patch_columns import is_column
 from eskin_cloud.store.read.patch_runs import find_patch_pages
 from eskin_cloud.store.read.window import Window, before
 from eskin_cloud.store.row_digests import register_checksum
@@ -36,28 +34,16 @@ from eskin_cloud.store.schema.frame_tables import (
     stale_patch_chunks,
 )
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
-from eskin_cloud.store.schema.tables import (
-    blocks,
-    channels,
-    digests,
-    events,
-    feed,
-    metadata,
-    nodes,
-    sequences,
-)
-from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles
+from eskin_cloud.store.schema.tables import metadata, nodes
 from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.bulk_insert import bulk_insert
-from eskin_cloud.store.write.ingest import ingest
 from eskin_cloud.store.write.pages import add_frames
-from eskin_cloud.store.write.parsed_message import ParsedMessage
 from eskin_cloud.store.write.write_cache import WriteCache
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from sqlalchemy import Connection, Engine, RowMapping
+    from sqlalchemy import Connection, RowMapping
 
     from eskin.privacy.cipher import Sealable
     from eskin.wire.frames import DescribedLayout
@@ -65,12 +51,11 @@ if TYPE_CHECKING:
     from eskin_cloud.store.read.lookup import Channel
 
 MOST: Final = 20_000
-"""Most sealed blocks or frames that are decrypted for one question."""
+"""Most sealed frames that are decrypted for one question."""
 MOST_BYTES: Final = 64 << 20
 """Most bytes of them."""
 _TABLES: Final = [
-    *(nodes, channels, blocks, events, sequences, digests, feed, tiles, stale_chunks),
-    *(descriptions, pages, frames, patches, patch_rows, patch_tiles, stale_patch_chunks),
+    *(nodes, descriptions, pages, frames, patches, patch_rows, patch_tiles, stale_patch_chunks)
 ]
 
 
@@ -90,12 +75,12 @@ class SealedPage(NamedTuple):
 def decrypted_window(
     connection: Connection, reader: Reader, channel: Channel, window: Window
 ) -> Iterator[tuple[Connection, Channel]]:
-    """A store in memory with a channel's blocks or frames around a window, and its row there.
+    """A store in memory with a channel's frames around a window, and the channel there.
 
     Args:
         connection: Reads the store on the disk.
         reader: Opens what is sealed.
-        channel: The channel's row on the disk.
+        channel: The channel on the disk.
         window: What is asked for.
 
     Raises:
@@ -104,24 +89,12 @@ def decrypted_window(
         PrivacyError: Something was changed on the disk, or its key is not here.
     """
     node = channel["node"]
-    if is_column(channel):
-        places = [
-            SealedPage(each.described, each.page)
-            for each in find_patch_pages(connection, node, channel["patch"])
-        ]
-        with decrypted_frames(connection, reader, node, places, window) as memory:
-            yield memory, find_channel(memory, node, channel["channel"])
-        return
-    items = [
-        ParsedMessage(node, data, message.summary, digest=digest(data))
-        for _, message, data in _open(
-            reader, _sealed(connection, node, channel["channel"], "block", window)
-        )
-        if isinstance(message, Block)
+    places = [
+        SealedPage(each.described, each.page)
+        for each in find_patch_pages(connection, node, channel["patch"])
     ]
-    with _memory() as memory:
-        _fill(memory, channel, items)
-        yield memory, memory.execute(select(channels)).mappings().one()
+    with decrypted_frames(connection, reader, node, places, window) as memory:
+        yield memory, find_channel(memory, node, channel["channel"])
 
 
 @contextmanager
@@ -147,7 +120,7 @@ def decrypted_frames(
         # Columns may be sampled later than their frame's minutes say.
         skew = int(described.facts[:, 3].max())
         wide = Window(before(window.start, skew), window.end)
-        rows += _sealed(connection, node, name, "frame", wide)
+        rows += _sealed(connection, node, name, wide)
         _require_few(rows)
     found: list[FrameRow] = []
     for row, message, data in _open(reader, rows):
@@ -163,34 +136,33 @@ def decrypted_frames(
                 )
             )
     with _memory() as memory:
-        _fill_frames(memory, connection, node, list(described_by.values()), found)
+        _fill(memory, connection, node, list(described_by.values()), found)
         yield memory
 
 
 @contextmanager
 def _memory() -> Iterator[Connection]:
-    engine = _engine()
+    engine = create_engine(
+        "sqlite://", poolclass=StaticPool, connect_args={"check_same_thread": False}
+    )
     try:
         with engine.begin() as memory:
             memory.exec_driver_sql("PRAGMA temp_store=MEMORY")  # a sort must not go to the disk
             driver = memory.connection.driver_connection
-            assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - as `_engine` makes it
+            assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - as it was made
             register_checksum(driver)
             metadata.create_all(memory, _TABLES)
-            memory.execute(insert(feed).values(name="feed", cursor=0))
             yield memory
     finally:
         engine.dispose()
 
 
-def _sealed(
-    connection: Connection, node: str, place: str, kind: str, window: Window
-) -> Sequence[RowMapping]:
+def _sealed(connection: Connection, node: str, place: str, window: Window) -> Sequence[RowMapping]:
     v = sealed_messages.c
     here = (
         (v.node == node)
         & (v.place == place)
-        & (v.kind == kind)
+        & (v.kind == "frame")
         & (v.t_lo < window.end)
         & (v.t_hi >= window.start)
     )
@@ -228,27 +200,7 @@ def _open(reader: Reader, sealed: Sequence[RowMapping]) -> list[tuple[RowMapping
     return found
 
 
-def _engine() -> Engine:
-    return create_engine(
-        "sqlite://", poolclass=StaticPool, connect_args={"check_same_thread": False}
-    )
-
-
-def _fill(memory: Connection, channel: Channel, items: Sequence[ParsedMessage]) -> None:
-    first = items[0].message if items else None
-    unit = first.unit if isinstance(first, BlockSummary) else channel["unit"]
-    empty = {"unit": unit, "blocks": 0, "samples": 0, "longest": 0, "bytes": 0}
-    empty |= dict.fromkeys(("t_first", "t_last", "grain", "built", "packed"))
-    memory.execute(insert(channels), dict(channel) | empty)
-    cache = WriteCache()
-    outcome = ingest(memory, cache, items, gateway="", now=0, dead_letters=0)
-    cache.save(memory)
-    refused = [receipt.reason for receipt in outcome.results if receipt.reason is not None]
-    if refused:
-        raise QueryError("channel", refused[0])
-
-
-def _fill_frames(
+def _fill(
     memory: Connection,
     connection: Connection,
     node: str,

@@ -13,7 +13,6 @@ from eskin.errors import KeyConflictError, MessageError, NoKeyError, PrivacyErro
 from eskin.identity import IdentityKind
 from eskin.privacy import Decryptor, SealedMessage
 from eskin.wire.frames import FrameSummary
-from eskin.wire.messages import Block
 from eskin_cloud.access import Scope
 from eskin_cloud.privacy.erasures import unapplied_erasures
 from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
@@ -263,8 +262,6 @@ def _open(
         message, data = reader.read(entry.node, SealedMessage.decode(sealed))
     except (PrivacyError, MessageError):  # erased since, never given, or damaged
         return []
-    if isinstance(message, Block):
-        return [entry._replace(block=data, sealed=None)]
     if isinstance(message, FrameSummary):
         return [entry._replace(frame=data, sealed=None, secret=True)]
     rows = event_rows(entry.node, message, data, described, entry.cursor)

@@ -42,9 +42,9 @@ def event_rows(
         described: The layout by which statements are read; without it they give none.
         cursor: Its cursor in the feed.
     """
-    rows: list[dict[str, Any]] = []
-    if isinstance(message, Statements) and described is not None:
-        rows = list(statement_rows(node, message, described, data))
+    if not isinstance(message, Statements) or described is None:
+        return []
+    rows = statement_rows(node, message, described, data)
     return [row | {"cursor": cursor, "number": k} for k, row in enumerate(rows)]
 
 
@@ -62,7 +62,5 @@ def open_row(reader: Reader, row: Mapping[str, Any] | RowMapping) -> tuple[Seala
     try:
         return reader.read(row["node"], SealedMessage.decode(row["data"]))
     except (BrokenSealError, MessageError):
-        report_damaged(
-            "sealed_messages", DamagedRow(row["node"], row["boot"], row["sequence"], None)
-        )
+        report_damaged("sealed_messages", DamagedRow(row["node"], row["boot"], row["sequence"]))
         return None

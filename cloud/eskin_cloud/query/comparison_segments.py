@@ -76,14 +76,12 @@ class Comparison:
         edges: Times at which answers may change, from the window's start to its end, UTC ns.
         runs: Of each side, the first and the last entry that may be valid from each edge on.
         answers: Verdicts from each edge but the last on; -1 where a side is unknown.
-        open: Whether decoding samples may decide each segment.
     """
 
     sides: tuple[SampleValidity, SampleValidity]
     edges: Integers
     runs: tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]
     answers: NDArray[np.int8]
-    open: NDArray[np.bool_]
 
     def stretches(self) -> Iterator[ComparisonSegment]:
         """All segments in order of time."""
@@ -106,14 +104,6 @@ class Comparison:
                     start, end, Verdict(answer), row[0] - 1, row[1], row[2], coverage
                 )
 
-    def straddling(self, number: int) -> NDArray[np.bool_]:
-        """Which entries of a side must be decoded."""
-        side, (first, last) = self.sides[number], self.runs[number]
-        wanted = np.zeros(len(side.pieces) + 1, np.int64)
-        np.add.at(wanted, first[self.open], 1)
-        np.add.at(wanted, last[self.open] + 1, -1)
-        return (np.cumsum(wanted)[:-1] > 0) & (side.pieces.n > 1)
-
 
 def compare(one: SampleValidity, other: SampleValidity, window: Window) -> Comparison:
     """Compare two channels over a window that is not empty.
@@ -133,12 +123,7 @@ def compare(one: SampleValidity, other: SampleValidity, window: Window) -> Compa
     )
     answers = np.full(at.size, _UNKNOWN, np.int8)
     answers[known] = (low > other_high).astype(np.int8) + (high > other_low)
-    coarse = np.zeros(at.size, np.bool_)
-    for side, (first, last) in zip((one, other), runs, strict=True):
-        many = np.concatenate([[0], np.cumsum(side.pieces.n > 1)])
-        coarse[known] |= many[last[known] + 1] > many[first[known]]
-    straddled = coarse & (answers == Verdict.POSSIBLE)
-    return Comparison((one, other), edges, runs, answers, straddled)
+    return Comparison((one, other), edges, runs, answers)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import func, or_, select, union
+from sqlalchemy import select, union
 
 from eskin.privacy.sealed_message import read_page
-from eskin.wire.biometric import BIOMETRIC, MARK
 from eskin_cloud.query.cursors import read_texts, write_cursor
 from eskin_cloud.store.damage import DamagedRowError, are_countable
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
@@ -16,12 +15,13 @@ from eskin_cloud.store.read.patch_runs import find_layouts
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import descriptions, pages, patches
 from eskin_cloud.store.schema.sealed_tables import removals
-from eskin_cloud.store.schema.tables import channels, nodes
+from eskin_cloud.store.schema.tables import nodes
+from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sqlalchemy import Column, ColumnElement, Connection, RowMapping
+    from sqlalchemy import Connection, RowMapping
 
     from eskin.wire.frames import Patch
     from eskin_cloud.store.read.lookup import Channel
@@ -37,7 +37,13 @@ def list_nodes(
     Raises:
         QueryError: The cursor is invalid.
     """
-    return _page(connection, nodes.c.node, cursor)
+    name = nodes.c.node
+    query = select(nodes).order_by(name).limit(_PAGE + 1)
+    if cursor is not None:
+        query = query.where(name > read_texts(cursor, 1)[0])
+    found = connection.execute(query).mappings().all()
+    page = intact_rows(connection, nodes, found[:_PAGE])
+    return page, write_cursor(found[_PAGE - 1]["node"]) if len(found) > _PAGE else None
 
 
 def list_channels(
@@ -60,40 +66,28 @@ def list_channels(
     Raises:
         QueryError: The cursor is invalid.
     """
-    c = channels.c.channel
-    here = [channels.c.node == node]
-    here += [] if quantity is None else [c.endswith(f".{quantity}", autoescape=True)]
-    here += [] if text is None else [func.lower(c).contains(text.lower(), autoescape=True)]
-    listed, following = _page(connection, c, cursor, *here)
-    after = "" if cursor is None else read_texts(cursor, 1)[0]
-    found: dict[str, Channel | None] = {row["channel"]: row for row in listed}
-    end = None if following is None else read_texts(following, 1)[0]
     columns = _columns(connection, node)
-    for name in columns:
-        chosen = after < name and (end is None or name <= end)
-        if quantity is not None:
-            chosen &= name.endswith(f".{quantity}")
-        if chosen and (text is None or text.lower() in name.lower()):
-            found.setdefault(name, None)
-    names = sorted(found)
-    if len(names) > _PAGE:
-        names, following = names[:_PAGE], write_cursor(names[_PAGE - 1])
-    described: dict[str, list[dict[str, Any]]] = {}
+    after = "" if cursor is None else read_texts(cursor, 1)[0]
+    names = sorted(
+        name
+        for name in columns
+        if name > after
+        and (quantity is None or name.endswith(f".{quantity}"))
+        and (text is None or text.lower() in name.lower())
+    )
+    following = write_cursor(names[_PAGE - 1]) if len(names) > _PAGE else None
+    described: dict[str, list[Channel]] = {}
     page: list[Channel] = []
-    for name in names:
-        row = found[name]
-        if row is None:
-            patch, column = columns[name]
-            if patch.patch_id not in described:
-                described[patch.patch_id] = _describe(connection, node, patch)
-            if not described[patch.patch_id]:
-                continue
-            row = described[patch.patch_id][column]
-        page.append(row)
+    for name in names[:_PAGE]:
+        patch, column = columns[name]
+        if patch.patch_id not in described:
+            described[patch.patch_id] = _describe(connection, node, patch)
+        if described[patch.patch_id]:
+            page.append(described[patch.patch_id][column])
     return page, following
 
 
-def _describe(connection: Connection, node: str, patch: Patch) -> list[dict[str, Any]]:
+def _describe(connection: Connection, node: str, patch: Patch) -> list[Channel]:
     """All channels of a patch; none if its totals are damaged, which is reported.
 
     Where totals are damaged that may be those of this patch, the first and the last sample are
@@ -111,7 +105,7 @@ def _describe(connection: Connection, node: str, patch: Patch) -> list[dict[str,
 
 
 def _columns(connection: Connection, node: str) -> dict[str, tuple[Patch, int]]:
-    """The channels of a node's frames: of each the latest description, and its column."""
+    """A node's channels: of each the latest description of its patch, and its column."""
     return {
         channel: (described.patches[number], column)
         for described in reversed(find_layouts(connection, node))
@@ -120,45 +114,50 @@ def _columns(connection: Connection, node: str) -> dict[str, tuple[Patch, int]]:
 
 
 def count_channels(connection: Connection, names: Sequence[str]) -> dict[str, int | None]:
-    """The number of channels of each node; ``None`` if rows of channels are damaged."""
-    if not are_countable(channels.name):
+    """The number of channels of each node; ``None`` where a layout or totals are damaged."""
+    if not are_countable(pages.name):
         return dict.fromkeys(names)
-    query = select(channels.c.node, func.count()).where(channels.c.node.in_(names))
-    counted = connection.execute(query.group_by(channels.c.node))
-    found = {**dict.fromkeys(names, 0), **{row[0]: row[1] for row in counted}}
-    with_layout = select(nodes.c.node).where(nodes.c.node.in_(names), nodes.c.layout.is_not(None))
-    for node in connection.execute(with_layout).scalars().all():
-        here = channels.c.node == node
-        others = connection.execute(select(channels.c.channel).where(here)).scalars()
-        found[node] = len(set(others) | set(_columns(connection, node)))
-    return found
+    n, p = nodes.c, pages.c
+    latest = select(n.node, n.layout).where(n.node.in_(names), n.layout.is_not(None))
+    slots = {slot_of(name) for name in names}
+    earlier = select(p.node, p.layout).where(p.slot.in_(slots), p.node.in_(names))
+    layouts: dict[str, list[bytes]] = {name: [] for name in names}
+    for node, layout in connection.execute(union(latest, earlier)):
+        layouts[node].append(bytes(layout))
+    return {node: _count(connection, node, layouts[node]) for node in names}
+
+
+def _count(connection: Connection, node: str, layouts: Sequence[bytes]) -> int | None:
+    """The number of channels in some layouts of a node."""
+    try:
+        described = [find_layout(connection, node, layout) for layout in layouts]
+    except UnknownDescriptionError:  # damaged, and reported
+        return None
+    return len({channel for each in described for channel in each.places})
 
 
 def sealed_nodes(connection: Connection, names: Sequence[str] | None = None) -> set[str]:
     """The nodes, of ``names`` or of all, that have a biometric channel."""
-    c, d = channels.c, descriptions.c
-    named = or_(c.channel.like(f"{MARK}%"), *(c.channel.like(f"%.{q}") for q in BIOMETRIC))
-    of_channels = select(c.node).distinct().where(named)
-    of_frames = select(d.node).distinct().where(d.biometric == 1)
+    d = descriptions.c
+    query = select(d.node).distinct().where(d.biometric == 1)
     if names is not None:
-        of_channels = of_channels.where(c.node.in_(names))
-        of_frames = of_frames.where(d.node.in_(names))
-    return set(connection.execute(union(of_channels, of_frames)).scalars())
+        query = query.where(d.node.in_(names))
+    return set(connection.execute(query).scalars())
 
 
 def list_removed(connection: Connection, node: str) -> dict[str, tuple[int, int]]:
-    """The number of removed messages of each channel or patch, and before when, UTC ns."""
+    """The number of removed messages of each patch, and before when, UTC ns."""
     rows = connection.execute(select(removals).where(removals.c.node == node)).mappings()
     found: dict[str, tuple[int, int]] = {}
     for row in intact_rows(connection, removals, rows):
-        for name in _removed_names(connection, node, row["channel"]):
+        for name in _removed_names(connection, node, row["place"]):
             messages, before = found.get(name, (0, row["before"]))
             found[name] = messages + row["messages"], max(before, row["before"])
     return found
 
 
 def _removed_names(connection: Connection, node: str, place: str) -> list[str]:
-    """The channel or patch of which something was removed; of sealed frames, all patches."""
+    """The patch of which something was removed; of sealed frames, all of their page."""
     page = read_page(place)
     if page is None:
         return [place]
@@ -167,19 +166,3 @@ def _removed_names(connection: Connection, node: str, place: str) -> list[str]:
     except UnknownDescriptionError:  # damaged, and reported
         return []
     return [described.patches[number].patch_id for number in described.page_ranges[page[1]]]
-
-
-def _page(
-    connection: Connection,
-    name: Column[str],
-    cursor: str | None,
-    *where: ColumnElement[bool],
-) -> tuple[Sequence[RowMapping], str | None]:
-    query = select(name.table).where(*where).order_by(name).limit(_PAGE + 1)
-    if cursor is not None:
-        query = query.where(name > read_texts(cursor, 1)[0])
-    found = connection.execute(query).mappings().all()
-    page = intact_rows(connection, name.table, found[:_PAGE])
-    if len(found) <= _PAGE:
-        return page, None
-    return page, write_cursor(found[_PAGE - 1][name])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.interval import Verdict
 from eskin_cloud.query.segments import find_segments_of
-from eskin_cloud.store.read.block_index import find_next
+from eskin_cloud.store.read.patch_columns import find_next
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -57,9 +57,9 @@ class Occupancy:
 def measure_occupancy(
     connection: Connection, channel: Channel, window: Window, question: Predicate
 ) -> Occupancy:
-    """Total a window; only undecided tiles and blocks are decoded."""
+    """Total a window; samples are read only where tiles are undecided."""
     runs = find_segments_of(connection, channel, window, question)
-    return total_occupancy(runs, window, find_next(connection, channel, window))
+    return total_occupancy(runs, window, find_next(connection, channel, window.end))
 
 
 def total_occupancy(runs: Iterable[Segment], window: Window, behind: int | None) -> Occupancy:

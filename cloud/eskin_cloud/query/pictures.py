@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin.wire.frames import DescribedLayout, Patch
     from eskin_cloud.rollup.aggregates import Integers
-    from eskin_cloud.rollup.blocks import Buckets
+    from eskin_cloud.rollup.buckets import Buckets
     from eskin_cloud.store.read.window import Window
 
 MOST_VALUES: Final = 4_000_000

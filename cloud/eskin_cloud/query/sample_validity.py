@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.wire.timestamp import MOST_MOMENT
-from eskin_cloud.store.read.block_index import longest_step
+from eskin_cloud.rollup.aggregates import longest_step
 
 if TYPE_CHECKING:
     from typing import Any, Self

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from eskin.union_bound import union_coverage
-from eskin_cloud.rollup.blocks import read_few
+from eskin_cloud.rollup.aggregates import longest_step
 from eskin_cloud.rollup.hulls import EXACT, read_hulls
-from eskin_cloud.store.read.block_index import Samples, longest_step
+from eskin_cloud.rollup.samples import read_few
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,7 +39,7 @@ class Series:
         hi: Upper bounds.
         dt: Sampling period, or width of the buckets, in ns.
         time_error: Greatest distance of a sample's true time from its stated time, ns.
-        mean: Bounds of the mean of each entry's samples; ``None`` for samples, and in live ones.
+        mean: Bounds of the mean of each entry's samples; ``None`` for samples.
     """
 
     node: str
@@ -61,7 +61,7 @@ def read_series(connection: Connection, channel: Channel, window: Window, *, poi
 
     Args:
         connection: In a read transaction.
-        channel: The channel's row.
+        channel: The channel.
         window: The window.
         points: Most samples; beyond, most buckets.
     """
@@ -126,20 +126,3 @@ def _means(pieces: Aggregates) -> Floats:
     lo = np.nextafter(pieces.sum_lo / pieces.n, -np.inf)
     hi = np.nextafter(pieces.sum_hi / pieces.n, np.inf)
     return np.stack([np.maximum(lo, pieces.lo), np.minimum(hi, pieces.hi)])
-
-
-def reduce_samples(samples: Samples, points: int) -> tuple[Samples, int, int]:
-    """The hulls of at most ``points`` runs of equal length.
-
-    The last run is as long as the others if a length up to twice the least one divides evenly: a
-    shorter run would claim a time that belongs to later samples.
-
-    Returns:
-        One entry a run, the run's length in samples, and the length of the longest run.
-    """
-    n = samples.t.size
-    least = -(-n // points)
-    stride = next((each for each in range(least, 2 * least + 1) if n % each == 0), least)
-    at = np.arange(0, n, stride)
-    lo, hi = np.minimum.reduceat(samples.lo, at), np.maximum.reduceat(samples.hi, at)
-    return Samples(samples.t[at], samples.dt[at], lo, hi), stride, min(stride, n)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eskin_cloud.rollup.reading import find_unbuilt, read_tiles
-from eskin_cloud.store.read.block_index import longest_step
+from eskin_cloud.rollup.aggregates import longest_step
+from eskin_cloud.rollup.patch_tiles import find_unbuilt, read_tiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -39,7 +39,7 @@ class TileBounds:
         good: Whether samples within ``lo`` and ``hi`` are valid throughout each tile; decided by
             the tile and both neighbours.
         empty: Whether neither the tile nor its neighbours hold a sample.
-        changed: Whether the whole tile must be read from blocks.
+        changed: Whether the whole tile must be read from samples.
         lo: Least lower bound of a tile and its neighbours.
         hi: Greatest upper bound.
         n: Samples in each tile, and in the neighbours of the first and the last.
@@ -92,7 +92,7 @@ def read_grid(source: ChannelSource, level: int, first: int, end: int) -> TileBo
 def _find_changed(
     source: ChannelSource, level: int, numbers: Integers
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether blocks must be read in a part of a tile, and in all of it."""
+    """Whether samples must be read in a part of a tile, and in all of it."""
     within = int(numbers[0]) << level, (int(numbers[-1]) + 1) << level
     touched = np.zeros((2, numbers.size + 1), np.int64)
     for start, end in find_unbuilt(source.connection, source.channel, within):

@@ -1,4 +1,4 @@
-"""Decide a predicate by tiles, from the highest level down, and find where to read blocks."""
+"""Decide a predicate by tiles, from the highest level down, and find where to read samples."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 import numpy as np
 
 from eskin.interval import Verdict
-from eskin_cloud.rollup.reading import find_unbuilt, read_tiles
+from eskin_cloud.rollup.patch_tiles import find_unbuilt, read_tiles
 from eskin_cloud.store.read.window import Window
-from eskin_cloud.store.sample_grid import CHUNK, STEP, TOP
+from eskin_cloud.store.sample_grid import PATCH_CHUNK, STEP, TOP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,7 +31,7 @@ class TileDrilldown:
 
     Args:
         connection: In a read transaction.
-        channel: The channel's row.
+        channel: The channel.
         window: The window.
         question: The predicate.
     """
@@ -49,7 +49,7 @@ class TileDrilldown:
         self._opened: list[tuple[int, int]] = []
 
     def parts(self) -> Iterator[TileAnswer]:
-        """Decided tiles, and windows in which blocks must be read, in order of time."""
+        """Decided tiles, and windows in which samples must be read, in order of time."""
         window, grain = self._window, self._channel["grain"]
         if grain is None or window.span >> grain < _TILES:
             yield window
@@ -104,14 +104,14 @@ class TileDrilldown:
         return answer if whole else None
 
     def _open_stretch(self, inside: Window) -> tuple[int, int] | None:
-        """The last range in a window in which blocks must be read instead of tiles."""
+        """The last range in a window in which samples must be read instead of tiles."""
         at = bisect_right(self._opened, (inside.end - 1, self._window.end))
         return self._opened[at - 1] if at and self._opened[at - 1][1] > inside.start else None
 
     def _find(self, level: int, number: int) -> Aggregates:
-        chunk = number >> CHUNK
+        chunk = number >> PATCH_CHUNK
         if self._chunks.get(level, (None,))[0] != chunk:
-            numbers = [(chunk << CHUNK, (chunk + 1) << CHUNK)]
+            numbers = [(chunk << PATCH_CHUNK, (chunk + 1) << PATCH_CHUNK)]
             self._chunks[level] = chunk, read_tiles(self._connection, self._channel, level, numbers)
         pieces = self._chunks[level][1]
         found = np.searchsorted(pieces.first >> level, [number, number + 1])

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
 
     Integers: TypeAlias = NDArray[np.int64]
-    Bytes: TypeAlias = NDArray[np.uint8]
 
 # Rows of the output, in the order of the attributes of `Aggregates`.
 _FIRST, _LAST, _N, _BREAKS, _DT, _HELD, _ERROR = range(7)
@@ -31,13 +30,13 @@ def fold_samples(
     grid: tuple[int, int],
     out: tuple[Integers, Floats],
 ) -> int:
-    """Aggregate the samples of consecutive blocks, one entry for each bucket with samples.
+    """Aggregate the samples of consecutive runs, one entry for each bucket with samples.
 
     Args:
         bounds: Lower and upper bounds.
-        runs: Of each block: time of the first sample, period, number of samples, their offset in
-            the bounds, and time error; shape ``(blocks, 5)``.
-        coverage: Of each block.
+        runs: Of each: time of the first sample, period, number of samples, their offset in
+            the bounds, and time error; shape ``(runs, 5)``.
+        coverage: Of each run.
         grid: Start of a bucket, and the width of all, in ns.
         out: Output; shapes ``(7, room)`` and ``(5, room)``.
 
@@ -158,24 +157,3 @@ def _join(
     floats[_LO] = lesser(real[_LO][k], floats[_LO])
     floats[_HI] = greater(real[_HI][k], floats[_HI])
     floats[_COVERAGE] = lesser(real[_COVERAGE][k], floats[_COVERAGE])
-
-
-@kernel
-def gather(body: Bytes, out: Integers, at: int, n: int) -> None:
-    """Reassemble integers from byte planes, the lowest byte first.
-
-    Args:
-        body: The planes of ``n`` integers for each row of ``out``.
-        out: Output.
-        at: First column of ``out`` to write.
-        n: Number of integers a row.
-    """
-    rows = out.shape[0]
-    planes = body.reshape((8, rows, n))
-    for row in range(rows):
-        line = out[row, at : at + n]  # a contiguous row is vectorised
-        for k in range(n):
-            number = np.int64(0)
-            for weight in range(8):
-                number |= np.int64(planes[weight, row, k]) << (8 * weight)
-            line[k] = number

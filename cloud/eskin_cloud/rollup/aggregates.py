@@ -6,9 +6,8 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
-import pyarrow as pa
 
-from eskin_cloud.rollup.aggregate import fold_pieces, fold_samples, gather
+from eskin_cloud.rollup.aggregate import fold_pieces, fold_samples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 
 
 Integers: TypeAlias = "NDArray[np.int64]"
-_CODEC: Final = "zstd"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,27 +72,6 @@ class Aggregates:
         n = fold_pieces(key, tuple(columns[:_WHOLE]), tuple(columns[_WHOLE:]), (whole, real))
         return Aggregates(*whole[:, :n], *real[:, :n])
 
-    def pack(self) -> bytes:
-        """Serialise and compress; the number of entries comes first."""
-        columns = np.stack([getattr(self, name).view(np.int64) for name in _NAMES])
-        # Byte planes: neighbouring values differ little, so they compress well.
-        body = columns.view(np.uint8).reshape(-1, 8).T.tobytes()
-        packed: bytes = pa.compress(body, codec=_CODEC, asbytes=True)
-        return len(self).to_bytes(4, "little") + packed
-
-    @classmethod
-    def unpack(cls, packed: Sequence[bytes]) -> Aggregates:
-        """Deserialise several chunks, in order."""
-        if not packed:
-            return EMPTY
-        sizes = [int.from_bytes(data[:4], "little") for data in packed]
-        columns, at = np.empty((len(_NAMES), sum(sizes)), np.int64), 0
-        for data, n in zip(packed, sizes, strict=True):
-            body = pa.decompress(memoryview(data)[4:], len(_NAMES) * n * 8, codec=_CODEC)
-            gather(np.frombuffer(body, np.uint8), columns, at, n)
-            at += n
-        return cls(*columns[:_WHOLE], *columns[_WHOLE:].view(np.float64))
-
     @classmethod
     def of_samples(
         cls,
@@ -108,8 +85,8 @@ class Aggregates:
 
         Args:
             bounds: Bounds of the samples.
-            runs: Consecutive blocks, see `fold_samples`.
-            coverage: Coverage of each block.
+            runs: Consecutive runs, see `fold_samples`.
+            coverage: Coverage of each run.
             grid: Start of a bucket, and the width of all, in ns.
             most: Most buckets.
         """
@@ -117,6 +94,11 @@ class Aggregates:
         whole, real = np.empty((_WHOLE, room), np.int64), np.empty((_REAL, room))
         n = fold_samples(bounds, runs, coverage, grid, (whole, real))
         return cls(*whole[:, :n], *real[:, :n])
+
+
+def longest_step(dt: Integers) -> Integers:
+    """The longest step to the next sample without a gap: 1.5 periods."""
+    return dt + dt // 2
 
 
 def concatenated(parts: Sequence[Aggregates]) -> Aggregates:

@@ -1,13 +1,13 @@
-"""Choose a window's buckets, and aggregate them: from tiles if long, else from blocks."""
+"""Choose a window's buckets, and aggregate them: from tiles if long, else from samples."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
 from eskin.wire.timestamp import MOST_MOMENT, SECOND
-from eskin_cloud.rollup.blocks import Buckets, read_buckets
+from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.reading import TileRange, read_range
-from eskin_cloud.store.read.patch_columns import is_column
+from eskin_cloud.rollup.samples import read_buckets
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import STEP, TOP
 
@@ -37,9 +37,7 @@ def read_hulls(
         buckets = Buckets(window.start, width, -(-window.span // width))
         return read_buckets(connection, channel, buckets.window, buckets), buckets
     level = grain
-    # A chunk of a patch has all columns, and fewer tiles: of these twice as few are read.
-    least = max(points, _TILES) * (1 if is_column(channel) else 2)
-    while level + STEP <= TOP and window.span >> (level + STEP) >= least:
+    while level + STEP <= TOP and window.span >> (level + STEP) >= max(points, _TILES):
         level += STEP
     first, last = window.start >> level, (window.end - 1) >> level
     each = -(-(last + 1 - first) // points)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin.wire.frames import Patch
     from eskin_cloud.rollup.aggregates import Integers
-    from eskin_cloud.rollup.blocks import Buckets
+    from eskin_cloud.rollup.buckets import Buckets
     from eskin_cloud.store.patch_run import PatchRun
 
 

@@ -15,7 +15,7 @@ from sqlalchemy import bindparam, select
 from eskin.errors import MessageError
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates
-from eskin_cloud.rollup.blocks import Buckets
+from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.column_aggregates import PackedAggregates, chained, pack, united, unpack
 from eskin_cloud.rollup.patch_folding import fold_runs
 from eskin_cloud.rollup.ranges import Range, coarsened, merged
@@ -111,7 +111,7 @@ def read_tiles(
 
     Args:
         connection: In a read transaction.
-        channel: As `store.read.patch_columns.find_column` gives it.
+        channel: The channel.
         level: One of the patch's levels.
         ranges: Sorted and disjoint.
 

@@ -11,7 +11,7 @@ from sqlalchemy import and_, func, select
 from eskin.errors import QueryError
 from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin.wire.timestamp import MOST_MOMENT
-from eskin_cloud.rollup.blocks import Buckets
+from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.hulls import bucket_width
 from eskin_cloud.rollup.patch_tiles import read_chunk, taxels_of
 from eskin_cloud.rollup.picture_fold import (

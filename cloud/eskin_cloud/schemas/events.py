@@ -1,4 +1,4 @@
-"""Events, and blocks and frames sample by sample."""
+"""Events, and frames sample by sample."""
 
 from collections.abc import Iterator
 from typing import Literal, TypeAlias
@@ -7,7 +7,6 @@ import numpy as np
 from typing_extensions import TypedDict
 
 from eskin.wire.frames import DescribedLayout, Frame
-from eskin.wire.messages import Block
 from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin_cloud.schemas.base import IntervalDocument, Json, Row, TimeDocument, interval, time_span
 
@@ -53,7 +52,10 @@ def describe_event(row: Row, ids: OpaqueIds) -> EventDocument:
 
 
 def describe_columns(node: str, frame: Frame, described: DescribedLayout) -> Iterator[Json]:
-    """The samples of each channel of a frame, as `describe_block` gives those of a block."""
+    """The samples of each channel of a frame.
+
+    Sample k was taken in ``time`` moved by ``k·dt`` ns.
+    """
     for samples, values in zip(frame.patches, frame.values, strict=True):
         patch, grid = described.patches[samples.patch], frame.grids[samples.grid]
         for column, channel in enumerate(patch.channels):
@@ -75,21 +77,3 @@ def describe_columns(node: str, frame: Frame, described: DescribedLayout) -> Ite
                 "boot": frame.position.boot,
                 "sequence": frame.position.sequence,
             }
-
-
-def describe_block(node: str, block: Block) -> Json:
-    """A block, sample by sample; sample k was taken in ``time`` moved by ``k·dt`` ns."""
-    tube = block.tube
-    return {
-        "node": node,
-        "channel": block.channel,
-        "kind": "block",
-        "time": time_span(*tube.time),
-        "dt": tube.dt,
-        "unit": tube.unit,
-        "coverage": tube.coverage,
-        "lo": tube.values.inf,
-        "hi": tube.values.sup,
-        "boot": block.position.boot,
-        "sequence": block.position.sequence,
-    }

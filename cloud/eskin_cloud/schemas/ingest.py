@@ -23,9 +23,6 @@ class IngestDocument(TypedDict):
     """What became of a batch, in its order."""
 
     items: list[ResultDocument]
-    watched: Annotated[
-        dict[str, float], Field(description="nodes that a viewer watches, and for how many seconds")
-    ]
 
 
 class DescriptionItem(BaseModel):

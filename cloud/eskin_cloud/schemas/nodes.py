@@ -17,7 +17,6 @@ from eskin_cloud.schemas.base import (
     LagDocument,
     Moment,
     Row,
-    interval,
     lag,
     moment,
     whole_minute,
@@ -128,11 +127,9 @@ class RemovedDocument(TypedDict):
 
 
 class ChannelDocument(TypedDict):
-    """A channel; ``bytes`` is what its blocks take, without indices and hulls; of sealed: null.
+    """A channel: a column of the patch ``patch``.
 
-    ``patch`` is the patch of a channel of frames; its ``blocks``, ``samples``, ``bytes`` and
-    ``bounds`` are null, because a frame holds many channels, and ``first`` and ``last`` are those
-    of its page.
+    ``first`` and ``last`` are those of all frames of its page.
     """
 
     id: str
@@ -141,14 +138,10 @@ class ChannelDocument(TypedDict):
     unit: str
     coverage: float
     dt: int
-    blocks: int | None
-    samples: int | None
-    bytes: int | None
     first: Moment | None
     last: Moment | None
-    bounds: IntervalDocument | None
     biometric: bool
-    patch: str | None
+    patch: str
     removed: RemovedDocument | None
 
 
@@ -195,14 +188,11 @@ def describe_channel(
 ) -> ChannelDocument:
     """A channel; ``removed`` is how many messages went, and before when.
 
-    Unless ``counted``, counts and times of a biometric channel are null, and bytes of all: a
-    message is longer if its sequence number is.
+    Unless ``counted``, times of a biometric channel are null, and what was removed.
     """
     taxel, _, quantity = row["channel"].partition(".")
     biometric = is_biometric(row["channel"])
     hidden = biometric and not counted
-    patch: str | None = row.get("patch")
-    uncounted = hidden or patch is not None
     return {
         "id": row["channel"],
         "taxel": taxel,
@@ -210,14 +200,10 @@ def describe_channel(
         "unit": row["unit"],
         "coverage": row["coverage"],
         "dt": row["dt"],
-        "blocks": None if uncounted else row["blocks"],
-        "samples": None if uncounted else row["samples"],
-        "bytes": None if biometric or not counted or patch is not None else row["bytes"],
         "first": None if hidden else moment(row["t_first"]),
         "last": None if hidden else moment(row["t_last"]),
-        "bounds": interval(row["lo"], row["hi"]),
         "biometric": biometric,
-        "patch": patch,
+        "patch": row["patch"],
         "removed": None
         if removed is None or hidden
         else {"messages": removed[0], "before": format_timestamp(removed[1])},

@@ -13,10 +13,11 @@ from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import read_series
 from eskin_cloud.rollup import patch_tile_builder
 from eskin_cloud.rollup.aggregates import Aggregates
-from eskin_cloud.rollup.blocks import Buckets, read_buckets
+from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.column_aggregates import ColumnAggregates, pack, unpack
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.rollup.reading import TileRange, read_range
+from eskin_cloud.rollup.samples import read_buckets
 from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window

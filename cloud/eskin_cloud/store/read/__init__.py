@@ -1,1 +1,1 @@
-"""Reading the store: windows, rows of nodes and channels, blocks in a window."""
+"""Reading the store: windows, nodes and channels, samples of patches and columns."""

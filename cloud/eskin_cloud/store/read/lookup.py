@@ -1,29 +1,27 @@
-"""Find the row of a node or a channel."""
+"""Find a node or a channel."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
-from sqlalchemy import RowMapping, bindparam, select
+from sqlalchemy import select
 
 from eskin.errors import QueryError
-from eskin_cloud.store.read.patch_columns import find_column
+from eskin_cloud.store.read.patch_columns import describe_columns
+from eskin_cloud.store.read.patch_runs import find_layouts
 from eskin_cloud.store.row_digests import require_intact_row
-from eskin_cloud.store.schema.tables import channels, nodes
+from eskin_cloud.store.schema.tables import nodes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from sqlalchemy import Connection
+    from sqlalchemy import Connection, RowMapping
 
 T = TypeVar("T")
 KEYS_PER_STATEMENT: Final = 4000
 """Some builds of SQLite accept 32,766 parameters, PostgreSQL 65,535."""
-Channel: TypeAlias = RowMapping | dict[str, Any]
-"""A channel's row."""
-_CHANNEL: Final = select(channels).where(
-    channels.c.node == bindparam("node"), channels.c.channel == bindparam("channel")
-)
+Channel: TypeAlias = dict[str, Any]
+"""A channel, as `describe_columns` gives it."""
 
 
 class UnknownChannelError(QueryError):
@@ -50,25 +48,22 @@ def find_node(connection: Connection, node: str) -> RowMapping:
 
 
 def find_channel(connection: Connection, node: str, channel: str) -> Channel:
-    """A channel's row; that of a channel of frames is made of its patch (`find_column`).
+    """A channel, by the node's layouts; the latest one that has it counts.
 
     Raises:
         UnknownChannelError: The node or the channel is unknown.
-        DamagedRowError: Its row is damaged.
+        UnknownDescriptionError: A layout is damaged in the store.
+        DamagedRowError: The node's row, or totals of a page or of the patch, are damaged.
     """
-    key = {"node": node, "channel": channel}
-    row = connection.execute(_CHANNEL, key).mappings().one_or_none()
-    row = require_intact_row(connection, channels, row)
-    if row is not None:
-        return row
-    column = find_column(connection, node, channel)
-    if column is None:
-        find_node(connection, node)
-        raise UnknownChannelError(
-            "channel",
-            f"{channel!r} of {node} is not known; GET /api/v1/nodes/{node}/channels lists all",
-        )
-    return column
+    for described in find_layouts(connection, node):
+        place = described.places.get(channel)
+        if place is not None:
+            return describe_columns(connection, node, described.patches[place[0]])[place[1]]
+    find_node(connection, node)
+    raise UnknownChannelError(
+        "channel",
+        f"{channel!r} of {node} is not known; GET /api/v1/nodes/{node}/channels lists all",
+    )
 
 
 def parse_channel(text: str, parameter: str = "channel") -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""Channels of frames: find a column of a patch, and read its samples."""
+"""Channels: each is a column of a patch, whose samples are read from runs of the patch."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from eskin_cloud.store.damage import DamagedRowError, are_countable
 from eskin_cloud.store.descriptions import find_patch
 from eskin_cloud.store.read.patch_runs import (
-    find_layouts,
     find_patch_pages,
     has_starts,
     read_patch,
@@ -56,40 +55,11 @@ class ColumnRun(NamedTuple):
     hi: Floats
 
 
-def is_column(channel: Channel) -> bool:
-    """Whether a channel is one of frames."""
-    return "patch" in channel
-
-
-def find_column(connection: Connection, node: str, channel: str) -> dict[str, Any] | None:
-    """A channel of frames, with the keys of a row of `schema.tables.channels`.
-
-    ``patch`` and ``column`` say where it stands. Totals count all channels that are stored together
-    with it: those of its page, and of its patch once its frames are compacted. ``lo`` and ``hi``
-    are ``None``.
-
-    Args:
-        connection: In a read transaction.
-        node: The node.
-        channel: The channel.
-
-    Returns:
-        The channel; ``None`` if no layout of the node has it.
-
-    Raises:
-        UnknownDescriptionError: A layout is damaged in the store.
-        DamagedRowError: Totals of a page or of the patch are damaged.
-    """
-    for described in find_layouts(connection, node):
-        place = described.places.get(channel)
-        if place is not None:
-            patch = described.patches[place[0]]
-            return describe_columns(connection, node, patch)[place[1]]
-    return None
-
-
 def describe_columns(connection: Connection, node: str, patch: Patch) -> list[dict[str, Any]]:
-    """All channels of a patch, as `find_column` gives them.
+    """All channels of a patch.
+
+    ``patch`` and ``column`` state where a channel stands. Times and ``longest`` are those of all
+    that is stored together with it: of its page, and of its patch once its frames are compacted.
 
     Raises:
         DamagedRowError: Totals of a page or of the patch are damaged, or all of its samples may be.
@@ -102,15 +72,8 @@ def describe_columns(connection: Connection, node: str, patch: Patch) -> list[di
         "node": node,
         "unit": patch.unit,
         "patch": patch.patch_id,
-        "lo": None,
-        "hi": None,
-        "packed": None,
         "grain": None if compacted is None else compacted["grain"],
         "built": None if compacted is None else compacted["built"],
-        "blocks": sum(place.totals["frames"] for place in places)
-        + (0 if compacted is None else compacted["rows"]),
-        "samples": sum(row["samples"] for row in rows),
-        "bytes": sum(row["bytes"] for row in rows),
         "longest": max((row["longest"] for row in rows), default=0),
         "t_first": min((r["t_first"] for r in rows if r["t_first"] is not None), default=None),
         "t_last": max((r["t_last"] for r in rows if r["t_last"] is not None), default=None),
@@ -147,7 +110,7 @@ def read_column(connection: Connection, channel: Channel, window: Window) -> lis
 
     Args:
         connection: In a read transaction.
-        channel: As `find_column` gives it.
+        channel: The channel.
         window: The window.
     """
     node, taxel = channel["node"], channel["channel"].partition(".")[0]
@@ -163,10 +126,11 @@ def read_column(connection: Connection, channel: Channel, window: Window) -> lis
     return sorted(found, key=lambda run: run[:3])
 
 
-def find_next_sample(connection: Connection, channel: Channel, moment: int) -> int | None:
+def find_next(connection: Connection, channel: Channel, moment: int) -> int | None:
     """A lower bound of the true time of a channel's first sample from a time on, UTC ns.
 
-    ``None`` if there is none.
+    A sample is after that time by its stated time; its true time may be before. ``None`` if there
+    is no such sample.
     """
     if channel["t_last"] is None:
         return None
@@ -182,7 +146,7 @@ def find_next_sample(connection: Connection, channel: Channel, moment: int) -> i
     return None
 
 
-def count_column(connection: Connection, channel: Channel, window: Window) -> int:
+def count_samples(connection: Connection, channel: Channel, window: Window) -> int:
     """The number of a channel's samples in a window."""
     total = 0
     for part in split_column(connection, channel, window):

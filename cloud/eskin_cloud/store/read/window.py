@@ -96,5 +96,5 @@ def before(moment: int, span: int) -> int:
 
 
 def clip(t: int, dt: int, n: int, window: Window) -> tuple[int, int]:
-    """The first and the last index of a block's samples in a window; last < first if none."""
+    """The first and the last index of a run's samples in a window; last < first if none."""
     return max(0, -((t - window.start) // dt)), min(n - 1, (window.end - 1 - t) // dt)

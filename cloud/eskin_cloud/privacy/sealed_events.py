@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import or_, select
+from sqlalchemy import select
 
 from eskin.errors import NoKeyError
 from eskin.wire.frames import Statements
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from eskin_cloud.query.events import EventQuery
 
 
-def find_peaks(
+def find_sealed_events(
     connection: Connection, reader: Reader, question: EventQuery
 ) -> list[dict[str, Any]]:
     """The first sealed events that answer a question, in its order; one more than its limit.
@@ -48,11 +48,9 @@ def find_peaks(
 def _select(question: EventQuery, after: tuple[int, ...] | None) -> Select[tuple[object, ...]]:
     v = sealed_messages.c
     query: Select[tuple[object, ...]] = select(sealed_messages)
-    query = query.where(v.kind.in_(("peak", "statements")))
+    query = query.where(v.kind == "statements")
     if question.node is not None:
         query = query.where(v.node == question.node)
-    if question.channel is not None:
-        query = query.where(or_(v.place == question.channel, v.kind == "statements"))
     if question.start is not None:
         query = query.where(v.t_hi >= question.start)
     if question.end is not None:
@@ -78,14 +76,13 @@ def _open(connection: Connection, reader: Reader, row: RowMapping) -> list[dict[
     if opened is None:
         return []
     message, data = opened
-    node, cursor = row["node"], row["cursor"]
-    described = None
-    if isinstance(message, Statements):
-        try:
-            described = find_layout(connection, node, message.layout)
-        except UnknownDescriptionError:  # damaged, and reported
-            return []
-    return event_rows(node, message, data, described, cursor)
+    if not isinstance(message, Statements):
+        return []
+    try:
+        described = find_layout(connection, row["node"], message.layout)
+    except UnknownDescriptionError:  # damaged, and reported
+        return []
+    return event_rows(row["node"], message, data, described, row["cursor"])
 
 
 def _answers(question: EventQuery, event: dict[str, Any], after: tuple[int, ...] | None) -> bool:
