@@ -13,7 +13,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from eskin.wire.frames import Frame, Statements
-from eskin.wire.frames import Frame, Statements
 from tests.unit.cloud.clouds import emptied
 from tests.unit.cloud.skins import (
     HAND,
