@@ -17,7 +17,7 @@ from sqlalchemy import select
 from eskin.interval import Verdict
 from eskin.wire.timestamp import SECOND, format_timestamp
 from tests.unit.cloud.clouds import problem
-from tests.unit.cloud.messages import DT, START, peak, tube_of
+from tests.unit.cloud.messages import DT, START, peak, stretch, tube_of
 from tests.unit.cloud.sealing import (
     CHANNEL,
     NODE,
