@@ -222,7 +222,7 @@ async def test_store_of_another_version_is_neither_read_nor_ready(bed: Bed, path
 async def test_reader_timeout_states_a_remedy(bed: Bed) -> None:
     put(bed.stand.cloud.store, stretch(0))
     with elsewhere(bed.location) as connection:
-        connection.execute(text("LOCK TABLE channels IN ACCESS EXCLUSIVE MODE"))
+        connection.execute(text("LOCK TABLE pages IN ACCESS EXCLUSIVE MODE"))
         answer = await bed.stand.get(SERIES)
         assert "the server is too slow" in problem(answer, 503)
         assert int(answer.headers["retry-after"]) > 0
