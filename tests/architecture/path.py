@@ -397,7 +397,6 @@ class Stack:
             "gateways": {"port": ingest, "identity": server.directory},
             "retention": {"every_s": 86_400},
             "compaction": {"every_s": 86_400},
-            "live": {"watched_nodes": 0},
         })  # fmt: skip
         broker = stack.enter_context(Mosquitto(self._folder / "broker", identities))
         gateway = write_settings(self._folder / "gateway.toml", {

@@ -14,7 +14,8 @@ from eskin.wire.timestamp import SECOND
 from eskin_cloud.commands.desired_state import merge_desired_state
 from eskin_cloud.store.notify import COMMANDS, notify
 from eskin_cloud.store.read.lookup import find_node
-from eskin_cloud.store.schema.tables import channels, commands
+from eskin_cloud.store.read.patch_runs import find_layouts
+from eskin_cloud.store.schema.tables import commands
 from eskin_cloud.store.write.commands import encode_state, find_command, find_state, update_state
 
 if TYPE_CHECKING:
@@ -115,10 +116,8 @@ def _require_room(connection: Connection, node: str, now: int) -> None:
 
 
 def _require_place(connection: Connection, order: Order) -> None:
-    names = connection.execute(
-        select(channels.c.channel).where(channels.c.node == order.node).order_by(channels.c.channel)
-    )
-    known = list(names.scalars())
+    layouts = find_layouts(connection, order.node)
+    known = sorted({channel for described in layouts for channel in described.places})
     places = {"channel": known, "taxel": sorted({name.partition(".")[0] for name in known})}
     for field, listed in places.items():
         asked = order.arguments.get(field)

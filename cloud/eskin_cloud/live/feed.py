@@ -263,13 +263,13 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedE
     e = events.c
     named = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
     found = [
-        FeedEntry(row["cursor"], row["node"], row["channel"], None, dict(row), row["received"])
+        FeedEntry(row["cursor"], row["node"], row["channel"], dict(row), row["received"])
         for row in intact_rows(connection, events, named)
     ]
     f = frames.c
     framed = select(frames).where(f.cursor > after, f.cursor <= end)
     found += [
-        FeedEntry(row["cursor"], row["node"], None, None, None, row["received"],
+        FeedEntry(row["cursor"], row["node"], None, None, row["received"],
                   frame=row["data"], layout=row["layout"])
         for row in connection.execute(framed).mappings()
         if is_intact_row(FrameHeader, row)
@@ -283,6 +283,6 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedE
             message = SealedMessage.decode(data)
         except MessageError:  # damaged
             continue
-        head = cursor, node, None, None, None, received, data
+        head = cursor, node, None, None, received, data
         found.append(FeedEntry(*head, layout=message.layout))
     return sorted(found, key=lambda entry: entry.cursor)

@@ -34,7 +34,7 @@ from eskin_cloud.store.schema.frame_tables import (
     stale_patch_chunks,
 )
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
-from eskin_cloud.store.schema.tables import metadata, nodes
+from eskin_cloud.store.schema.tables import feed, metadata, nodes
 from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.bulk_insert import bulk_insert
 from eskin_cloud.store.write.pages import add_frames
@@ -55,7 +55,8 @@ MOST: Final = 20_000
 MOST_BYTES: Final = 64 << 20
 """Most bytes of them."""
 _TABLES: Final = [
-    *(nodes, descriptions, pages, frames, patches, patch_rows, patch_tiles, stale_patch_chunks)
+    *(feed, nodes, descriptions, pages, frames),
+    *(patches, patch_rows, patch_tiles, stale_patch_chunks),
 ]
 
 
@@ -152,6 +153,7 @@ def _memory() -> Iterator[Connection]:
             assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - as it was made
             register_checksum(driver)
             metadata.create_all(memory, _TABLES)
+            memory.execute(insert(feed).values(name="feed", cursor=0))
             yield memory
     finally:
         engine.dispose()

@@ -62,7 +62,5 @@ def open_row(reader: Reader, row: Mapping[str, Any] | RowMapping) -> tuple[Seala
     try:
         return reader.read(row["node"], SealedMessage.decode(row["data"]))
     except (BrokenSealError, MessageError):
-        report_damaged(
-            "sealed_messages", DamagedRow(row["node"], row["boot"], row["sequence"], None)
-        )
+        report_damaged("sealed_messages", DamagedRow(row["node"], row["boot"], row["sequence"]))
         return None

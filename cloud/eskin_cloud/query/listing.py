@@ -150,7 +150,7 @@ def list_removed(connection: Connection, node: str) -> dict[str, tuple[int, int]
     rows = connection.execute(select(removals).where(removals.c.node == node)).mappings()
     found: dict[str, tuple[int, int]] = {}
     for row in intact_rows(connection, removals, rows):
-        for name in _removed_names(connection, node, row["channel"]):
+        for name in _removed_names(connection, node, row["place"]):
             messages, before = found.get(name, (0, row["before"]))
             found[name] = messages + row["messages"], max(before, row["before"])
     return found

@@ -19,7 +19,7 @@ from eskin.runtime.digest import checksum
 from eskin.runtime.digest import digest as digest_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
 
     from sqlalchemy import RowMapping
 
@@ -28,58 +28,8 @@ log = logging.getLogger(__name__)
 _MOST: Final = 100_000
 
 
-_HEADER: Final = Struct("<10q8s3d")
 _FRAME_HEADER: Final = Struct("<9q8s")
 _PATCH_ROW_HEADER: Final = Struct("<7q3d8s")
-
-
-class RowHeader(NamedTuple):
-    """The columns that describe a block's ``data``, and the digest of ``data``.
-
-    Attributes:
-        node: As in `schema.tables.blocks`, like all others.
-    """
-
-    node: str
-    channel: str
-    boot: int
-    sequence: int
-    t: int
-    t_end: int
-    error: int
-    t_lo: int
-    t_hi: int
-    dt: int
-    n: int
-    lo: float
-    hi: float
-    coverage: float
-    packed: int | None
-    digest: bytes
-
-    @property
-    def table(self) -> str:
-        """The table of such rows."""
-        return "blocks"
-
-    @classmethod
-    def of(cls, row: Mapping[str, Any] | RowMapping) -> Self:
-        """The header of a row."""
-        return cls(*(row[name] for name in cls._fields))
-
-    @property
-    def place(self) -> DamagedRow:
-        """The row's key."""
-        return DamagedRow(self.node, self.boot, self.sequence, self.packed)
-
-    def checksum(self) -> int | None:
-        """The value of column ``head``; ``None`` if a damaged column has another type."""
-        packed = -1 if self.packed is None else self.packed
-        try:
-            packed_columns = _HEADER.pack(*self[2:11], packed, self.digest, *self[11:14])
-        except StructError:
-            return None
-        return checksum(f"{self.node} {self.channel} ".encode() + packed_columns)
 
 
 class FrameHeader(NamedTuple):
@@ -116,7 +66,7 @@ class FrameHeader(NamedTuple):
     @property
     def place(self) -> DamagedRow:
         """The row's key."""
-        return DamagedRow(self.node, self.boot, self.sequence, None)
+        return DamagedRow(self.node, self.boot, self.sequence)
 
     def checksum(self) -> int | None:
         """The value of column ``head``; ``None`` if a damaged column has another type."""
@@ -174,15 +124,15 @@ class PatchRowHeader(NamedTuple):
 
 
 class DamagedRow(NamedTuple):
-    """Key of a damaged row; a pack holds ``packed`` blocks from this one on."""
+    """Key of a damaged row; a compacted row holds ``frames`` frames from this one on."""
 
     node: str
     boot: int
     sequence: int
-    packed: int | None
+    frames: int = 1
 
     def __str__(self) -> str:
-        many = "" if self.packed is None else f" and {self.packed - 1} packed with it"
+        many = "" if self.frames == 1 else f" and {self.frames - 1} frames compacted with it"
         return f"{self.node} boot {self.boot} sequence {self.sequence}{many}"
 
 
@@ -276,14 +226,14 @@ def is_intact(head: Header, own: int, data: bytes | None = None) -> bool:
 
 
 def is_intact_row(
-    kind: type[RowHeader | FrameHeader | PatchRowHeader], row: Mapping[str, Any] | RowMapping
+    kind: type[FrameHeader | PatchRowHeader], row: Mapping[str, Any] | RowMapping
 ) -> bool:
     """Whether a row with the columns of a header, ``head`` and ``data`` is intact."""
     return is_intact(kind.of(row), row["head"], row["data"])
 
 
 def require_intact(
-    kind: type[RowHeader | FrameHeader | PatchRowHeader], row: Mapping[str, Any] | RowMapping
+    kind: type[FrameHeader | PatchRowHeader], row: Mapping[str, Any] | RowMapping
 ) -> None:
     """Verify the digests of a row, as `is_intact_row` does.
 
@@ -292,11 +242,6 @@ def require_intact(
     """
     if not is_intact_row(kind, row):
         raise DamagedRowError(kind.of(row).place)
-
-
-def intact_headers(rows: Iterable[RowMapping]) -> Iterator[RowMapping]:
-    """The rows of blocks with intact headers; ``data`` is not checked."""
-    return (row for row in rows if is_intact(RowHeader.of(row), row["head"]))
 
 
 def report_damaged(table: str, place: object) -> None:
@@ -319,8 +264,8 @@ def are_countable(table: str) -> bool:
 
 
 def is_intact_tile(data: bytes, digest: bytes, place: tuple[object, ...]) -> bool:
-    """Whether a chunk of tiles is intact; blocks are read in place of a damaged one."""
+    """Whether a chunk of tiles is intact; rows are read in place of a damaged one."""
     if digest_of(data) == digest:
         return True
-    damaged_rows.note("tiles", place)
+    damaged_rows.note("patch_tiles", place)
     return False

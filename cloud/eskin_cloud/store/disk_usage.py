@@ -9,7 +9,6 @@ from sqlalchemy import func, select, text
 
 from eskin.errors import StoreError
 from eskin_cloud.store.schema.frame_tables import pages, patches
-from eskin_cloud.store.schema.tables import channels
 
 if TYPE_CHECKING:
     from eskin_cloud.store.store import Store
@@ -50,7 +49,7 @@ def measure_disk(store: Store) -> DiskUse:
         with store.read() as connection:
             samples = sum(
                 connection.execute(select(func.sum(table.c.samples))).scalar_one() or 0
-                for table in (channels, pages, patches)
+                for table in (pages, patches)
             )
             if connection.dialect.name == "postgresql":
                 size = "SELECT pg_database_size(current_database())"

@@ -18,14 +18,12 @@ from eskin_cloud.store.row_digests import CHECKED_TABLES, find_damaged
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows, patch_tiles
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import (
-    blocks,
     dead_letters,
     digests,
     events,
     metadata,
     sequences,
 )
-from eskin_cloud.store.schema.tile_tables import tiles
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
@@ -34,7 +32,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 LARGE_TABLES: Final = (
-    blocks,
     frames,
     patch_rows,
     sealed_messages,
@@ -42,7 +39,6 @@ LARGE_TABLES: Final = (
     digests,
     sequences,
     dead_letters,
-    tiles,
     patch_tiles,
 )
 """Tables that grow with the nodes' messages."""

@@ -196,9 +196,9 @@ def _subtract(connection: Connection, cache: WriteCache, sweep: Sweep, gone: int
 
 def _record_removal(connection: Connection, sweep: Sweep, gone: int, now: int) -> None:
     r = removals.c
-    here = (r.node == sweep.node) & (r.channel == sweep.place) & (r.reason == sweep.reason)
+    here = (r.node == sweep.node) & (r.place == sweep.place) & (r.reason == sweep.reason)
     values = {"messages": r.messages + gone, "before": sweep.before, "at": now}
     if connection.execute(update(removals).where(here).values(values)).rowcount == 0:
-        key = {"node": sweep.node, "channel": sweep.place, "reason": sweep.reason.value}
+        key = {"node": sweep.node, "place": sweep.place, "reason": sweep.reason.value}
         row = key | {"messages": gone, "before": sweep.before, "at": now}
         connection.execute(insert(removals), row)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _BUSY_S: Final = 10.0
 _PRAGMAS: Final = (
-    "page_size=16384",  # of a new file; several rows with a block fit a page
+    "page_size=16384",  # of a new file; several frames fit a page
     "journal_mode=WAL",
     "synchronous=FULL",
     "foreign_keys=ON",

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import func, insert, inspect, select, text
 
 from eskin.errors import StoreError
-from eskin_cloud.store.schema import tile_tables  # noqa: F401 - their tables
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
-from eskin_cloud.store.schema.tables import blocks, feed, metadata, versions
+from eskin_cloud.store.schema.tables import feed, metadata, versions
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
@@ -59,7 +58,7 @@ def require_version(connection: Connection) -> None:
 def _store_data_inline(connection: Connection) -> None:
     """Store messages inline: PostgreSQL would move them to a TOAST table and compress them."""
     if connection.dialect.name == "postgresql":
-        for table in (blocks, sealed_messages, frames, patch_rows):
+        for table in (sealed_messages, frames, patch_rows):
             name = table.name
             connection.execute(text(f"ALTER TABLE {name} ALTER COLUMN data SET STORAGE EXTERNAL"))
             connection.execute(text(f"ALTER TABLE {name} SET (toast_tuple_target = 8160)"))

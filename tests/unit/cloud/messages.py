@@ -22,7 +22,7 @@ from eskin.wire.frames import (
     Privacy,
     Statements,
 )
-from eskin.wire.messages import Block, ChannelInfo, Encoding, Position, Status
+from eskin.wire.messages import Block, Encoding, Position, Status
 from eskin.wire.messages.cbor_map import dump
 
 if TYPE_CHECKING:
@@ -148,9 +148,7 @@ def gap(
     return Statements(Position(boot, sequence), skin_of()[0].content_hash, gaps=(found,))
 
 
-def status(
-    sequence: int, *, boot: int = 1, unit: str = "F", channels: tuple[str, ...] = (CHANNEL,)
-) -> Status:
+def status(sequence: int, *, boot: int = 1) -> Status:
     """A status."""
     return Status(
         Position(boot, sequence),
@@ -162,5 +160,5 @@ def status(
         4096,
         1_048_576,
         1,
-        tuple(ChannelInfo(name, unit, DT, 1.0) for name in channels),
+        channels=(),
     )

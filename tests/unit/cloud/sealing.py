@@ -86,8 +86,8 @@ def beat(sequence: int, **given: Any) -> Statements:
 
 
 def declared(sequence: int = 0) -> Status:
-    """The node's status, which names the channel."""
-    return status(sequence, unit="V", channels=(CHANNEL,))
+    """The node's status."""
+    return status(sequence)
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from eskin_cloud.api.export import stream_file
 from eskin_cloud.api.export_formats import WRITERS, write
 from eskin_cloud.query.export import Export, ExportChannel
 from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.patch_runs import FRAMES_AT_ONCE
 from eskin_cloud.store.read.window import Window
 
 from eskin.runtime.http_server.problems import ProblemError
@@ -46,14 +47,14 @@ Row = dict[str, Any]
 
 @pytest.fixture
 def filled(stand: Stand) -> Stand:
-    """Two channels; blocks that came out of order, overlap in time, and have holes."""
+    """Two channels; frames that came out of order, overlap in time, and have holes."""
     for sequence, start in ((3, 40), (0, 0), (2, 15), (1, 10)):
         lo = np.arange(10.0) + start
-        hi = lo + 0.1
+        hi = lo + 0.125
         lo[3], hi[3] = -INF, INF  # missing
         lo[4], hi[5] = -INF, INF  # unbounded sides
         first = START + start * DT
-        put(stand.cloud.store, stretch(sequence, lo, hi, time=(first - 3, first + 4)))
+        put(stand.cloud.store, stretch(sequence, lo, hi, time=(first - 4, first + 4)))
     more = stretch(4, [1.0, 2.0], [3.0, 4.0], channel="t02.current", unit="A", coverage=0.5)
     put(stand.cloud.store, more)
     return stand
@@ -97,8 +98,8 @@ async def test_every_sample_is_there_with_the_moments_between_which_it_was_taken
     assert "link" not in answer.headers
     first = rows[0]
     assert first == {
-        "node": NODE, "channel": CHANNEL, "earliest": START - 3, "latest": START + 4,
-        "lo": 0.0, "hi": 0.1, "unit": "F", "coverage": 1.0, "dt": DT, "boot": 1, "sequence": 0,
+        "node": NODE, "channel": CHANNEL, "earliest": START - 4, "latest": START + 4,
+        "lo": 0.0, "hi": 0.125, "unit": "F", "coverage": 1.0, "dt": DT, "boot": 1, "sequence": 0,
     }  # fmt: skip
     assert [row["sequence"] for row in rows[:40:10]] == [0, 1, 2, 3]
     assert (rows[3]["lo"], rows[3]["hi"]) == (None, None)
@@ -134,7 +135,7 @@ async def test_window_is_cut_to_the_sample(filled: Stand) -> None:
     rows = decoded(
         (await ask(filled, "text/csv", channel=ONE, start=start, end=end)).content, "text/csv"
     )
-    assert [(row["lo"], row["hi"]) for row in rows] == [(12.0, 12.1), (None, None)]
+    assert [(row["lo"], row["hi"]) for row in rows] == [(12.0, 12.125), (None, None)]
 
 
 async def test_empty_window_is_an_empty_file(filled: Stand) -> None:
@@ -182,13 +183,9 @@ def pieces(store: Store, media: str) -> Iterator[bytes]:
 
 
 @pytest.mark.parametrize("media", list(WRITERS))
-def test_memory_does_not_grow_with_the_export(
-    store: Store, media: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("eskin_cloud.query.export._AT_ONCE", 8)
-
+def test_memory_does_not_grow_with_the_export(store: Store, media: str) -> None:
     def fill(first: int, last: int) -> None:
-        values = np.random.default_rng(1).random(1000)
+        values = np.random.default_rng(1).random(20)
         put(store, *(stretch(k, values, values + 1, time=(START + k * 10**9,) * 2)
                      for k in range(first, last)))  # fmt: skip
 
@@ -204,9 +201,9 @@ def test_memory_does_not_grow_with_the_export(
         tracemalloc.stop()
         return own + most, count
 
-    fill(0, 16)
+    fill(0, 2 * FRAMES_AT_ONCE)
     short, little = peak()
-    fill(16, 64)
+    fill(2 * FRAMES_AT_ONCE, 8 * FRAMES_AT_ONCE)
     long, much = peak()
     assert much > 3.5 * little
     assert long < 1.3 * short

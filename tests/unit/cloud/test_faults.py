@@ -9,6 +9,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
 import pytest
 from eskin_cloud.access import Scope, create_token
 from eskin_cloud.store import postgres, sqlite, store
@@ -93,9 +94,10 @@ def bed(request: pytest.FixtureRequest, impatient: None, stand: Stand) -> Bed:
 
 
 def brought(first: int) -> bytes:
-    """A batch of 300 kB."""
-    blocks = (stretch(n, [0.0] * 900, [1.0] * 900) for n in range(first, first + 20))
-    return batch(*blocks, peak(first + 20))
+    """A batch of 100 kB."""
+    lo, width = np.random.default_rng(first).random((2, 900))
+    frames = (stretch(n, lo, lo + width) for n in range(first, first + 20))
+    return batch(*frames, peak(first + 20))
 
 
 def results(answer: httpx.Response) -> list[str]:
@@ -105,7 +107,7 @@ def results(answer: httpx.Response) -> list[str]:
 
 
 def held(stand: Stand) -> tuple[int, int]:
-    """Blocks and events that are stored."""
+    """Frames and events that are stored."""
     with stand.cloud.store.read() as connection:
         told = connection.execute(select(func.count()).select_from(events)).scalar_one()
     return count_frames(stand), told
@@ -198,6 +200,7 @@ async def check_promises(bed: Bed, fault: Callable[[Bed], AbstractContextManager
 
 async def test_what_is_stored_is_answered_while_nothing_can_be_written(bed: Bed) -> None:
     put(bed.stand.cloud.store, stretch(0))
+    bed.stand.present(brought(30))
     for fault in (slow, full):
         with fault(bed):
             problem(await bed.stand.ingest(brought(30)), 503)
@@ -219,7 +222,7 @@ async def test_store_of_another_version_is_neither_read_nor_ready(bed: Bed, path
 async def test_reader_timeout_states_a_remedy(bed: Bed) -> None:
     put(bed.stand.cloud.store, stretch(0))
     with elsewhere(bed.location) as connection:
-        connection.execute(text("LOCK TABLE channels IN ACCESS EXCLUSIVE MODE"))
+        connection.execute(text("LOCK TABLE pages IN ACCESS EXCLUSIVE MODE"))
         answer = await bed.stand.get(SERIES)
         assert "the server is too slow" in problem(answer, 503)
         assert int(answer.headers["retry-after"]) > 0

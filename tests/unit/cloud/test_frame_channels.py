@@ -1,4 +1,4 @@
-"""Channels of frames beside the same samples in blocks: every question has the same answer."""
+"""Channels of a patch, and the same samples in frames of their own: all answers are the same."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from hypothesis import strategies as st
 
 from eskin.interval import Interval
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
-from eskin.wire.messages import Block, Position
+from eskin.wire.messages import Position
 from tests.unit.cloud.clouds import emptied, put
-from tests.unit.cloud.messages import START, block
+from tests.unit.cloud.messages import START, stretch, tube_of
 from tests.unit.cloud.skins import describe
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
 
 FRAMED: Final = "framed"
-BLOCKED: Final = "blocked"
+APART: Final = "apart"
 COLUMNS: Final = 3
 _BOUNDS = st.sampled_from([-math.inf, -2.0, -0.1, 0.0, 0.1, 0.3, 1.0, 1.5, 3.0, math.inf])
 
@@ -46,11 +46,11 @@ class Skin:
     frames: list[Frame]
 
     @property
-    def blocks(self) -> list[Block]:
-        """The same samples as blocks."""
-        return [made for frame in self.frames for made in self._blocks(frame)]
+    def apart(self) -> list[Frame]:
+        """The same samples in frames of one channel each."""
+        return [made for frame in self.frames for made in self._apart(frame)]
 
-    def _blocks(self, frame: Frame) -> list[Block]:
+    def _apart(self, frame: Frame) -> list[Frame]:
         made = []
         (record,), (values,), (grid,) = frame.patches, frame.values, frame.grids
         for column, channel in enumerate(self.patch.channels):
@@ -61,7 +61,7 @@ class Skin:
             behind = grid.delay + rows[0] * grid.period
             behind += self.patch.skew[column] if self.patch.skew else 0
             made.append(
-                block(
+                stretch(
                     frame.position.sequence * COLUMNS + column,
                     values.inf[rows, column],
                     values.sup[rows, column],
@@ -129,7 +129,7 @@ def fill(store: Store, skin: Skin) -> None:
     describe(store, skin.layout, skin.patch, node=FRAMED)
     outcome = put(store, *skin.frames, node=FRAMED)
     assert {each.result for each in outcome.results} == {"stored"}
-    put(store, *skin.blocks, node=BLOCKED)
+    put(store, *skin.apart, node=APART)
 
 
 def pairs_of(connection: Any, skin: Skin) -> list[tuple[Any, Any]]:
@@ -137,21 +137,23 @@ def pairs_of(connection: Any, skin: Skin) -> list[tuple[Any, Any]]:
     found = []
     for channel in skin.patch.channels:
         try:
-            blocked = find_channel(connection, BLOCKED, channel)
+            apart = find_channel(connection, APART, channel)
         except UnknownChannelError:
             continue
-        found.append((find_channel(connection, FRAMED, channel), blocked))
+        found.append((find_channel(connection, FRAMED, channel), apart))
     return found
 
 
 @_SLOWLY
 @given(skin=skins(), window=windows, points=st.sampled_from([1, 3, 10, 1000]))
-def test_series_are_those_of_blocks(store: Store, skin: Skin, window: Window, points: int) -> None:
+def test_series_are_those_of_channels_apart(
+    store: Store, skin: Skin, window: Window, points: int
+) -> None:
     fill(store, skin)
     with store.read() as connection:
-        for framed, blocked in pairs_of(connection, skin):
+        for framed, apart in pairs_of(connection, skin):
             one = read_series(connection, framed, window, points=points)
-            other = read_series(connection, blocked, window, points=points)
+            other = read_series(connection, apart, window, points=points)
             assert (one.resolution, one.t0, one.unit) == (other.resolution, other.t0, other.unit)
             assert one.t.tolist() == other.t.tolist()
             assert one.lo.tolist() == other.lo.tolist()
@@ -164,17 +166,17 @@ def test_series_are_those_of_blocks(store: Store, skin: Skin, window: Window, po
 
 @_SLOWLY
 @given(skin=skins(), window=windows, low=st.sampled_from([0.0, 0.2, 1.0]))
-def test_segments_and_times_are_those_of_blocks(
+def test_segments_and_times_are_those_of_channels_apart(
     store: Store, skin: Skin, window: Window, low: float
 ) -> None:
     fill(store, skin)
     above = Predicate(low, None, strict=True)
     with store.read() as connection:
-        for framed, blocked in pairs_of(connection, skin):
+        for framed, apart in pairs_of(connection, skin):
             one = list(find_segments(connection, framed, window, above))
-            assert one == list(find_segments(connection, blocked, window, above))
+            assert one == list(find_segments(connection, apart, window, above))
             spent = measure_occupancy(connection, framed, window, above)
-            other = measure_occupancy(connection, blocked, window, above)
+            other = measure_occupancy(connection, apart, window, above)
             # The next sample's earliest time is bounded by its block, and exactly by its frame.
             assert other.time[0] <= spent.time[0] <= spent.time[1] <= other.time[1]
             assert (spent.samples, spent.entries, spent.n, spent.error) == (
@@ -184,15 +186,15 @@ def test_segments_and_times_are_those_of_blocks(
 
 @_SLOWLY
 @given(skin=skins(), window=windows)
-def test_comparisons_are_those_of_blocks(store: Store, skin: Skin, window: Window) -> None:
+def test_comparisons_are_those_of_channels_apart(store: Store, skin: Skin, window: Window) -> None:
     fill(store, skin)
     with store.read() as connection:
         found = pairs_of(connection, skin)
-        framed, blocked = (
+        framed, apart = (
             [ChannelSource(connection, pair[side]) for pair in found] for side in (0, 1)
         )
         one = list(find_comparison_segments(framed[0], framed[-1], window))
-        other = list(find_comparison_segments(blocked[0], blocked[-1], window))
+        other = list(find_comparison_segments(apart[0], apart[-1], window))
         assert [(s.start, s.end, s.answer) for s in one] == (
             [(s.start, s.end, s.answer) for s in other]
         )
@@ -200,17 +202,17 @@ def test_comparisons_are_those_of_blocks(store: Store, skin: Skin, window: Windo
 
 @_SLOWLY
 @given(skin=skins(), window=windows, limit=st.integers(1, 40))
-def test_exports_are_those_of_blocks_however_they_are_resumed(
+def test_exports_are_those_of_channels_apart_however_they_are_resumed(
     store: Store, skin: Skin, window: Window, limit: int
 ) -> None:
     fill(store, skin)
     with store.read() as connection:
         sides = list(zip(*pairs_of(connection, skin), strict=True))
-    framed, blocked = (
+    framed, apart = (
         Export([ExportChannel(row, store.read) for row in side], window, None) for side in sides
     )
-    assert framed.samples() == blocked.samples()
-    expected = exported(blocked)
+    assert framed.samples() == apart.samples()
+    expected = exported(apart)
     assert exported(framed) == expected
     resumed, at = [], framed
     while True:
@@ -223,13 +225,13 @@ def test_exports_are_those_of_blocks_however_they_are_resumed(
 
 
 def exported(export: Export, until: Any = None) -> list[tuple[Any, ...]]:
-    """What an export holds, in order; a block without samples in the window is as good as none."""
+    """What an export holds, in order; a run without samples in the window is as good as none."""
     return [
-        (part.channel["channel"], each.tube.first_moment, each.tube.dt, each.tube.coverage,
-         each.tube.values.inf.tolist(), each.tube.values.sup.tolist())
+        (part.channel["channel"], run.t, run.dt, run.coverage, run.lo.tolist(), run.hi.tolist())
         for part in export.read(until)
-        for each in part.blocks
-        if any(export.window.start <= t < export.window.end for t in each.tube.moments)
+        for run in part.runs
+        if any(export.window.start <= run.t + k * run.dt < export.window.end
+               for k in range(run.lo.size))
     ]  # fmt: skip
 
 
@@ -251,8 +253,8 @@ def test_runs_are_the_frames_samples(store: Store, skin: Skin, window: Window) -
         assert np.array_equal(run.hi, frame.values[0].sup)
     touching = {
         made.position.sequence // COLUMNS
-        for made in skin.blocks
-        for t in made.tube.moments
+        for made in skin.apart
+        for t in tube_of(made).moments
         if window.start <= t < window.end
     }
     assert touching <= {run.sequence for run in runs}

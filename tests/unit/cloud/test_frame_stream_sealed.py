@@ -14,8 +14,8 @@ from eskin_cloud.live.frame_stream import FrameStream
 from eskin.wire.frames import Frame
 from eskin.wire.messages import Position
 from tests.unit.cloud.clouds import batch
-from tests.unit.cloud.messages import peak, status, stretch
-from tests.unit.cloud.sealing import CHANNEL, NODE, Site, beat, keyed, pulse
+from tests.unit.cloud.messages import peak, status
+from tests.unit.cloud.sealing import NODE, Site, beat, keyed, pulse
 from tests.unit.cloud.worn import beats as heartbeats
 from tests.unit.cloud.worn import describe_worn, worn
 
@@ -42,14 +42,12 @@ def two(tmp_path: Path, identities: Identities, site: Site) -> Iterator[tuple[St
 async def bring(stand: Stand, site: Site, beats: int) -> None:
     """The same frames and peaks, and so many sealed messages between."""
     describe_worn(stand.cloud.store)
-    declared = status(0, channels=(OPEN, CHANNEL))
-    await stand.ingest(site.batch(declared, pulse(1), beat(2)))
+    await stand.ingest(site.batch(status(0), pulse(1), beat(2)))
     sequence = 3
     for number in range(4):
         frame = replace(worn(number, page=0), position=Position(1, sequence))
-        said = frame, stretch(sequence + 1, channel=OPEN)
-        await stand.ingest(batch(*said, peak(sequence + 2, channel=OPEN), node=NODE))
-        sequence += 3
+        await stand.ingest(batch(frame, peak(sequence + 1, channel=OPEN), node=NODE))
+        sequence += 2
         for _ in range(beats + number):
             await stand.ingest(site.batch(beat(sequence), pulse(sequence + 1)))
             of_frames = worn(sequence + 2, at=sequence), heartbeats(sequence + 3)

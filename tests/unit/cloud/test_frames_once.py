@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from eskin.wire.frames import Frame, Statements
 from tests.unit.cloud.clouds import emptied
-from tests.unit.cloud.messages import stretch
 from tests.unit.cloud.skins import (
     HAND,
     PALM,
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 
     from eskin_cloud.store import Store
 
-    from eskin.wire.frames import Frame, Layout, Patch
+    from eskin.wire.frames import Layout, Patch
 
 EXTRA: Final = patch("extra", 2)
 OTHER: Final = layout((PALM, WARM, TIP, EXTRA), (2, 1, 1))
@@ -57,10 +56,7 @@ class Said(NamedTuple):
     @property
     def needs(self) -> set[bytes]:
         """What it is read by."""
-        if isinstance(self.message, Frame | Statements):
-            of = LAYOUTS[self.message.layout]
-            return {self.message.layout, *of.patches}
-        return set()
+        return {self.message.layout, *LAYOUTS[self.message.layout].patches}
 
 
 @st.composite
@@ -73,8 +69,6 @@ def said(draw: st.DrawFn) -> Said:
     message: Frame | Statements
     if kind == 3:
         message = statements(sequence, boot=boot, of=of, seed=seed)
-    elif kind == 2 and seed:
-        message = stretch(sequence, boot=boot)
     else:
         message = frame(sequence, boot=boot, of=of, page=kind % 2, seed=seed, at=sequence * 10**9)
     return Said(draw(st.sampled_from(NODES)), message)

@@ -315,7 +315,9 @@ def test_channels_of_all_layouts_of_a_node_count(
         assert results(outcome)[1] in {STORED, "duplicate"}
         store.cache.clear()
     assert results(put(store, frame(4), stretch(5))) == [STORED] * 2
-    assert results(put(store, stretch(6, channel="t02.pressure", unit="Pa"))) == [STORED]
+    outcome = put(store, stretch(6, channel="t02.pressure", unit="Pa"))
+    assert results(outcome) == [REJECTED]
+    assert "at most 9" in str(outcome.results[0].reason)
 
 
 def test_descriptions_of_a_node_are_limited(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

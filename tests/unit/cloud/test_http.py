@@ -14,7 +14,7 @@ import pytest
 from eskin.interval import Verdict
 from eskin.wire.messages import Energy, Place, Shedding, TaxelFaults
 from tests.unit.cloud.clouds import batch, problem, put
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, gap, peak, status, stretch
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, gap, peak, skin_of, status, stretch
 from tests.unit.eskin.senml import read_senml
 
 if TYPE_CHECKING:
@@ -36,9 +36,10 @@ async def test_ingest_answers_each_item_in_order(stand: Stand) -> None:
 
 
 async def test_series_gives_exact_samples(stand: Stand) -> None:
-    lo = [0.1, 1e-300, float("-inf"), float("-inf")]
-    hi = [0.30000000000000004, 1.7e308, 5.0, float("inf")]
-    await stand.ingest(batch(stretch(0, lo, hi, time=(START - 4, START + 5))))
+    lo = [0.125, 1e-9, float("-inf"), float("-inf")]
+    hi = [0.25, 3.0, 5.0, float("inf")]
+    said = stretch(0, lo, hi, time=(START - 4, START + 5))
+    await stand.ingest(batch(said))
     answer = await stand.get(SERIES)
     assert answer.json() == {
         "node": NODE,
@@ -48,8 +49,8 @@ async def test_series_gives_exact_samples(stand: Stand) -> None:
         "resolution": "sample",
         "t0": "2027-01-15T08:00:00.000000000Z",
         "t": [0, DT, 2 * DT, 3 * DT],
-        "lo": [0.1, 1e-300, None, None],
-        "hi": [0.30000000000000004, 1.7e308, 5.0, None],
+        "lo": [0.125, float(said.values[0].inf[1, 0]), None, None],
+        "hi": [0.25, 3.0, 5.0, None],
         "mean": None,
         "dt": DT,
         "time_error": 5,
@@ -57,7 +58,7 @@ async def test_series_gives_exact_samples(stand: Stand) -> None:
 
 
 async def test_formats_agree(stand: Stand) -> None:
-    lo, hi = [0.1, float("-inf"), float("-inf")], [0.2, 5.0, float("inf")]
+    lo, hi = [0.125, float("-inf"), float("-inf")], [0.25, 5.0, float("inf")]
     put(stand.cloud.store, stretch(0, lo, hi))
     async with stand.client() as client:
         answers = {
@@ -71,7 +72,7 @@ async def test_formats_agree(stand: Stand) -> None:
     for media, answer in answers.items():
         assert answer.headers["content-type"].partition(";")[0] == media
     rows = list(csv.DictReader(io.StringIO(answers["text/csv"].text)))
-    assert rows[0] == {"time": "2027-01-15T08:00:00.000000000Z", "lo": "0.1", "hi": "0.2"}
+    assert rows[0] == {"time": "2027-01-15T08:00:00.000000000Z", "lo": "0.125", "hi": "0.25"}
     assert [(row["lo"], row["hi"]) for row in rows[1:]] == [("-inf", "5.0"), ("", "")]
     arrow = pa.ipc.open_stream(answers["application/vnd.apache.arrow.stream"].content).read_all()
     parquet = pyarrow.parquet.read_table(
@@ -79,13 +80,13 @@ async def test_formats_agree(stand: Stand) -> None:
     )
     for table in (arrow, parquet):
         assert table["time"].cast(pa.int64()).to_pylist() == [START, START + DT, START + 2 * DT]
-        assert table["lo"].to_pylist() == [0.1, float("-inf"), None]
-        assert table["hi"].to_pylist() == [0.2, 5.0, None]
+        assert table["lo"].to_pylist() == [0.125, float("-inf"), None]
+        assert table["hi"].to_pylist() == [0.25, 5.0, None]
         assert table.schema.metadata[b"unit"] == b"F"
 
 
 async def test_senml_tells_bounds_that_there_are_and_what_holds_for_all(stand: Stand) -> None:
-    lo, hi = [0.1, float("-inf"), float("-inf")], [0.2, 5.0, float("inf")]
+    lo, hi = [0.125, float("-inf"), float("-inf")], [0.25, 5.0, float("inf")]
     put(stand.cloud.store, stretch(0, lo, hi, time=(START - 4, START + 5)))
     async with stand.client() as client:
         plain = await client.get(SERIES, headers={"Accept": "application/senml+json"})
@@ -94,7 +95,7 @@ async def test_senml_tells_bounds_that_there_are_and_what_holds_for_all(stand: S
             SERIES, params={"points": 1}, headers={"Accept": "application/senml+json"}
         )
     about = [("coverage", 1.0), ("time_error", 5e-9)]
-    told = [*about, ("lo", 0.1), ("hi", 0.2), ("hi", 5.0)]
+    told = [*about, ("lo", 0.125), ("hi", 0.25), ("hi", 5.0)]
     assert read_senml(plain.text, f"{NODE}/{CHANNEL}/") == told
     assert read_senml(short.content, f"{NODE}/{CHANNEL}/") == told
     first, second = (answer.headers["content-type"] for answer in (plain, short))
@@ -143,7 +144,7 @@ async def test_nodes_tell_latest_status(stand: Stand) -> None:
             "offset": {"lo_ns": 5 - 3601 * 10**9, "hi_ns": None},
             "references_agree": True,
         },
-        "layout": None,
+        "layout": skin_of()[0].content_hash.hex(),
         "missing": None,
     }
     assert (await stand.get(f"/api/v1/nodes/{NODE}")).json() == node
@@ -196,36 +197,31 @@ async def test_silent_node_is_late_then_offline(stand: Stand) -> None:
     assert health == ["online", "late", "offline"]
 
 
-async def test_channels_sum_over_blocks(stand: Stand) -> None:
+async def test_channels_are_listed_with_what_their_frames_state(stand: Stand) -> None:
     brought = (
         stretch(1, [1.0, 2.0], [3.0, float("inf")]),
         stretch(2, [0.5], [0.75], time=(START + 10 * DT, START + 10 * DT), coverage=0.5),
     )
-    put(stand.cloud.store, status(0, channels=(CHANNEL, "t02.inductance")), *brought)
+    put(stand.cloud.store, status(0), *brought)
     items = (await stand.get(f"/api/v1/nodes/{NODE}/channels")).json()["items"]
-    assert items[0] == {
+    told = {
         "id": CHANNEL,
         "taxel": "t01",
         "quantity": "capacitance",
         "unit": "F",
         "coverage": 0.5,
         "dt": DT,
-        "blocks": 2,
-        "samples": 3,
-        "bytes": sum(len(said.encode()) for said in brought),
         "first": "2027-01-15T08:00:00.000000000Z",
         "last": "2027-01-15T08:00:00.010000000Z",
-        "bounds": {"lo": 0.5, "hi": None},
         "biometric": False,
-        "patch": None,
+        "patch": "t01-capacitance",
         "removed": None,
     }
-    assert items[1]["blocks"] == 0
-    assert items[1]["first"] is items[1]["bounds"] is None
+    assert {name: items[0][name] for name in told} == told
 
 
 async def test_channel_without_data_answers_an_empty_series(stand: Stand) -> None:
-    put(stand.cloud.store, status(0))
+    put(stand.cloud.store, peak(0))  # it names the layout
     answer = (await stand.get(SERIES)).json()
     assert (answer["t"], answer["lo"], answer["hi"]) == ([], [], [])
     assert (await stand.get(f"{SERIES}/threshold", above=1)).json() == {"items": [], "next": None}

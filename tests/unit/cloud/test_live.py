@@ -7,24 +7,24 @@ import math
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_cloud.live.sse_encoder import reduce_block
+from eskin_cloud.live.frame_hulls import read_hulls
 from eskin_cloud.live.subscription import Subscription
 from eskin_cloud.settings import LiveSection
-from eskin_cloud.store.write.ingest import IngestResult
 
 from eskin.wire.timestamp import format_timestamp
 from tests.unit.cloud.clouds import batch, problem, put, standing
-from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, gap, peak, status, stretch
+from tests.unit.cloud.messages import DT, NODE, START, gap, peak, status, stretch, tube_of
 from tests.unit.cloud.streams import events_of, listen, parse, take
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_cloud.query.series import Series
+    from eskin_cloud.live.frame_hulls import FrameHulls
+    from eskin_cloud.store.feed_entry import FeedEntry
     from eskin_cloud.store.location import StoreLocation
 
     from eskin.wire.frames import Frame
@@ -44,21 +44,14 @@ async def test_subscriber_hears_what_is_ingested_in_order(
     await stand.ingest(batch(status(0), stretch(1), peak(2)))
     await stand.ingest(batch(stretch(1), gap(3), stretch(4)))
     heard = await hearing
-    assert [event["event"] for event in heard] == ["status", "block", "peak", "gap", "block"]
+    assert [event["event"] for event in heard] == ["status", "frame", "peak", "gap", "frame"]
     assert [int(event["id"]) for event in heard] == [1, 2, 3, 4, 5]
     listed = (await stand.get("/api/v1/events", order="asc")).json()["items"]
-    events = [event["data"] for event in heard if event["event"] != "block"]
+    events = [event["data"] for event in heard if event["event"] != "frame"]
     assert sorted(events, key=lambda e: e["id"]) == sorted(listed, key=lambda e: e["id"])
 
 
-async def test_block_looks_like_a_series(stand: Stand) -> None:
-    await stand.ingest(batch(stretch(0, [1.0, float("-inf")], [2.0, float("inf")])))
-    (heard,) = await take(stand, 1)
-    series = (await stand.get(f"/api/v1/series/{NODE}/{CHANNEL}")).json()
-    assert heard["data"] == series | {"stored": format_timestamp(stand.clock())}
-
-
-async def test_block_tells_when_it_was_stored(stand: Stand) -> None:
+async def test_frame_tells_when_it_was_stored(stand: Stand) -> None:
     stored = []
     for number in range(3):
         stand.clock.turn(1.0)
@@ -91,7 +84,7 @@ async def test_stream_from_before_the_start_reads_the_store(
     with standing(tmp_path, identities, place=place) as stand:
         await stand.ingest(batch(stretch(2)))
         heard = await take(stand, 3)
-    assert [event["event"] for event in heard] == ["block", "gap", "block"]
+    assert [event["event"] for event in heard] == ["frame", "gap", "frame"]
 
 
 async def test_subscriber_that_is_too_far_behind_is_told(stand: Stand) -> None:
@@ -139,26 +132,30 @@ async def test_slow_subscriber_is_told_fewer_and_wider_hulls(
         await stand.ingest(batch(said(8, -10)))
         assert [event["id"] for event in events_of(await anext(slow))] == ["1"]
         assert await anext(slow) == b""  # there is room, after a while
-        await stand.ingest(batch(*told[:3], peak(9), other))
+        await stand.ingest(batch(*told[:3], peak(9)))
+        await stand.ingest(batch(other, node="palm"))
         stand.clock.turn(1.0)
         await stand.ingest(batch(*told[3:]))
         heard = events_of(await anext(slow))
-    hulls = [event["data"] for event in heard if event["event"] == "block"]
-    assert [hull["channel"] for hull in hulls] == [CHANNEL, "t02.capacitance", CHANNEL]
-    assert [event["event"] for event in heard] == ["block"] * 3 + ["peak"]
+    hulls = [event["data"] for event in heard if event["event"] == "frame"]
+    patches = [hull["patches"][0] for hull in hulls]
+    names = ["t01-capacitance", "t02-capacitance", "t01-capacitance"]
+    assert [each["patch"] for each in patches] == names
+    assert [event["event"] for event in heard] == ["frame"] * 3 + ["peak"]
     now, before = stand.clock(), stand.clock() - 10**9
     latest = [format_timestamp(moment) for moment in (now, before, now)]
     assert [hull["stored"] for hull in hulls] == latest
-    # Whoever breaks off before the last is told all of it again.
+    # A client that breaks off before the last is told all of it again.
     assert [event["id"] for event in heard] == ["1", "1", "1", "9"]
-    for hull, blocks in ((hulls[0], told[:5]), (hulls[2], told[5:])):
-        assert (hull["resolution"], hull["t"]) == ("hull", [0])
-        assert hull["t0"] == format_timestamp(blocks[0].tube.first_moment)
-        assert hull["dt"] == 10 * DT * len(blocks)
-        assert hull["lo"] == [min(one.bounds[0] for one in blocks)]
-        assert hull["hi"] == [max(one.bounds[1] for one in blocks)]
-        assert hull["coverage"] <= 1 - 10 * len(blocks) * 0.001
-        assert hull["coverage"] == pytest.approx(1 - 10 * len(blocks) * 0.001)
+    for hull, frames in ((hulls[0], told[:5]), (hulls[2], told[5:])):
+        (of_patch,) = hull["patches"]
+        tubes = [tube_of(one) for one in frames]
+        assert hull["t0"] == format_timestamp(tubes[0].first_moment)
+        assert (of_patch["t"], of_patch["dt"]) == (0, 10 * DT * len(frames))
+        assert of_patch["lo"] == [min(tube.values.inf.min() for tube in tubes)]
+        assert of_patch["hi"] == [max(tube.values.sup.max() for tube in tubes)]
+        assert of_patch["coverage"] <= 1 - 10 * len(frames) * 0.001
+        assert of_patch["coverage"] == pytest.approx(1 - 10 * len(frames) * 0.001)
 
 
 async def test_slow_subscriber_is_told_hulls_until_there_is_room_at_once(
@@ -171,12 +168,13 @@ async def test_slow_subscriber_is_told_hulls_until_there_is_room_at_once(
     async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
         await anext(slow)
         for number, wait in enumerate((0.1, 0.3, 0.01, *[0.1] * 10, 0.01, 0.1)):
-            await stand.ingest(batch(stretch(number)))
-            (event,) = events_of(await anext(slow))
-            told.append(event["data"]["resolution"])
+            moments = [START + (2 * number + k) * DT for k in range(2)]
+            two = (stretch(2 * number + k, time=(t, t)) for k, t in enumerate(moments))
+            await stand.ingest(batch(*two))
+            told.append(len(events_of(await anext(slow))))
             assert await anext(slow) == b""
             now[0] += wait  # until there is room
-    assert told == ["sample", "sample", *["hull"] * 12, "sample"]
+    assert told == [2, 2, *[1] * 12, 2]
 
 
 async def test_what_was_missed_is_told_in_full_also_to_who_is_slow(
@@ -189,22 +187,20 @@ async def test_what_was_missed_is_told_in_full_also_to_who_is_slow(
     assert [int(event["id"]) for event in heard] == list(range(1, 201))
 
 
-async def test_many_subscribers_cost_one_reduction_each_block(
+async def test_many_subscribers_cost_one_reduction_each_frame(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    reduced: list[tuple[str, int]] = []
+    reduced: list[int] = []
 
-    def counting(node: str, said: Block, points: int, grain: int) -> Series:
-        reduced.append((said.channel, points))
-        return reduce_block(node, said, points, grain)
+    def counting(entry: FeedEntry, *rest: Any) -> FrameHulls | None:
+        reduced.append(entry.cursor)
+        return read_hulls(entry, *rest)
 
-    monkeypatch.setattr("eskin_cloud.live.sse_encoder.reduce_block", counting)
+    monkeypatch.setattr("eskin_cloud.live.sse_encoder.read_hulls", counting)
     await stand.ingest(batch(*(stretch(n, [1.0] * 4, [2.0] * 4) for n in range(3))))
-    few = Subscription(frozenset(), frozenset(), 2)
     first, *others = [await take(stand, 3) for _ in range(5)]
     assert all(heard == first for heard in others)
-    assert [len(event["data"]["t"]) for event in await take(stand, 3, selection=few)] == [2, 2, 2]
-    assert sorted(reduced) == [(CHANNEL, 2)] * 3 + [(CHANNEL, 50)] * 3
+    assert sorted(reduced) == [1, 2, 3]
 
 
 async def test_memory_of_the_feed_is_bounded_in_bytes_and_nothing_is_missed(stand: Stand) -> None:
@@ -219,19 +215,16 @@ async def test_memory_of_the_feed_is_bounded_in_bytes_and_nothing_is_missed(stan
 
 async def test_filters_choose_nodes_and_channels(stand: Stand) -> None:
     other = "t02.capacitance"
-    put(stand.cloud.store, stretch(0), stretch(1, channel=other), gap(2), peak(3, channel=other))
-    put(stand.cloud.store, stretch(0), node="palm")
-    stand.cloud.feed.append(IngestResult([], [], 0).entries)
+    said = stretch(0), stretch(1, channel=other), gap(2), peak(3, channel=other)
+    await stand.ingest(batch(*said))
+    await stand.ingest(batch(stretch(0), node="palm"))
     chosen = {
-        "node": (Subscription(frozenset({"palm"}), frozenset(), 50), [5]),
-        "channel": (Subscription(frozenset(), frozenset({(NODE, other)}), 50), [2, 3, 4]),
+        "node": (Subscription(frozenset({"palm"}), frozenset()), [5]),
+        "channel": (Subscription(frozenset(), frozenset({(NODE, other)})), [2, 3, 4]),
     }
-    with stand.cloud.store.read() as connection:
-        from eskin_cloud.live.feed import read_entries  # noqa: PLC0415 - only here
-
-        entries = read_entries(connection, 0, 100)
     for selection, cursors in chosen.values():
-        assert [entry.cursor for entry in entries if selection.takes(entry)] == cursors
+        heard = await take(stand, len(cursors), selection=selection)
+        assert [int(event["id"]) for event in heard] == cursors
 
 
 async def test_heartbeat_comes_in_silence(stand: Stand) -> None:
@@ -248,7 +241,7 @@ async def test_stream_that_breaks_off_before_its_first_event_tells_where_to_go_o
     stand: Stand,
 ) -> None:
     await stand.ingest(batch(stretch(0), stretch(1)))
-    palm = Subscription(frozenset({"palm"}), frozenset(), 50)
+    palm = Subscription(frozenset({"palm"}), frozenset())
     told = listen(stand, cursor=1, selection=palm, heartbeat=0.01)
     async with asyncio.timeout(20):
         assert parse(await anext(told))["id"] == "1"
@@ -272,12 +265,3 @@ async def test_stream_is_refused_with_what_to_do(stand: Stand) -> None:
     answer = await stand.get("/api/v1/live")
     problem(answer, 503)
     assert answer.headers["retry-after"]
-
-
-async def test_who_asks_for_another_grain_is_told_other_entries(stand: Stand) -> None:
-    await stand.ingest(batch(stretch(0, [1.0, 3.0, 5.0, 7.0], [2.0, 4.0, 6.0, 8.0])))
-    coarse = Subscription(frozenset(), frozenset(), 50, 2 * DT)
-    (every,), (few,) = await take(stand, 1), await take(stand, 1, selection=coarse)
-    assert (every["data"]["lo"], every["data"]["resolution"]) == ([1.0, 3.0, 5.0, 7.0], "sample")
-    assert (few["data"]["lo"], few["data"]["hi"]) == ([1.0, 5.0], [4.0, 8.0])
-    assert (few["data"]["dt"], few["data"]["resolution"]) == (2 * DT, "hull")

@@ -11,15 +11,15 @@ import pytest
 from eskin_cloud.jobs.missing_messages import look
 from eskin_cloud.jobs.retention import sweep
 from eskin_cloud.settings import RetentionSection
-from eskin_cloud.store.write.channels import add_blocks
 from eskin_cloud.store.write.missing_messages import count_missing, subtract
+from eskin_cloud.store.write.pages import add_frames
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.wire.messages import Gap, Position
+from eskin.wire.messages import Position
 from eskin.wire.sequence_set import SequenceRanges
 from tests.unit.cloud.clouds import admit, batch, standing
-from tests.unit.cloud.messages import NODE, START, gap, status, stretch
+from tests.unit.cloud.messages import NODE, gap, status, stretch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -110,8 +110,7 @@ async def test_gap_that_fills_in_time_is_not_reported(stand: Stand) -> None:
 async def test_lost_messages_of_a_gap_are_not_missing(stand: Stand) -> None:
     await bring(stand, stretch(3), gap(4), stretch(7))
     assert ranges(await wait(stand)) == [(1, 5, 6)]
-    told = Gap(Position(1, 8), "flash full", (START, START), 2, 0, ((1, 5, 6),))
-    await bring(stand, told)
+    await bring(stand, gap(8, lost=((1, 5, 6),)))
     await look(stand.cloud)
     assert await missing(stand) is None
 
@@ -135,9 +134,9 @@ async def test_message_that_fails_is_not_missing(
     def add(*args: Any) -> None:
         if any(row.sequence == 1 for row in args[-1]):
             raise ZeroDivisionError
-        add_blocks(*args)
+        add_frames(*args)
 
-    monkeypatch.setattr("eskin_cloud.store.write.ingest.add_blocks", add)
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.add_frames", add)
     await bring(stand, *(stretch(number) for number in range(3)))
     assert await wait(stand) is None
 

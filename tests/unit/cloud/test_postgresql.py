@@ -23,7 +23,7 @@ from sqlalchemy import delete, func, select, text, update
 from eskin.errors import StoreError
 from eskin.identity.identity import ROOT_FILE
 from tests.unit.cloud.clouds import problem, put, standing
-from tests.unit.cloud.messages import NODE, START, status, stretch
+from tests.unit.cloud.messages import NODE, START, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -95,7 +95,7 @@ def test_two_processes_store_each_message_once(store: Store) -> None:
 
 
 def test_unit_of_another_process_counts(store: Store) -> None:
-    put(store, status(0))
+    put(store, stretch(0))
     with Store(store.location) as other:
         assert put(other, stretch(1, unit="H")).results[0].result == "rejected"
         put(other, stretch(2, channel="t09.inductance", unit="H"))

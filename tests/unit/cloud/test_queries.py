@@ -18,19 +18,16 @@ from hypothesis import strategies as st
 
 from eskin.interval import Verdict
 from eskin.union_bound import union_coverage
-from eskin.wire.messages import Block, Encoding
-from eskin.wire.messages.stored_bounds import read_bounds
 from tests.unit.cloud.clouds import emptied, put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
+from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch, tube_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import numpy as np
     from eskin_cloud.store import Store
-    from numpy.typing import NDArray
 
-ABOVE_10 = Predicate(10.0, None, strict=True)
+    from eskin.wire.frames import Frame
+
 _BOUNDS = st.sampled_from([-math.inf, -2.0, -0.1, 0.0, 0.1, 0.3, 1.0, 1.5, 3.0, math.inf])
 
 
@@ -45,8 +42,8 @@ class Sample:
 
 
 @st.composite
-def blocks(draw: st.DrawFn) -> list[Block]:
-    """Blocks of several boots, with gaps, overlaps and every encoding."""
+def stretches(draw: st.DrawFn) -> list[Frame]:
+    """Frames of several boots, with gaps and overlaps."""
     made = []
     for sequence in range(draw(st.integers(1, 8))):
         pairs = draw(st.lists(st.tuples(_BOUNDS, _BOUNDS), min_size=1, max_size=9))
@@ -65,7 +62,6 @@ def blocks(draw: st.DrawFn) -> list[Block]:
                 time=(first, first + error),
                 dt=draw(st.sampled_from([10, 10, 7, 1])),
                 coverage=draw(st.sampled_from([1.0, 0.99, 0.9])),
-                encoding=draw(st.sampled_from(Encoding)),
             )
         )
     return draw(st.permutations(made))
@@ -78,18 +74,18 @@ windows = st.builds(
 )
 
 
-def samples_of(said: list[Block]) -> list[Sample]:
+def samples_of(said: list[Frame]) -> list[Sample]:
     """All samples in order of time."""
-    ordered = sorted(said, key=lambda b: (b.tube.first_moment, b.position))
+    ordered = sorted(said, key=lambda each: (tube_of(each).first_moment, each.position))
     found = [
-        Sample(int(t), b.tube.dt, float(lo), float(hi))
-        for b in ordered
-        for t, lo, hi in zip(b.tube.moments, b.tube.values.inf, b.tube.values.sup, strict=True)
+        Sample(int(t), tube.dt, float(lo), float(hi))
+        for tube in map(tube_of, ordered)
+        for t, lo, hi in zip(tube.moments, tube.values.inf, tube.values.sup, strict=True)
     ]
     return sorted(found, key=lambda sample: sample.t)
 
 
-def within(said: list[Block], window: Window) -> list[Sample]:
+def within(said: list[Frame], window: Window) -> list[Sample]:
     """Samples in the window."""
     return [s for s in samples_of(said) if window.start <= s.t < window.end]
 
@@ -99,7 +95,7 @@ def is_gap(before: Sample, after: Sample) -> bool:
     return after.t - before.t > before.dt + before.dt // 2
 
 
-def ask(store: Store, said: list[Block], window: Window, points: int) -> Series:
+def ask(store: Store, said: list[Frame], window: Window, points: int) -> Series:
     """Ask a store that holds this alone."""
     put(emptied(store), *said)
     put(store, *said[::-1])
@@ -118,7 +114,7 @@ def check_samples(series: Series, expected: list[Sample]) -> None:
     assert list(zip(times, series.lo.tolist(), series.hi.tolist(), strict=True)) == entries
 
 
-def check_hull(series: Series, said: list[Block], window: Window) -> None:
+def check_hull(series: Series, said: list[Frame], window: Window) -> None:
     starts = (series.t + series.t0).tolist()
     assert starts[0] == window.start
     assert starts[-1] < window.end <= starts[-1] + series.dt
@@ -129,7 +125,7 @@ def check_hull(series: Series, said: list[Block], window: Window) -> None:
         assert lo == min((s.lo for s in inside), default=-math.inf)
         assert hi == max((s.hi for s in inside), default=math.inf)
     touched = Window(window.start, starts[-1] + series.dt)
-    least = min(b.tube.coverage for b in said if within([b], touched))
+    least = min(tube_of(each).coverage for each in said if within([each], touched))
     assert series.coverage == union_coverage(least, n=largest)
 
 
@@ -138,9 +134,9 @@ def check_hull(series: Series, said: list[Block], window: Window) -> None:
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
-@given(said=blocks(), window=windows, points=st.integers(1, 20))
+@given(said=stretches(), window=windows, points=st.integers(1, 20))
 def test_series_equals_brute_force(
-    store: Store, said: list[Block], window: Window, points: int
+    store: Store, said: list[Frame], window: Window, points: int
 ) -> None:
     series = ask(store, said, window, points)
     expected = within(said, window)
@@ -151,8 +147,8 @@ def test_series_equals_brute_force(
         assert series.resolution == "hull"
         assert len(series.t) <= points
         check_hull(series, said, window)
-    used = [b for b in said if within([b], window)]
-    assert series.time_error >= max((b.tube.time_error for b in used), default=0)
+    used = [tube_of(each) for each in said if within([each], window)]
+    assert series.time_error >= max((tube.time_error for tube in used), default=0)
 
 
 def brute_answer(sample: Sample, question: Predicate) -> Verdict:
@@ -172,7 +168,7 @@ def brute_answer(sample: Sample, question: Predicate) -> Verdict:
 
 
 def brute_segments(
-    said: list[Block], window: Window, question: Predicate
+    said: list[Frame], window: Window, question: Predicate
 ) -> Iterator[tuple[int, int, Verdict]]:
     """Run by run over all samples."""
 
@@ -207,9 +203,9 @@ questions = st.one_of(
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
-@given(said=blocks(), window=windows, question=questions)
+@given(said=stretches(), window=windows, question=questions)
 def test_states_equal_brute_force(
-    store: Store, said: list[Block], window: Window, question: Predicate
+    store: Store, said: list[Frame], window: Window, question: Predicate
 ) -> None:
     put(emptied(store), *said)
     with store.read() as connection:
@@ -224,59 +220,6 @@ def test_states_equal_brute_force(
         if segment[2] is not Verdict.IMPOSSIBLE
     ]
     assert found == expected
-
-
-def spy_on_decoding(monkeypatch: pytest.MonkeyPatch) -> list[Block]:
-    """Blocks whose samples are decoded from now on."""
-    decoded: list[Block] = []
-
-    def read(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        decoded.append(Block.decode(data))
-        return read_bounds(data)
-
-    monkeypatch.setattr("eskin_cloud.rollup.blocks.read_bounds", read)
-    return decoded
-
-
-def test_threshold_decodes_only_undecided_blocks(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    put(
-        store,
-        *(
-            stretch(n, [low] * 4, [low + 1] * 4, time=(START + 40 * n, START + 40 * n), dt=10)
-            for n, low in enumerate([0.0, 5.0, 9.5, 12.0, 0.0])
-        ),
-    )
-    decoded = spy_on_decoding(monkeypatch)
-    with store.read() as connection:
-        row = find_channel(connection, NODE, CHANNEL)
-        window = Window(START + 5, START + 10**6)
-        segments = list(find_segments(connection, row, window, ABOVE_10))
-    assert [b.position.sequence for b in decoded] == [2]
-    assert [(s.start - START, s.end - START, s.answer) for s in segments] == [
-        (80, 110, Verdict.POSSIBLE),
-        (120, 150, Verdict.CERTAIN),
-    ]
-
-
-def test_hull_of_many_blocks_decodes_only_straddling_ones(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("eskin_cloud.rollup.blocks._FEW", 9)
-    put(
-        store,
-        *(stretch(n, [n] * 5, [n + 1] * 5, time=(START + 50 * n,) * 2, dt=10) for n in range(10)),
-    )
-    decoded = spy_on_decoding(monkeypatch)
-    with store.read() as connection:
-        row = find_channel(connection, NODE, CHANNEL)
-        series = read_series(connection, row, Window(START, START + 500), points=5)
-        assert decoded == []
-        read_series(connection, row, Window(START + 20, START + 520), points=5)
-        assert {b.position.sequence for b in decoded} == {0, 2, 4, 6, 8}
-    assert series.lo.tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
-    assert series.hi.tolist() == [2.0, 4.0, 6.0, 8.0, 10.0]
 
 
 @pytest.mark.parametrize(("late", "gap"), [(15, False), (16, True)])

@@ -34,27 +34,12 @@ def test_channels_of_a_node_are_limited(stand: Stand, monkeypatch: pytest.Monkey
     said = [stretch(number, channel=name) for number, name in enumerate(CHANNELS)]
     outcome = put(store, *said)
     assert results(outcome) == [STORED] * 3 + [REJECTED] * 2
-    assert "more than 3 channels" in str(outcome.results[-1].reason)
+    assert "at most 3 are allowed" in str(outcome.results[-1].reason)
     store.cache.clear()
-    assert results(put(store, stretch(10, channel=CHANNELS[3]), status(11, channels=CHANNELS))) == [
-        REJECTED,
-        REJECTED,
-    ]
+    assert results(put(store, stretch(10, channel=CHANNELS[3]))) == [REJECTED]
     assert results(put(store, peak(12, channel=CHANNELS[4]))) == [REJECTED]
-    assert results(put(store, stretch(13), peak(14), status(15, channels=CHANNELS[:3]))) == (
-        [STORED] * 3
-    )
+    assert results(put(store, stretch(13), peak(14), status(15))) == [STORED] * 3
     assert results(put(store, stretch(0, channel=CHANNELS[4]), node="palm")) == [STORED]
-
-
-def test_status_with_too_many_channels_is_rejected(
-    stand: Stand, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("eskin_cloud.store.write.layouts.MOST_CHANNELS", 3)
-    store = stand.cloud.store
-    assert results(put(store, status(0, channels=CHANNELS[:4]))) == [REJECTED]
-    assert results(put(store, status(1, channels=CHANNELS[:3]), stretch(2))) == [STORED] * 2
-    assert results(put(store, stretch(3, channel=CHANNELS[3]))) == [REJECTED]
 
 
 @pytest.mark.anyio
@@ -69,7 +54,7 @@ async def test_sealed_channels_count(
         assert [item["result"] for item in answer.json()["items"]] == [
             STORED,
             STORED,
-            REJECTED,
+            STORED,
             REJECTED,
         ]
         listed = (await stand.get(f"/api/v1/nodes/{HAND}/channels")).json()["items"]

@@ -1,21 +1,21 @@
-"""Rollups against brute force, while blocks arrive in any order and are removed."""
+"""Rollups against brute force, while frames arrive in any order and are compacted."""
 
 from __future__ import annotations
 
 import asyncio
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from eskin_cloud.jobs.overview_tiles import build_rollup
-from eskin_cloud.query.occupancy import measure_occupancy, total_occupancy
+from eskin_cloud.query.occupancy import total_occupancy
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.segments import Segment, find_segments, merge
-from eskin_cloud.rollup.tile_builder import build, write_levels
+from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
-from eskin_cloud.store.schema.tile_tables import stale_chunks, tiles
+from eskin_cloud.store.schema.frame_tables import patch_tiles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sqlalchemy import select
@@ -27,26 +27,25 @@ from tests.unit.cloud.brute_force import (
     Truth,
     ask,
     check_states,
+    compact_all,
     compare,
-    remove_before,
+    lowest_level,
 )
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
-from tests.unit.cloud.test_queries import spy_on_decoding
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
-    from sqlalchemy import Connection
 
-    from eskin.wire.messages import Block
+    from eskin.wire.frames import Frame
     from tests.unit.cloud.clouds import Stand
 
 SPAN = 2_000_000
-"""Of all blocks, in ns: 120 chunks of tiles at a sampling period of 1 ns."""
+"""Of all frames, in ns."""
 
 
-def drawn(random: np.random.Generator, sequence: int, first: int, last: int) -> Block:
-    """A block somewhere in a stretch of time, of a node that starts anew now and then."""
+def drawn(random: np.random.Generator, sequence: int, first: int, last: int) -> Frame:
+    """A frame somewhere in a stretch of time, of a node that starts anew now and then."""
     n = int(random.integers(1, 1000))
     sides = np.sort(random.choice(BOUNDS[1:-1], (2, n)), axis=0)
     sides[0][random.random(n) < 0.001], sides[1][random.random(n) < 0.001] = -np.inf, np.inf
@@ -61,11 +60,8 @@ def drawn(random: np.random.Generator, sequence: int, first: int, last: int) -> 
     )
 
 
-@pytest.mark.parametrize(("seed", "few"), [(0, 600), (1, 3)])
-def test_buckets_equal_brute_force(
-    store: Store, monkeypatch: pytest.MonkeyPatch, seed: int, few: int
-) -> None:
-    monkeypatch.setattr("eskin_cloud.rollup.blocks._FEW", few)
+@pytest.mark.parametrize("seed", range(2))
+def test_buckets_equal_brute_force(store: Store, seed: int) -> None:
     random = np.random.default_rng(seed)
     said = [stretch(0, [0.1], [0.3], time=(START, START), dt=1)]
     put(store, *said)
@@ -79,11 +75,9 @@ def test_buckets_equal_brute_force(
         for part in (fresh[:10], fresh[10:]):
             put(store, *part)
             if random.random() < 0.5:
+                compact_all(store)
+            if random.random() < 0.5:
                 build(store)
-        if random.random() < 0.3:
-            before = START + int(random.integers(0, SPAN // 4))
-            said = [b for b in said if b.tube.moments[-1] + b.tube.time_error >= before]
-            remove_before(store, before)
         check(store, Truth(said), random)
 
 
@@ -129,46 +123,23 @@ def test_entries_are_those_of_every_signal_between_the_bounds(
     assert total_occupancy(merge(runs), Window(0, t + 10), None).entries == whole.entries
 
 
-def test_states_decode_only_undecided_blocks(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    levels = [0.0, 5.0, 9.5, 12.0]
-    said = [
-        stretch(n, [levels[n // 200]] * 500, [levels[n // 200] + 1] * 500, time=(at, at), dt=1)
-        for n, at in ((n, START + 500 * n) for n in range(800))
-    ]
-    put(store, *said)
-    build(store)
-    decoded = spy_on_decoding(monkeypatch)
-    window = Window(START + 100, START + 399_000)
-    with store.read() as connection:
-        row = find_channel(connection, NODE, CHANNEL)
-        question = Predicate(10.0, None, strict=True)
-        found = measure_occupancy(connection, row, window, question)
-    assert {levels[b.position.sequence // 200] for b in decoded} == {9.5}
-    assert len({b.position for b in decoded}) == 200
-    assert found.time == (99_000, 199_000)
-    assert found.entries == (1, 50_001)
-    decoded.clear()
-    with store.read() as connection:
-        measure_occupancy(connection, row, window, Predicate(20.0, None, strict=True))
-    assert decoded == []
-
-
 @pytest.mark.anyio
 async def test_background_build_starts_and_stops(stand: Stand) -> None:
     moments = [START + n * 20_000 for n in range(5)]
     put(stand.cloud.store, *(stretch(n, time=(t, t), dt=1) for n, t in enumerate(moments)))
+    compact_all(stand.cloud.store)
     stopping = asyncio.Event()
     building = asyncio.create_task(build_rollup(stand.cloud, stopping))
     while not _levels(stand.cloud.store):  # noqa: ASYNC110 - made by the code under test
         await asyncio.sleep(0.01)
     stopping.set()
     await building
-    assert min(_levels(stand.cloud.store)) == 6
+    assert min(_levels(stand.cloud.store)) == lowest_level(stand.cloud.store)
 
 
 def _levels(store: Store) -> set[int]:
     with store.read() as connection:
-        return set(connection.execute(select(tiles.c.level)).scalars())
+        return set(connection.execute(select(patch_tiles.c.level)).scalars())
 
 
 def test_certain_segment_ends_at_each_gap_within_a_tile(store: Store) -> None:
@@ -177,34 +148,10 @@ def test_certain_segment_ends_at_each_gap_within_a_tile(store: Store) -> None:
         store,
         *(stretch(n, [1.0] * 30, [2.0] * 30, time=(t, t), dt=1) for n, t in enumerate(moments)),
     )
+    compact_all(store)
     build(store)
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
         window = Window(START, START + 40_000)
         found = list(find_segments(connection, row, window, Predicate(0.0, None, strict=True)))
     assert [(run.start, run.end) for run in found] == [(t, t + 29) for t in moments]
-
-
-def test_build_yields_to_other_writers_between_channels(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Chunks of all channels are complete at the same time; other writes must not wait for all."""
-    names = [f"t{number:02}.capacitance" for number in range(3)]
-    for at, name in enumerate(names):
-        moments = [START, START + 20_000]
-        put(store, *(stretch(10 * at + n, time=(t, t), dt=1, channel=name)
-                     for n, t in enumerate(moments)))  # fmt: skip
-    order: list[str] = []
-
-    def write(connection: Connection, place: tuple[str, str], *made: Any) -> None:
-        if not order:
-            store.write(lambda _: order.append("another"))
-        order.append(place[1])
-        write_levels(connection, place, *made)
-
-    monkeypatch.setattr("eskin_cloud.rollup.tile_builder.write_levels", write)
-    build(store)
-    assert order == [names[0], "another", *names[1:]]
-    with store.read() as connection:
-        assert not connection.execute(select(stale_chunks)).all()
-        assert set(connection.execute(select(tiles.c.channel)).scalars()) == set(names)

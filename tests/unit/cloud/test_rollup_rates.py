@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_cloud.query.export import Export, ExportChannel
-from eskin_cloud.rollup.tile_builder import build
+from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import MOST_CHUNKS
@@ -18,10 +18,10 @@ from tests.unit.cloud.brute_force import (
     Truth,
     ask,
     check_states,
+    compact_all,
     compare,
     count_marked,
     lowest_level,
-    remove_before,
 )
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
@@ -35,6 +35,7 @@ def test_rates_far_apart_need_few_chunks(store: Store, seed: int) -> None:
     random = np.random.default_rng(seed)
     said = [stretch(0, [0.1], [0.3], time=(START, START), dt=1)]
     put(store, *said)
+    compact_all(store)
     grains = [lowest_level(store)]
     for number in range(1, 8):
         dt = int(random.choice([1, 900, 10**6, 10**9, 10**12]))
@@ -43,16 +44,11 @@ def test_rates_far_apart_need_few_chunks(store: Store, seed: int) -> None:
         begin = START + int(random.integers(0, 10 ** int(random.integers(3, 15))))
         said.append(stretch(number, *sides, time=(begin, begin), dt=dt))
         put(store, said[-1])
+        compact_all(store)
         if random.random() < 0.7:
             build(store)
-        if random.random() < 0.2:
-            before = START + int(random.integers(0, 10**12))
-            said = [b for b in said if b.tube.moments[-1] + b.tube.time_error >= before]
-            remove_before(store, before)
         grains.append(lowest_level(store))
         assert count_marked(store) <= MOST_CHUNKS * number
-        if not said:
-            continue
         truth = Truth(said)
         first, last = np.sort(random.choice(truth.t, 2)).tolist()
         window = Window(first, last + 1 + int(random.integers(10**6)))
@@ -68,10 +64,13 @@ def test_rates_far_apart_need_few_chunks(store: Store, seed: int) -> None:
 def test_rate_a_thousand_times_lower_keeps_the_tiles(store: Store) -> None:
     values = np.zeros(250), np.ones(250)
     put(store, stretch(0, *values, time=(START, START), dt=1_000_000))
+    compact_all(store)
     grain = lowest_level(store)
     put(store, stretch(1, *values, time=(START + 10**9,) * 2, dt=1_000_000_000))
+    compact_all(store)
     build(store)
     put(store, stretch(2, *values, time=(START + 2 * 10**9,) * 2, dt=1_000_000_000))
+    compact_all(store)
     assert count_marked(store) > 0, "the second one is late"
     assert lowest_level(store) == grain
 
@@ -84,10 +83,10 @@ def test_channel_at_the_beginning_of_time_is_built_and_exported(store: Store) ->
     ]
     slow = stretch(40, [0.0, 0.0], [2.0, 3.0], time=(first, first), dt=10**12)
     later = stretch(41, [0.0], [4.0], time=(first + 3 * 10**12,) * 2, dt=1000)
-    put(store, *fast, slow)
-    build(store)
-    put(store, later)
-    build(store)
+    for said in ([*fast, slow], [later]):
+        put(store, *said)
+        compact_all(store)
+        build(store)
     window = Window(first, first + 4 * 10**12)
     compare(ask(store, window, 7), Truth([*fast, slow, later]), window, 7)
     with store.read() as connection:

@@ -1,4 +1,4 @@
-"""A few slow blocks among fast ones: exact answers, and tiles that stay as short as they were."""
+"""A few slow frames among fast ones: exact answers, and tiles that stay as short as they were."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from eskin_cloud.rollup.tile_builder import build
-from eskin_cloud.store.compaction import compact_page
+from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import (
     MOST_CHUNKS,
@@ -17,36 +16,32 @@ from eskin_cloud.store.sample_grid import (
     base_level,
     level_for,
 )
-from eskin_cloud.store.schema.tables import blocks
-from sqlalchemy import select
 
-from eskin.wire.messages.encoding import Encoding
 from tests.unit.cloud.brute_force import (
     BOUNDS,
     QUESTIONS,
     Truth,
     ask,
     check_states,
+    compact_all,
     compare,
     count_marked,
     lowest_level,
-    remove_before,
 )
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
-from tests.unit.cloud.test_queries import spy_on_decoding
+from tests.unit.cloud.messages import START, stretch
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
 
-    from eskin.wire.messages import Block
+    from eskin.wire.frames import Frame
 
 MS, SLOWEST = 10**6, 10**12
 """A usual period, and the longest one that the wire contract knows."""
 
 
-def drawn(random: np.random.Generator, sequence: int) -> Block:
-    """A block of a fast or of a slow part, anywhere in some hours."""
+def drawn(random: np.random.Generator, sequence: int) -> Frame:
+    """A frame of a fast or of a slow part, anywhere in some hours."""
     dt = int(random.choice([MS, 10**9, 10**11, SLOWEST]))
     n = int(random.integers(1, MOST_CHUNKS + 1 if dt > MS else 1000))
     sides = np.sort(random.choice(BOUNDS[1:-1], (2, n)), axis=0)
@@ -55,7 +50,7 @@ def drawn(random: np.random.Generator, sequence: int) -> Block:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_slow_blocks_among_fast_ones_equal_brute_force(store: Store, seed: int) -> None:
+def test_slow_frames_among_fast_ones_equal_brute_force(store: Store, seed: int) -> None:
     random = np.random.default_rng(seed)
     said = [stretch(0, [0.1], [0.3], time=(START, START), dt=MS)]
     put(store, *said)
@@ -64,17 +59,13 @@ def test_slow_blocks_among_fast_ones_equal_brute_force(store: Store, seed: int) 
         said += fresh
         put(store, *fresh[:2])
         build(store)
+        compact_all(store)
         put(store, *fresh[2:])
+        compact_all(store)
         assert count_marked(store) <= MOST_CHUNKS * len(fresh)
         if random.random() < 0.7:
             build(store)
-        if random.random() < 0.4:
-            before = START + int(random.integers(0, 10**13))
-            said = [b for b in said if b.tube.moments[-1] + b.tube.time_error >= before]
-            remove_before(store, before)
         assert lowest_level(store) == base_level(MS)
-        if not said:
-            continue
         truth = Truth(said)
         for _ in range(3):
             first, last = np.sort(random.choice(truth.t, 2)).tolist()
@@ -83,38 +74,6 @@ def test_slow_blocks_among_fast_ones_equal_brute_force(store: Store, seed: int) 
             series = ask(store, window, 100)
             if series.resolution == "hull":
                 compare(series, truth, window, 100)
-
-
-def test_pack_of_slow_blocks_keeps_the_tiles_when_rebuilt_or_removed(store: Store) -> None:
-    said = [stretch(0, [0.1] * 9, [0.3] * 9, time=(START, START), dt=MS)]
-    for k in range(64):
-        at = START + 10**10 + 2 * k * SLOWEST
-        said.append(
-            stretch(k + 1, [0.0, 1.0], [1.0, 2.0], time=(at, at), dt=SLOWEST, encoding=Encoding.Q16)
-        )
-    put(store, *said)
-    while compact_page(store, (NODE, CHANNEL), 0):
-        pass
-    with store.read() as connection:
-        assert max(n or 0 for n in connection.execute(select(blocks.c.packed)).scalars()) == 64
-    build(store)
-    truth, window = Truth(said), Window(START, START + 130 * SLOWEST)
-    compare(ask(store, window, 100), truth, window, 100)
-    remove_before(store, START + 200 * SLOWEST)
-    assert lowest_level(store) == base_level(MS)
-    assert count_marked(store) > MOST_CHUNKS
-
-
-def test_slow_block_is_decoded_at_its_samples_only(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    slow = stretch(1, [0.0] * 9, [1.0] * 9, time=(START, START), dt=SLOWEST)
-    at = START + SLOWEST // 2
-    put(store, slow, stretch(2, [0.0] * 9, [1.0] * 9, time=(at, at), dt=MS))
-    decoded = spy_on_decoding(monkeypatch)
-    window = Window(at, at + 9 * MS)
-    assert len(ask(store, window, 100).t) == 9
-    assert [each.position.sequence for each in decoded] == [2]
 
 
 @pytest.mark.parametrize("dt", [1, MS, 10**9, SLOWEST])

@@ -10,13 +10,13 @@ import numpy as np
 from eskin_cloud.query.occupancy import measure_occupancy
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.series import read_series
-from eskin_cloud.rollup.tile_builder import build
+from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
-from eskin_cloud.store.schema.tables import blocks
+from eskin_cloud.store.schema.frame_tables import patch_rows
 from sqlalchemy import Connection, select, text
 
-from eskin.wire.messages import Encoding
+from tests.unit.cloud.brute_force import compact_all
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 
@@ -26,13 +26,14 @@ if TYPE_CHECKING:
     from eskin_cloud.store import Store
     from eskin_cloud.store.read.lookup import Channel
 
-BLOCKS: Final = 6000
+FRAMES: Final = 6000
 SAMPLES: Final = 100
-"""In each block, 1 ns apart: 35 chunks of tiles, and parts of two more that are not built yet."""
-SPAN: Final = BLOCKS * SAMPLES
+PERIOD: Final = 100_000_000
+"""So that a frame is as long as the shortest compacted row."""
+SPAN: Final = FRAMES * SAMPLES * PERIOD
 FEW: Final = 4000
 SETTLED: Final = Predicate(9.0, None, strict=True)
-"""Of a state that no block is in: bounds tell it."""
+"""Of a state that no sample is in: bounds tell it."""
 _TOUCHED: Final = text(
     "SELECT sum(pg_stat_get_xact_tuples_returned(oid)) FROM pg_class "
     "WHERE relnamespace = 'public'::regnamespace"
@@ -79,13 +80,14 @@ def asked(store: Store) -> Iterator[tuple[Connection, Channel, Callable[[], int]
 
 def fill(store: Store) -> None:
     random = np.random.default_rng(1)
-    for first in range(0, BLOCKS, 1000):
+    for first in range(0, FRAMES, 1000):
         said = []
         for number in range(first, first + 1000):
-            at = START + number * SAMPLES
+            at = START + number * SAMPLES * PERIOD
             lo = random.random(SAMPLES)
-            said.append(stretch(number, lo, lo + 1, time=(at, at), dt=1, encoding=Encoding.F32))
+            said.append(stretch(number, lo, lo + 1, time=(at, at), dt=PERIOD))
         put(store, *said)
+    compact_all(store)
     build(store)
     if not isinstance(store.location, Path):
         store.write_and_wait(lambda connection: connection.execute(text("ANALYZE")))
@@ -115,5 +117,5 @@ def test_random_windows_of_a_built_store_are_answered_from_few_rows(store: Store
         read_series(connection, channel, Window(START, START + SPAN), points=1000)
         assert 16 < count() <= FEW // 2, "the whole takes less than its parts"
     with asked(store) as (connection, _, count):
-        connection.execute(select(blocks.c.t)).all()
-        assert count() >= BLOCKS, "a look at every block is noticed"
+        connection.execute(select(patch_rows.c.t)).all()
+        assert count() > FEW, "a look at every row is noticed"

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from eskin_cloud.store import Store
+from eskin_cloud.store.schema.frame_tables import descriptions, frames, pages
 from eskin_cloud.store.schema.tables import (
-    blocks,
-    channels,
     dead_letters,
     events,
     feed,
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 
     from tests.unit.cloud.clouds import Clock, Said
 
-_COMPARED: Final = (blocks, channels, dead_letters, events, nodes, sequences)
+_COMPARED: Final = (dead_letters, descriptions, events, frames, nodes, pages, sequences)
 
 
 def contents(store: Store) -> dict[str, list[tuple[Any, ...]]]:
@@ -65,8 +64,8 @@ def stumble(_: Connection) -> None:
 
 def collide(connection: Connection) -> None:
     """Add a row that is there already: PostgreSQL reports it when the COPY ends."""
-    row = connection.execute(select(blocks).limit(1)).one()
-    inserts_ = bulk_insert(connection, blocks)
+    row = connection.execute(select(frames).limit(1)).one()
+    inserts_ = bulk_insert(connection, frames)
     inserts_.add(tuple(row))
     inserts_.finish()
 
@@ -83,7 +82,7 @@ def test_shared_commit_saves_the_cache_once(store: Store) -> None:
     with one_commit(store):
         written = [bring(store, stretch(10 * k), stretch(10 * k + 1)) for k in range(1, 9)]
     assert [kinds(each.result(120)) for each in written] == [["stored"] * 2] * 8
-    assert saved.count("UPDATE channels") == saved.count("UPDATE nodes") == 1
+    assert saved.count("UPDATE pages") == saved.count("UPDATE nodes") == 1
     assert saved.count("UPDATE feed") == 1
     store.cache.clear()
     assert kinds(put(store, stretch(80), stretch(82))) == ["duplicate", "stored"]
@@ -91,8 +90,8 @@ def test_shared_commit_saves_the_cache_once(store: Store) -> None:
 
 def test_other_work_sees_earlier_batches(store: Store) -> None:
     def count(connection: Connection) -> tuple[int, int]:
-        rows = select(func.count()).select_from(blocks)
-        counted = select(func.coalesce(func.sum(channels.c.blocks), 0))
+        rows = select(func.count()).select_from(frames)
+        counted = select(func.coalesce(func.sum(pages.c.frames), 0))
         return connection.execute(rows).scalar_one(), connection.execute(counted).scalar_one()
 
     with one_commit(store):
@@ -118,7 +117,7 @@ def test_failed_batch_affects_no_other(
         before = bring(store, stretch(1), peak(2))
         broken = bring(store, stretch(3), then=then)
         after = bring(store, stretch(4))
-        other = store.write(lambda c: c.execute(select(func.count()).select_from(blocks)).scalar())
+        other = store.write(lambda c: c.execute(select(func.count()).select_from(frames)).scalar())
     with pytest.raises(told):
         broken.result(120)
     assert kinds(before.result(120)) == ["stored", "stored"]
@@ -140,7 +139,7 @@ def test_message_that_fails_becomes_a_dead_letter_alone(
     def breaks(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("eskin_cloud.store.write.ingest.peak_row", breaks)
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.statement_rows", breaks)
     with one_commit(store):
         written = [
             bring(store, stretch(0)),

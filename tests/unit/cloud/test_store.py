@@ -7,24 +7,22 @@ from dataclasses import replace
 from random import Random
 from typing import TYPE_CHECKING, Any
 
-import cbor2
 import pytest
 from eskin_cloud.store import Store
-from eskin_cloud.store.damage import RowHeader
-from eskin_cloud.store.schema.tables import blocks, channels, dead_letters, events, nodes, sequences
-from eskin_cloud.store.schema.tile_tables import stale_chunks
+from eskin_cloud.store.schema.frame_tables import frames, pages, stale_patch_chunks
+from eskin_cloud.store.schema.tables import dead_letters, events, nodes, sequences
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from eskin_cloud.store.write.presence import mark_silent_offline
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import event, select, update
 
-from eskin.runtime.digest import digest
 from eskin.wire.messages import ResetCause
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import Clock, emptied, put, put_items
-from tests.unit.cloud.messages import CHANNEL, NODE, START, gap, lying, peak, status, stretch
+from tests.unit.cloud.messages import NODE, START, gap, lying, peak, skin_of, status, stretch
+from tests.unit.cloud.skins import bring_all, describe
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,34 +40,6 @@ def rows(store: Store, table: Table) -> list[dict[str, Any]]:
 def results(outcome: Any) -> list[str]:
     """What became of each item."""
     return [result.result for result in outcome.results]
-
-
-def test_blocks_are_kept_byte_for_byte(store: Store) -> None:
-    said = stretch(5, [1.0, 2.0], [3.0, 4.0], boot=2, time=(START, START + 3), coverage=0.5)
-    put(store, said)
-    (row,) = rows(store, blocks)
-    assert row == {
-        "node": NODE,
-        "boot": 2,
-        "sequence": 5,
-        "cursor": 1,
-        "channel": CHANNEL,
-        "t": START + 1,
-        "t_end": START + 1 + 1_000_000,
-        "error": 2,
-        "t_lo": START,
-        "t_hi": START + 3,
-        "dt": 1_000_000,
-        "n": 2,
-        "lo": 1.0,
-        "hi": 4.0,
-        "coverage": 0.5,
-        "received": START,
-        "data": said.encode(),
-        "digest": digest(said.encode()),
-        "packed": None,
-        "head": RowHeader.of(row).checksum(),
-    }
 
 
 @settings(
@@ -97,12 +67,12 @@ def test_each_message_is_stored_once_in_any_order_also_after_reopening(
             for key, result in zip(keys, results(outcome), strict=True):
                 assert result == ("duplicate" if key in seen else "stored")
                 seen.add(key)
-        assert {(row["boot"], row["sequence"]) for row in rows(store, blocks)} == seen
+        assert {(row["boot"], row["sequence"]) for row in rows(store, frames)} == seen
         for boot in (1, 2):
             expected = SequenceRanges((s, s) for b, s in seen if b == boot)
             kept = [(r["first"], r["last"]) for r in rows(store, sequences) if r["boot"] == boot]
             assert sorted(kept) == list(expected)
-        cursors = sorted(row["cursor"] for row in rows(store, blocks))
+        cursors = sorted(row["cursor"] for row in rows(store, frames))
         assert cursors == list(range(1, len(seen) + 1))
 
 
@@ -114,7 +84,7 @@ def test_batch_leaves_what_its_messages_leave_one_by_one(seed: int, place: Store
 
 
 def drawn_items(draw: Random) -> Iterator[ParsedMessage]:
-    """Blocks, some of them twice, late or of another unit, and a few statuses."""
+    """Frames, some of them twice, late or of another unit, and a few statuses."""
     for _ in range(40):
         node, boot, sequence = draw.choice(["n1", "n2"]), draw.randint(1, 2), draw.randint(0, 15)
         time = START + draw.randint(-3, 20) * SECOND
@@ -135,16 +105,16 @@ def drawn_items(draw: Random) -> Iterator[ParsedMessage]:
 
 
 def left_by(place: StoreLocation, batches: list[list[ParsedMessage]]) -> list[Any]:
-    """The results of batches, and the rows after them, partly built and compacted."""
-    late = {"built": START + 5 * SECOND, "packed": START + 4 * SECOND}
+    """The results of batches, and the rows after them, partly compacted."""
+    late = {"compacted": START + 4 * SECOND}
     with Store(place, clock=Clock(START + 3600 * SECOND)) as store:
         emptied(store)
         for node in ("n1", "n2"):
             put(store, stretch(99, channel="t01.a"), node=node)
-        store.write(lambda connection: connection.execute(update(channels), late)).result()
+        store.write(lambda connection: connection.execute(update(pages), late)).result()
         store.cache.clear()
         told = [result for each in batches for result in put_items(store, each).results]
-        tables = (blocks, nodes, channels, events, sequences, dead_letters, stale_chunks)
+        tables = (frames, nodes, pages, events, sequences, dead_letters, stale_patch_chunks)
         kept = [[row | {"mark": None} for row in rows(store, table)] for table in tables]
         return [told, *(sorted(map(repr, each)) for each in kept)]
 
@@ -160,29 +130,29 @@ def test_invalid_message_becomes_a_dead_letter_alone(store: Store) -> None:
             NODE, stretch(2, time=(2**63 - 5, 2**63 - 1), lo=[1, 1], hi=[1, 1]).encode()
         ),
         ParsedMessage.parse(NODE, peak(3, unit="H").encode()),
-        ParsedMessage.parse(NODE, status(4, unit="H").encode()),
+        ParsedMessage.parse(NODE, replace(stretch(4), page=1).encode()),
         ParsedMessage.parse(NODE, lying(stretch(6, [1.0, 2.0], [3.0, 4.0]))),
         ParsedMessage.parse(NODE, stretch(5).encode()),
     ]
     outcome = put_items(store, items)
     assert results(outcome) == ["stored", *["rejected"] * 8, "stored"]
     letters = rows(store, dead_letters)
-    assert {letter["data"] for letter in letters} == {item.data for item in items[1:-1]}
-    reasons = {letter["data"]: letter["reason"] for letter in letters}
-    assert "keeps its unit" in reasons[items[4].data]
-    assert "2262" in reasons[items[5].data]
-    assert "hull" in reasons[items[8].data]
+    # Only what is known to be of nobody is kept.
+    assert {letter["data"] for letter in letters} == {b"", items[5].data, items[7].data}
+    reasons = [str(result.reason) for result in outcome.results]
+    assert "keeps its unit" in reasons[4]
+    assert "2262" in reasons[5]
     assert all(result.reason for result in outcome.results[1:-1])
 
 
 def test_dead_letters_are_unique_and_bounded(store: Store, clock: Clock) -> None:
     for number in range(5):
         clock.turn(1)
-        poison = [ParsedMessage.parse(NODE, cbor2.dumps({4: "t01.a", 5: number}))] * 2
+        poison = [ParsedMessage.parse(NODE, replace(stretch(number), page=1).encode())] * 2
         outcome = put_items(store, poison, dead_letters=3)
     assert outcome.dropped == 1
     assert sorted(row["data"] for row in rows(store, dead_letters)) == [
-        cbor2.dumps({4: "t01.a", 5: number}) for number in (2, 3, 4)
+        replace(stretch(number), page=1).encode() for number in (2, 3, 4)
     ]
 
 
@@ -262,17 +232,19 @@ def test_gap_and_peak_are_events(store: Store) -> None:
 
 
 def test_batch_of_many_nodes_needs_few_queries(store: Store) -> None:
-    items = [
-        ParsedMessage.parse(f"node{number}", said.encode())
+    said = [
+        (f"node{number}", each)
         for number in range(100)
-        for said in (status(0), stretch(1), peak(2))
+        for each in (status(0), stretch(1), peak(2))
     ]
+    for node, _ in said[::3]:
+        describe(store, *skin_of(), node=node)
     asked: list[str] = []
     store.cache.clear()
     event.listen(
         store._writing, "before_cursor_execute", lambda *words: asked.append(str(words[2]))
     )
-    assert results(put_items(store, items)) == ["stored"] * 300
+    assert results(bring_all(store, *said)) == ["stored"] * 300
     store.cache.clear()  # as after another process wrote
-    assert results(put_items(store, items)) == ["duplicate"] * 300
+    assert results(bring_all(store, *said)) == ["duplicate"] * 300
     assert len(asked) < 50, asked

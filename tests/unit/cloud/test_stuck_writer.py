@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_cloud.store import Store
-from eskin_cloud.store.schema.tables import blocks
+from eskin_cloud.store.frame_row import FrameRow, fit_frame
+from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.stuck_writer import end_stuck_writer
-from eskin_cloud.store.write.block_row import BlockRow
 from eskin_cloud.store.write.bulk_insert import bulk_insert
 from sqlalchemy import func, select
 
 from eskin.errors import StoreError
 from eskin.runtime.digest import digest
-from eskin.wire.messages import BlockSummary, decode_summary
+from eskin.wire.frames import DescribedLayout, FrameSummary
 from tests.support.processes import wait_until
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import NODE, START, stretch
+from tests.unit.cloud.messages import NODE, START, skin_of, stretch
 
 if TYPE_CHECKING:
     from sqlalchemy import URL, Connection
@@ -32,11 +32,12 @@ def test_stuck_writer_is_ended_and_retries(cluster: Cluster, shared_database: UR
     held: Future[None] = Future()
 
     def hang(connection: Connection) -> None:
-        into = bulk_insert(connection, blocks)
+        into = bulk_insert(connection, frames)
         data = stretch(0).encode()
-        said = decode_summary(data)
-        assert isinstance(said, BlockSummary)
-        into.add(BlockRow.of(NODE, said, data, digest(data), 1, START))
+        said = FrameSummary.decode(data)
+        layout, patch = skin_of()
+        fitting = fit_frame(said, DescribedLayout.of(layout, (patch,)), data)
+        into.add(FrameRow.of(NODE, said, fitting, data, digest(data), cursor=1, now=START))
         begun.set_result(None)
         held.result(120)
 
@@ -55,4 +56,4 @@ def test_stuck_writer_is_ended_and_retries(cluster: Cluster, shared_database: UR
             "stored",
         ]
         with other.read() as connection:
-            assert connection.execute(select(func.count()).select_from(blocks)).scalar_one() == 2
+            assert connection.execute(select(func.count()).select_from(frames)).scalar_one() == 2

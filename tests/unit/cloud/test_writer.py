@@ -6,17 +6,19 @@ from concurrent.futures import Future
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from eskin_cloud.store import Store, version
-from eskin_cloud.store.schema.tables import blocks, channels, dead_letters, feed, nodes, versions
-from eskin_cloud.store.write.channels import add_blocks
+from eskin_cloud.store.schema.frame_tables import frames, pages
+from eskin_cloud.store.schema.tables import dead_letters, feed, nodes, versions
 from eskin_cloud.store.write.ingest import ingest, ingest_individually
+from eskin_cloud.store.write.pages import add_frames
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from eskin_cloud.store.write.writer import Writer
 from sqlalchemy import insert, select, text
 
 from eskin.errors import StoreError
-from tests.unit.cloud.clouds import put, put_items
+from tests.unit.cloud.clouds import present, put, put_items
 from tests.unit.cloud.commits import one_commit
 from tests.unit.cloud.messages import NODE, START, status, stretch
 
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sqlalchemy import Connection, Table
+
+    from eskin.wire.frames import Frame
 
 
 def rows(store: Store, table: Table) -> list[dict[str, Any]]:
@@ -48,6 +52,7 @@ def file_store(tmp_path: Path) -> Iterator[Store]:
 def test_failed_job_is_rolled_back_alone(store: Store) -> None:
     def fails(connection: Connection) -> None:
         items = [ParsedMessage.parse(NODE, stretch(0).encode())]
+        present(connection, store, items)
         ingest(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
         raise ValueError("after its work")
 
@@ -55,9 +60,15 @@ def test_failed_job_is_rolled_back_alone(store: Store) -> None:
     with pytest.raises(ValueError, match="after its work"):
         failed.result(120)
     assert good.result(120) == [(0,)]
-    assert rows(store, blocks) == []
+    assert rows(store, frames) == []
     assert results(put(store, stretch(0))) == ["stored"]
-    assert rows(store, channels)[0]["blocks"] == 1
+    assert rows(store, pages)[0]["frames"] == 1
+
+
+def noise(sequence: int) -> Frame:
+    """A frame that is not small."""
+    lo = np.random.default_rng(sequence).random(900)
+    return stretch(sequence, lo, lo + 1.0)
 
 
 def test_full_disk_acknowledges_nothing(file_store: Store) -> None:
@@ -66,14 +77,14 @@ def test_full_disk_acknowledges_nothing(file_store: Store) -> None:
     pages = store.write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one()).result(120)
     store.write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all()).result(120)
     with pytest.raises(StoreError, match="full"):
-        put(store, *(stretch(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
+        put(store, *map(noise, range(1, 40)))
     assert "full" in str(store.writer.fault)
     store.write(lambda c: c.execute(text("PRAGMA max_page_count=1000000")).all()).result(120)
     store.check()
     assert not store.writer.fault
-    again = put(store, *(stretch(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
+    again = put(store, *map(noise, range(1, 40)))
     assert results(again) == ["stored"] * 39
-    assert len(rows(store, blocks)) == 40
+    assert len(rows(store, frames)) == 40
 
 
 @pytest.mark.parametrize("shortage", [MemoryError(), OSError(5, "Input/output error")])
@@ -85,17 +96,18 @@ def test_shortage_rejects_no_message(
     def short(*args: Any) -> None:
         if next(fails, False):
             raise shortage
-        add_blocks(*args)
+        add_frames(*args)
 
     def work(take: Callable[..., Any], connection: Connection) -> Any:
         items = [ParsedMessage.parse(NODE, stretch(n).encode()) for n in range(3)]
+        present(connection, store, items)
         return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
 
-    monkeypatch.setattr("eskin_cloud.store.write.ingest.add_blocks", short)
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.add_frames", short)
     ways = partial(work, ingest), partial(work, ingest_individually)
     with pytest.raises(StoreError, match=r"out of memory|Input/output"):
         store.write(ways[0], fallback=ways[1]).result(120)
-    assert rows(store, blocks) == []
+    assert rows(store, frames) == []
     assert results(store.write(ways[0], fallback=ways[1]).result(120)) == ["stored"] * 3
     assert store.writer.fault is None
 
@@ -110,9 +122,10 @@ def test_shortage_in_the_fallback_rejects_no_message(
 
     def work(take: Callable[..., Any], connection: Connection) -> Any:
         items = [ParsedMessage.parse(NODE, stretch(0).encode())]
+        present(connection, store, items)
         return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
 
-    monkeypatch.setattr("eskin_cloud.store.write.ingest.add_blocks", short)
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.add_frames", short)
     with pytest.raises(StoreError, match="out of memory"):
         store.write(partial(work, ingest), fallback=partial(work, ingest_individually)).result(120)
     assert rows(store, dead_letters) == []

@@ -42,7 +42,7 @@ sealed_messages = Table(
 )
 """Messages of biometric channels, encrypted under their subjects' keys.
 
-``place`` is the channel of a block or peak, layout and page of a frame, the layout of statements
+``place`` is layout and page of a frame, the layout of statements
 (`eskin.privacy.sealed_message.name_place`). ``data`` is the message byte for byte; ``t_lo`` and
 ``t_hi`` are whole minutes; ``subject`` is a pseudonym.
 """
@@ -83,14 +83,14 @@ removals = Table(
     "removals",
     metadata,
     Column("node", Text(NODE_LENGTH), primary_key=True),
-    Column("channel", Text(PLACE_LENGTH), primary_key=True),
+    Column("place", Text(PLACE_LENGTH), primary_key=True),
     Column("reason", Text(16), primary_key=True),
     Column("messages", BigInteger, nullable=False),
     Column("before", BigInteger, nullable=False),
     Column("at", BigInteger, nullable=False),
 )
-"""Removed messages by channel and reason: their number, latest time, and time of removal.
+"""Removed messages by place and reason: their number, latest time, and time of removal.
 
-``channel`` is a patch for frames, or the ``place`` of sealed ones.
+``place`` is a patch, or that of sealed messages.
 """
 add_row_digest(removals)

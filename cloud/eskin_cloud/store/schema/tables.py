@@ -114,7 +114,6 @@ nodes = Table(
     Column("sustained", Integer),
     Column("shedding", Integer),
     Column("faults", Text()),  # JSON, as in the API
-    Column("places", Text()),
     *(Column(name, BigInteger) for name in ("lag_lo", "lag_hi")),
     *(
         Column(name, BigInteger)
@@ -123,88 +122,13 @@ nodes = Table(
     *(Column(name, BigInteger) for name in ("held_boot", "held_sequence")),
     Column("layout", LargeBinary),
 )
-"""Each node: latest position and status, and the lag of its latest block or frame.
+"""Each node: latest position and status, and the lag of its latest frame.
 
 ``layout`` is the hash of its latest layout.
 
 ``held_*`` is the lowest position in the node's flash, by the latest status.
 
 ``clock_*`` are the times of a `eskin_cloud.query.clock_check.ClockCheck`, by the latest status.
-
-``places`` is JSON: ``[taxel, x, y]`` of each taxel on its skin, in m.
-"""
-
-channels = Table(
-    "channels",
-    metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
-    Column("channel", Text(CHANNEL_LENGTH), primary_key=True),
-    Column("unit", Text(UNIT_LENGTH), nullable=False),
-    Column("coverage", Double, nullable=False),
-    Column("dt", BigInteger, nullable=False),
-    Column("blocks", BigInteger, nullable=False),
-    Column("samples", BigInteger, nullable=False),
-    Column("t_first", BigInteger),
-    Column("t_last", BigInteger),
-    Column("longest", BigInteger, nullable=False),
-    Column("lo", Double),
-    Column("hi", Double),
-    Column("grain", Integer),
-    Column("built", BigInteger),
-    Column("packed", BigInteger),
-    Column("bytes", BigInteger),
-)
-"""Each channel with totals over its blocks; ``longest`` is the greatest ``t_end - t`` of a row.
-
-``bytes`` is the total length of ``data`` in `blocks`. Sealed messages are not counted, as that
-would show when peaks arrive.
-
-``grain`` is the lowest level of its tiles; they are built up to ``built``, UTC ns. Blocks before
-``packed`` are compacted where possible.
-"""
-
-blocks = Table(
-    "blocks",
-    metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
-    Column("boot", BigInteger, primary_key=True, autoincrement=False),
-    Column("sequence", BigInteger, primary_key=True, autoincrement=False),
-    Column("cursor", BigInteger, nullable=False),
-    Column("channel", Text(CHANNEL_LENGTH), nullable=False),
-    Column("t", BigInteger, nullable=False),
-    Column("t_end", BigInteger, nullable=False),
-    Column("error", BigInteger, nullable=False),
-    Column("t_lo", BigInteger, nullable=False),
-    Column("t_hi", BigInteger, nullable=False),
-    Column("dt", BigInteger, nullable=False),
-    Column("n", Integer, nullable=False),
-    Column("lo", Double, nullable=False),
-    Column("hi", Double, nullable=False),
-    Column("coverage", Double, nullable=False),
-    Column("received", BigInteger, nullable=False),
-    Column("data", LargeBinary, nullable=False),
-    Column("digest", LargeBinary, nullable=False),
-    Column("packed", Integer),
-    Column("head", BigInteger, nullable=False),
-    Index("blocks_by_cursor", "cursor"),
-    # A covering index: queries that count samples read no rows.
-    Index(
-        "blocks_by_time",
-        "node",
-        "channel",
-        "t",
-        "t_end",
-        "n",
-        "error",
-        "dt",
-    ),
-)
-"""Blocks byte for byte, compressed (`messages.compression`), or ``packed`` of them in a row.
-
-``t`` and ``t_end`` are the first and the last sample's middle; ``t_lo`` and ``t_hi`` enclose the
-first sample's time; ``error`` is the greatest distance of a time from its middle; ``digest`` is
-that of ``data`` (`runtime.digest`), and ``head`` that of the columns (`store.damage`). Every
-reader of ``data`` checks both.
 """
 
 events = Table(
@@ -399,8 +323,8 @@ gateways = Table(
 """Each authenticated gateway.
 
 ``due`` is until when it may be silent, as it waits for an answer; ``reported`` is the time of its
-latest status, ``oldest`` the age of its oldest message then. ``latest`` is when its latest block
-was stored, ``lag_lo`` to ``lag_hi`` the time since that block's last sample.
+latest status, ``oldest`` the age of its oldest message then. ``latest`` is when its latest frame
+was stored, ``lag_lo`` to ``lag_hi`` the time since that frame's last sample.
 """
 
 lost_ranges = Table(
@@ -446,7 +370,6 @@ clock_state = Table(
 
 for _table in (
     nodes,
-    channels,
     events,
     commands,
     states,

@@ -43,7 +43,7 @@ def store_event(connection: Connection, cache: WriteCache, row: Row, *, now: int
     cursor = cache.next_cursor(connection)
     row |= {"cursor": cursor, "received": now}
     connection.execute(insert(events), row)
-    return FeedEntry(cursor, row["node"], row["channel"], None, row, now)
+    return FeedEntry(cursor, row["node"], row["channel"], row, now)
 
 
 def status_row(

@@ -148,7 +148,7 @@ class _Batch:
         cursor = self.cache.next_cursor(self.connection)
         row |= {"cursor": cursor, "received": self.now}
         self.events.append(row)
-        self.entries.append(FeedEntry(cursor, row["node"], row["channel"], None, row, self.now))
+        self.entries.append(FeedEntry(cursor, row["node"], row["channel"], row, self.now))
 
 
 def ingest(
@@ -382,7 +382,7 @@ def _store_frame(
         *(item.node, frame, fitting, item.data, item.digest), cursor=cursor, now=batch.now
     )
     batch.frames.append(row)
-    head = cursor, item.node, None, None, None, batch.now
+    head = cursor, item.node, None, None, batch.now
     batch.entries.append(FeedEntry(*head, frame=item.data, layout=frame.layout))
 
 
@@ -429,7 +429,7 @@ def _store_sealed_by_layout(
 def _add_sealed(batch: _Batch, node: str, message: SealedMessage, data: bytes) -> None:
     cursor = batch.cache.next_cursor(batch.connection)
     batch.sealed.append(_sealed_row(node, message, data, cursor, batch.now))
-    head = cursor, node, None, None, None, batch.now, data
+    head = cursor, node, None, None, batch.now, data
     batch.entries.append(FeedEntry(*head, layout=message.layout))
     record_sealed_lag(batch.connection, batch.cache, node, message, now=batch.now)
 
