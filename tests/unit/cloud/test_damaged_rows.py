@@ -157,7 +157,6 @@ async def test_export_aborts_at_a_damaged_time(stand: Stand) -> None:
         ("channels", "lo = 7", f"series/{NODE}/{CHANNEL}"),
         ("channels", "longest = 5", "export"),
         ("nodes", "faults = '{'", f"nodes/{NODE}"),
-        ("nodes", "places = '{'", f"nodes/{NODE}/taxels"),
         ("states", "desired = '{'", f"nodes/{NODE}/state"),
         ("tokens", "scopes = 'reae'", "nodes"),
         ("tokens", "name = 'teso'", "nodes"),
