@@ -21,6 +21,7 @@ async def test_those_who_look_on_alike_are_told_the_same_bytes(stand: Stand) -> 
     await stand.ingest(batch(stretch(0), peak(1), stretch(2)))
     feed = stand.cloud.feed
     found, _ = await feed.after(0, 64)
+    await feed.layouts.load(found)
     first = feed.encoder.page(found, EVERYTHING)
     assert feed.encoder.page(list(found), Subscription(frozenset(), frozenset(), 50)) is first
     assert [event["event"] for event in events_of(first)] == ["frame", "peak", "frame"]

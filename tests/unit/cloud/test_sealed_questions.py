@@ -1,16 +1,15 @@
-"""Questions about sealed channels: in the unit of their blocks, over all that an answer spans."""
+"""Questions about sealed channels: in the unit of their frames, over all that an answer spans."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import cbor2
 import numpy as np
 import pytest
 
 from eskin.wire.timestamp import SECOND
-from tests.unit.cloud.clouds import problem
-from tests.unit.cloud.messages import DT, START, status, stretch
+from tests.unit.cloud.clouds import batch, problem
+from tests.unit.cloud.messages import DT, START, stretch, tube_of
 from tests.unit.cloud.sealing import CHANNEL, NODE, Site, ask, declared, keyed, physician, pulse
 
 if TYPE_CHECKING:
@@ -41,16 +40,14 @@ CAPACITANCE: Any = {
 }
 
 
-@pytest.mark.parametrize("named", [None, "V"])
-async def test_sealed_channel_is_compared_with_models_of_the_unit_of_its_blocks(
-    stand: Stand, site: Site, named: str | None
+async def test_sealed_channel_is_compared_with_models_of_the_unit_of_its_frames(
+    stand: Stand, site: Site
 ) -> None:
     bounds = np.full(40, 5e-9), np.full(40, 6e-9)
     sealed = pulse(1, *bounds, time=(START, START), unit="F")
     bare = stretch(1, *bounds, time=(START, START), unit="F")
-    told = [] if named is None else [status(0, unit=named, channels=(CHANNEL,))]
-    await stand.ingest(site.batch(*told, sealed))
-    await stand.ingest(cbor2.dumps([["twin", bare.encode()]]))
+    await stand.ingest(site.batch(sealed))
+    await stand.ingest(batch(bare, node="twin"))
     token = physician(stand)
     window = {"start": START, "end": START + 40 * DT}
     for path in ("/anomalies", "/anomalies/time", "/prediction"):
@@ -61,31 +58,22 @@ async def test_sealed_channel_is_compared_with_models_of_the_unit_of_its_blocks(
         assert found.json() | differ == plain.json() | differ
 
 
-async def test_model_of_another_unit_than_that_of_sealed_blocks_is_refused(
+async def test_model_of_another_unit_than_that_of_sealed_frames_is_refused(
     stand: Stand, site: Site
 ) -> None:
-    named = status(0, unit="F", channels=(CHANNEL,))
-    await stand.ingest(site.batch(named, pulse(1, np.ones(40), np.ones(40), time=(START, START))))
+    await stand.ingest(
+        site.batch(declared(), pulse(1, np.ones(40), np.ones(40), time=(START, START)))
+    )
     window = {"start": START, "end": START + 40 * DT}
     for path in ("/anomalies", "/anomalies/time", "/prediction"):
         answer = await ask(stand, physician(stand), SERIES + path, **window, **CAPACITANCE)
         assert f"{NODE}/{CHANNEL} in V" in problem(answer, 422)
 
 
-async def test_prediction_is_refused_where_nothing_tells_the_unit_of_a_sealed_channel(
-    stand: Stand, site: Site
-) -> None:
-    await stand.ingest(site.batch(pulse(1)))
-    before = {"start": START - 3600 * SECOND, "end": START - 1800 * SECOND}
-    for path in ("/anomalies", "/anomalies/time", "/prediction"):
-        answer = await ask(stand, physician(stand), SERIES + path, **before, **CAPACITANCE)
-        assert "its unit" in problem(answer, 422)
-
-
 async def test_buckets_that_reach_beyond_a_window_enclose_what_was_sealed_there(
     stand: Stand, site: Site
 ) -> None:
-    tile = 1 << 40  # of a window of 100 days, for blocks at 1 kHz
+    tile = 1 << 40  # of a window of 100 days, for samples at 1 kHz
     first = (START // tile + 1) * tile
     begin = first + tile // 2
     end = begin + 100 * 86_400 * SECOND
@@ -96,12 +84,10 @@ async def test_buckets_that_reach_beyond_a_window_enclose_what_was_sealed_there(
     ]
     await stand.ingest(site.batch(declared(), *said))
     twins = [
-        stretch(
-            w.position.sequence, w.tube.values.inf, w.tube.values.sup, time=w.tube.time, unit="V"
-        )
-        for w in said
+        stretch(each.position.sequence, values.inf, values.sup, time=each.time, unit="V")
+        for each, values in ((each, tube_of(each).values) for each in said)
     ]
-    await stand.ingest(cbor2.dumps([["twin", w.encode()] for w in twins]))
+    await stand.ingest(batch(*twins, node="twin"))
     token = physician(stand)
     for points in (1, 3, 100, 1000):
         window = {"start": begin, "end": end, "points": points}
