@@ -24,7 +24,6 @@ from eskin_cloud.schemas.nodes import (
     describe_taxels,
     judge_health,
 )
-from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.read.lookup import find_node
 from eskin_cloud.store.write.missing_messages import MissingSpan, list_missing
 
@@ -120,9 +119,8 @@ def get_taxels(
     """List a node's taxels that have a position, by name."""
     del query
     with cloud.store.read() as connection:
-        layout = find_node(connection, node)["layout"]
-        described = None if layout is None else find_layout(connection, node, bytes(layout))
-    return as_json(page([] if described is None else describe_taxels(described), None))
+        row = find_node(connection, node)
+    return as_json(page(describe_taxels(row), None))
 
 
 def _node(

@@ -4,11 +4,11 @@ import json
 from collections.abc import Sequence
 from typing import Final, Literal, cast
 
+import orjson
 from typing_extensions import TypedDict
 
 from eskin.interval import Verdict
 from eskin.privacy import is_biometric
-from eskin.wire.frames import DescribedLayout
 from eskin.wire.messages import Shedding
 from eskin.wire.timestamp import SECOND, format_timestamp
 from eskin_cloud.query.clock_check import ClockCheck
@@ -27,8 +27,6 @@ from eskin_cloud.store.write.missing_messages import MissingSpan
 _Verdict = Literal["certain", "possible", "impossible"]
 _Shedding = Literal["none", "adaptive", "peaks", "sleep"]
 Health = Literal["online", "late", "offline"]
-_UM: Final = 1e6
-"""Of a metre."""
 _MOST_RANGES: Final = 16
 """Of what is missing of a node, in an answer."""
 
@@ -256,15 +254,10 @@ def judge_health(judged: NodesSection, silence: float, *, ahead: float = 0.0) ->
     return "online" if silence < judged.late_s else "late"
 
 
-def describe_taxels(described: DescribedLayout) -> list[TaxelDocument]:
-    """The taxels of a layout that have a position, by name."""
-    places = {
-        taxel: (x / _UM, y / _UM)
-        for patch in described.patches
-        if patch.positions
-        for taxel, x, y in zip(patch.taxels, *patch.positions[:2], strict=True)
-    }
-    return [{"id": taxel, "position_m": places[taxel]} for taxel in sorted(places)]
+def describe_taxels(row: Row) -> list[TaxelDocument]:
+    """A node's taxels, by name."""
+    places = orjson.loads(row["places"] or "[]")
+    return [{"id": taxel, "position_m": (x, y)} for taxel, x, y in sorted(places)]
 
 
 def _energy(row: Row) -> EnergyDocument | None:

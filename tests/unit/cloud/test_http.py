@@ -11,23 +11,10 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from eskin.interval import Interval, Verdict
-from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
-from eskin.wire.messages import Energy, Position, Shedding, TaxelFaults
+from eskin.interval import Verdict
+from eskin.wire.messages import Energy, Place, Shedding, TaxelFaults
 from tests.unit.cloud.clouds import batch, problem, put
-from tests.unit.cloud.messages import (
-    CHANNEL,
-    DT,
-    LEAST_WIDTH,
-    NODE,
-    START,
-    gap,
-    peak,
-    skin_of,
-    status,
-    stretch,
-)
-from tests.unit.cloud.skins import describe
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, gap, peak, skin_of, status, stretch
 from tests.unit.eskin.senml import read_senml
 
 if TYPE_CHECKING:
@@ -188,18 +175,12 @@ async def test_nodes_tell_which_taxels_may_be_broken(stand: Stand) -> None:
     ]
 
 
-async def test_taxels_stand_where_the_latest_layout_says(stand: Stand) -> None:
+async def test_taxels_stand_where_the_latest_status_says(stand: Stand) -> None:
     put(stand.cloud.store, status(6, boot=3))
     asked = f"/api/v1/nodes/{NODE}/taxels"
     assert (await stand.get(asked)).json() == {"items": [], "next": None}
-    at = ((10_000, 0), (0, -500_000))
-    placed = Patch("tip", "capacitance", "F", ("t02", "t01"), LEAST_WIDTH, positions=at)
-    layout = Layout((placed.content_hash,), (1,))
-    describe(stand.cloud.store, layout, placed)
-    values = PatchSamples.pack(Interval([[0, 0]], [[1, 1]]), 1.0, patch=0, grid=0, first_row=0)
-    name, grid = layout.content_hash, Grid(0, DT, 0, 1, 1.0)
-    frame = Frame(Position(3, 7), name, 0, 0, (START, START), (grid,), (values,))
-    await stand.ingest(batch(frame))
+    told = (Place("t02", 0.01, 0.0), Place("t01", 0.0, -0.5))
+    put(stand.cloud.store, replace(status(7, boot=3), places=told))
     assert (await stand.get(asked)).json()["items"] == [
         {"id": "t01", "position_m": [0.0, -0.5]},
         {"id": "t02", "position_m": [0.01, 0.0]},
