@@ -41,7 +41,6 @@ def listen(
     chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0}
     chosen["reveal"] = lambda entry: [entry]
     chosen["sealed"] = True
-    chosen["viewers"] = stand.cloud.viewers
     chosen |= options
     return stream(stand.cloud.feed, selection, cursor=cursor, **chosen)
 

@@ -72,7 +72,6 @@ async def live(stand: Stand, cursor: int, *, sealed: bool, backlog: int = 10_000
     pieces = stream(
         stand.cloud.feed,
         EVERYTHING,
-        viewers=stand.cloud.viewers,
         cursor=cursor,
         backlog=backlog,
         heartbeat=0.2,
