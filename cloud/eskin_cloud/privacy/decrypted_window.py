@@ -55,7 +55,7 @@ MOST: Final = 20_000
 MOST_BYTES: Final = 64 << 20
 """Most bytes of them."""
 _TABLES: Final = [
-    *(nodes, feed, descriptions, pages, frames),
+    *(feed, nodes, descriptions, pages, frames),
     *(patches, patch_rows, patch_tiles, stale_patch_chunks),
 ]
 
@@ -153,6 +153,7 @@ def _memory() -> Iterator[Connection]:
             assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - as it was made
             register_checksum(driver)
             metadata.create_all(memory, _TABLES)
+            memory.execute(insert(feed).values(name="feed", cursor=0))
             yield memory
     finally:
         engine.dispose()

@@ -6,7 +6,7 @@ import json
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import timedelta
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import cbor2
@@ -204,9 +204,8 @@ class Stand:
         self.described |= skins
         for node, name in skins:
             described = [read_description(each.encode()) for each in SKINS[name]]
-            self.cloud.store.write(
-                lambda c, node=node, described=described: store_descriptions(c, node, described)
-            ).result(120)
+            work = partial(store_descriptions, node=node, presented=described)
+            self.cloud.store.write(work).result(120)
 
     async def get(self, path: str, **params: Any) -> httpx.Response:
         """Ask as a reader."""

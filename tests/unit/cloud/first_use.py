@@ -60,7 +60,7 @@ def _encoded(number: int) -> bytes:
 
 
 def _work(store: Store, sent: list[bytes]) -> None:
-    put_items(store, ParsedMessage.parse_all([(NODE, data) for data in sent]))
+    put_items(store, [ParsedMessage.parse(NODE, data) for data in sent])
     _ask(store)
     compact_all(store)
     build(store)

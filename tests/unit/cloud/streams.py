@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from tests.unit.cloud.clouds import Stand
 
-EVERYTHING = Subscription(frozenset(), frozenset(), 50)
+EVERYTHING = Subscription(frozenset(), frozenset())
 
 
 def parse(piece: bytes) -> dict[str, Any]:

@@ -227,11 +227,11 @@ def test_exports_are_those_of_channels_apart_however_they_are_resumed(
 def exported(export: Export, until: Any = None) -> list[tuple[Any, ...]]:
     """What an export holds, in order; a run without samples in the window is as good as none."""
     return [
-        (part.channel["channel"], each.tube.first_moment, each.tube.dt, each.tube.coverage,
-         each.tube.values.inf.tolist(), each.tube.values.sup.tolist())
+        (part.channel["channel"], run.t, run.dt, run.coverage, run.lo.tolist(), run.hi.tolist())
         for part in export.read(until)
-        for each in part.blocks
-        if any(export.window.start <= t < export.window.end for t in each.tube.moments)
+        for run in part.runs
+        if any(export.window.start <= run.t + k * run.dt < export.window.end
+               for k in range(run.lo.size))
     ]  # fmt: skip
 
 

@@ -27,7 +27,7 @@ def test_all_pages_of_a_stretch_are_kept_or_none(said: list[tuple[str, int, int,
     for number, (node, pages, step, ahead) in enumerate(said):
         for page in range(pages):
             now, cursor = now + step, cursor + 1
-            entry = FeedEntry(cursor, node, None, None, None, now, frame=b"")
+            entry = FeedEntry(cursor, node, None, None, now, frame=b"")
             newest = now + ahead
             keeps = dropping.keeps(entry, (1, number), newest)
             if page == 0:

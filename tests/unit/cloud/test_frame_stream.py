@@ -322,14 +322,6 @@ async def test_stopping_cloud_closes_streams(stand: Stand) -> None:
         assert await close_code(connection) == 1012
 
 
-async def test_watching_changes_nothing_at_nodes(stand: Stand) -> None:
-    described(stand)
-    await stand.ingest(batch(*stretch(0)))
-    async with serving(stand) as port, dial(port, stand.token, node=(NODE,)) as connection:
-        await connection.recv()
-        assert stand.cloud.viewers.watched([NODE]) == []
-
-
 async def test_damaged_frame_is_left_out(stand: Stand) -> None:
     described(stand)
     await stand.ingest(batch(*stretch(0)))

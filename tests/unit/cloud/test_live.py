@@ -219,8 +219,8 @@ async def test_filters_choose_nodes_and_channels(stand: Stand) -> None:
     await stand.ingest(batch(*said))
     await stand.ingest(batch(stretch(0), node="palm"))
     chosen = {
-        "node": (Subscription(frozenset({"palm"}), frozenset(), 50), [5]),
-        "channel": (Subscription(frozenset(), frozenset({(NODE, other)}), 50), [2, 3, 4]),
+        "node": (Subscription(frozenset({"palm"}), frozenset()), [5]),
+        "channel": (Subscription(frozenset(), frozenset({(NODE, other)})), [2, 3, 4]),
     }
     for selection, cursors in chosen.values():
         heard = await take(stand, len(cursors), selection=selection)
@@ -241,7 +241,7 @@ async def test_stream_that_breaks_off_before_its_first_event_tells_where_to_go_o
     stand: Stand,
 ) -> None:
     await stand.ingest(batch(stretch(0), stretch(1)))
-    palm = Subscription(frozenset({"palm"}), frozenset(), 50)
+    palm = Subscription(frozenset({"palm"}), frozenset())
     told = listen(stand, cursor=1, selection=palm, heartbeat=0.01)
     async with asyncio.timeout(20):
         assert parse(await anext(told))["id"] == "1"

@@ -66,6 +66,19 @@ async def test_frame_is_the_hull_of_each_channel(stand: Stand) -> None:
     assert "channels" not in palm
 
 
+async def test_rows_become_as_many_hulls_as_are_asked_for(stand: Stand) -> None:
+    described(stand)
+    said = frame(0, page=1)
+    await stand.ingest(batch(said))
+    fine = Subscription(frozenset(), frozenset(), FAST.rows)
+    (only,) = await frames_of(stand, 1, selection=fine)
+    hulls = only["data"]["patches"]
+    values = said.values[0]
+    assert [each["lo"] for each in hulls] == values.inf.tolist()
+    assert [each["hi"] for each in hulls] == values.sup.tolist()
+    assert [each["t"] for each in hulls] == [FAST.delay + k * FAST.period for k in range(FAST.rows)]
+
+
 async def test_hull_leaves_out_cells_that_are_not_sampled(stand: Stand) -> None:
     described(stand)
     lo = np.arange(15.0).reshape(5, 3) * 100
@@ -85,7 +98,7 @@ async def test_channel_narrows_frames_to_its_column(stand: Stand) -> None:
     described(stand)
     said = [frame(0), frame(1, page=1), frame(2, at=LENGTH)]
     await stand.ingest(batch(*said))
-    chosen = Subscription(frozenset(), frozenset({(NODE, PALM.channels[1])}), 50)
+    chosen = Subscription(frozenset(), frozenset({(NODE, PALM.channels[1])}))
     found = [each["data"] for each in await frames_of(stand, 2, selection=chosen)]
     for document, each in zip(found, (said[0], said[2]), strict=True):
         (patch,) = document["patches"]
@@ -102,7 +115,7 @@ async def test_slow_reader_gets_fewer_and_wider_hulls_without_a_hole(
     described(stand)
     said = [frame(k, page=1, at=k * LENGTH, seed=k) for k in range(4)]
     late = frame(9, page=1, at=9 * LENGTH, seed=9)  # some are missing before it
-    chosen = Subscription(frozenset({NODE}), frozenset(), 50)
+    chosen = Subscription(frozenset({NODE}), frozenset())
     async with aclosing(listen(stand, selection=chosen)) as slow:  # type: ignore[type-var]  # a generator
         await anext(slow)
         await stand.ingest(batch(said[0]))

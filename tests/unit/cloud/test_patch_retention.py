@@ -73,7 +73,7 @@ async def test_each_patch_is_kept_as_long_as_its_channels(
         }
         require_totals(store)
         with store.read() as connection:
-            query = select(removals.c.channel, removals.c.messages)
+            query = select(removals.c.place, removals.c.messages)
             assert connection.execute(query).all() == [("palm", 45)]
         assert await sweep(stand.cloud) == 0
         stand.clock.now = START + 15 * DAY

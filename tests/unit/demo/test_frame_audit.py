@@ -186,7 +186,7 @@ def test_what_was_removed_by_age_has_not_vanished(demo: Demo) -> None:
     # All frames of the first page; a row holds those of many seconds.
     assert delivery.removed == STRETCHES - WAITING // 2
     assert delivery.stored + delivery.removed + delivery.waiting == delivery.made
-    demo.change(lambda db: db.execute(delete(removals).where(removals.c.channel == "palm")))
+    demo.change(lambda db: db.execute(delete(removals).where(removals.c.place == "palm")))
     assert len(demo.audit().deliveries[0].missing) == delivery.removed
 
 
