@@ -70,13 +70,34 @@ async def test_rows_become_as_many_hulls_as_are_asked_for(stand: Stand) -> None:
     described(stand)
     said = frame(0, page=1)
     await stand.ingest(batch(said))
-    fine = Subscription(frozenset(), frozenset(), FAST.rows)
-    (only,) = await frames_of(stand, 1, selection=fine)
-    hulls = only["data"]["patches"]
+    chosen = Subscription(frozenset({NODE}), frozenset(), 2)
+    (document,) = (each["data"] for each in await frames_of(stand, 1, selection=chosen))
+    early, late = document["patches"]
+    assert (early["n"], late["n"]) == (3, 2)
+    assert (early["t"], early["dt"]) == (FAST.delay, 3 * FAST.period)
+    assert (late["t"], late["dt"]) == (FAST.delay + 3 * FAST.period, 2 * FAST.period)
     values = said.values[0]
-    assert [each["lo"] for each in hulls] == values.inf.tolist()
-    assert [each["hi"] for each in hulls] == values.sup.tolist()
-    assert [each["t"] for each in hulls] == [FAST.delay + k * FAST.period for k in range(FAST.rows)]
+    for each, rows in ((early, slice(3)), (late, slice(3, 5))):
+        assert each["patch"] == "tip"
+        assert each["lo"] == values.inf[rows].min(axis=0).tolist()
+        assert each["hi"] == values.sup[rows].max(axis=0).tolist()
+
+
+async def test_a_hull_without_a_sample_has_no_bounds(stand: Stand) -> None:
+    described(stand)
+    lo = np.arange(15.0).reshape(5, 3) * 100
+    seldom = PatchSamples.pack(
+        Interval(lo, lo + 64.0), 64.0, patch=0, grid=0, first_row=FAST.first_row,
+        strides=bytes((0, 2, 3)),
+    )  # fmt: skip
+    await stand.ingest(batch(replace(frame(0), grids=(FAST,), patches=(seldom,))))
+    chosen = Subscription(frozenset({NODE}), frozenset(), 5)
+    ((_, _, third, fourth, _),) = (
+        each["data"]["patches"] for each in await frames_of(stand, 1, selection=chosen)
+    )
+    # Row 750 + 2 is the only one that has all columns.
+    assert (third["lo"], third["hi"]) == (lo[2].tolist(), (lo[2] + 64.0).tolist())
+    assert (fourth["lo"], fourth["hi"]) == ([lo[3, 0], None, None], [lo[3, 0] + 64.0, None, None])
 
 
 async def test_hull_leaves_out_cells_that_are_not_sampled(stand: Stand) -> None:

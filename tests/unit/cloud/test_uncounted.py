@@ -28,13 +28,12 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.anyio
 
 OPEN = "t00.capacitance"
-EVERYTHING = Subscription(frozenset(), frozenset(), 50)
+EVERYTHING = Subscription(frozenset(), frozenset())
 WINDOW = f"start={START - SECOND}&end={START + 3600 * SECOND}"
 QUESTIONS = (
     "/api/v1/nodes",
     f"/api/v1/nodes/{NODE}",
     f"/api/v1/nodes/{NODE}/channels",
-    f"/api/v1/nodes/{NODE}/taxels",
     f"/api/v1/nodes/{NODE}/commands",
     "/api/v1/gateways",
     "/api/v1/storage",
