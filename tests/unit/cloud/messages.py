@@ -129,7 +129,7 @@ def peak(
     unit: str = "F",
 ) -> Statements:
     """A peak."""
-    counts = (1, 1)
+    counts = (int(verdict is Verdict.CERTAIN), 1)
     found = Peak(0, 0, time, verdict, counts, (2.0, float("inf")), (0.5, 0.75), 0.875)
     layout = skin_of(channel, unit)[0].content_hash
     return Statements(Position(boot, sequence), layout, peaks=(found,))

@@ -230,7 +230,9 @@ def exported(export: Export, until: Any = None) -> list[tuple[Any, ...]]:
         (part.channel["channel"], run.t, run.dt, run.coverage, run.lo.tolist(), run.hi.tolist())
         for part in export.read(until)
         for run in part.runs
-    ]
+        if any(export.window.start <= run.t + k * run.dt < export.window.end
+               for k in range(run.lo.size))
+    ]  # fmt: skip
 
 
 @_SLOWLY
