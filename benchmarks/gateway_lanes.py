@@ -37,8 +37,9 @@ from paho.mqtt.enums import CallbackAPIVersion
 from benchmarks.pipeline import cpu_seconds
 from eskin.identity import IdentityKind, client_context
 from eskin.identity.identity import ROOT_FILE
-from eskin.wire.envelope import Sealer, opener
+from eskin.wire.envelope import Sealer
 from eskin.wire.frames import Frame, FrameSummary
+from eskin.wire.messages import Position
 from eskin.wire.topics import FROM_NODE, Stream, node_topic
 from tests.support.brokers import Mosquitto
 from tests.support.identities import Identities
@@ -129,10 +130,6 @@ def _no_sealer_cache() -> None:
     SealerCache.seal = seal  # type: ignore[method-assign]
 
 
-def _envelopes_in_general() -> None:
-    opener.read_ordinary = lambda _: None
-
-
 def _whole_frames() -> None:
     summary = FrameSummary.decode
 
@@ -140,14 +137,13 @@ def _whole_frames() -> None:
         Frame.decode(data)
         return summary(data)
 
-    FrameSummary.decode = staticmethod(decode)  # type: ignore[method-assign,assignment]
+    FrameSummary.decode = staticmethod(decode)  # type: ignore[method-assign]
 
 
 _VARIANTS: Final = {
     "as it is": lambda: None,
     "paho's thread, socket and packets": _plain_transport,
     "no cache of sealers": _no_sealer_cache,
-    "envelopes read in general": _envelopes_in_general,
     "frames decoded besides": _whole_frames,
 }
 
@@ -234,7 +230,12 @@ class Site:
                 (topic, sealer.seal(one, topic=topic)) for one in skin.descriptions
             ]
             topic = topics[Stream.FRAMES]
-            by_node.append([(topic, sealer.seal(one, topic=topic)) for one in frames])
+            by_node.append(
+                [
+                    (topic, sealer.seal(one, topic=topic, held=Position(1, number)))
+                    for number, one in enumerate(frames, start=1)
+                ]
+            )
         self._frames = [one for row in zip(*by_node, strict=True) for one in row]
 
     def measure(self, variant: str, number: int) -> float:

@@ -2,7 +2,8 @@
 
 paho reads a packet's first byte, its length byte by byte and its rest, and writes each packet
 alone. Each of these would be a call of OpenSSL, which releases Python's lock. With paho's own
-socket, thread and packets a message costs the gateway 1.07 to 1.27 times as much CPU (``python -m benchmarks.gateway_lanes``).
+socket, thread and packets a message costs the gateway 1.07 to 1.27 times as much CPU
+(``python -m benchmarks.gateway_lanes``).
 """
 
 from __future__ import annotations
