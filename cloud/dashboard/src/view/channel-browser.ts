@@ -10,8 +10,9 @@ import { element, setText } from "./element";
 const ROW_PX = 26;
 /** Rows that are made beyond what can be seen. */
 const SPARE = 4;
-/** A list of no more channels than this is open from the start. */
+/** A list of no more channels than this is open from the start, unless all stands in one column. */
 const FEW = 100;
+const NARROW_PX = 900;
 
 /** One quantity's channels: only the rows that can be seen are made. */
 class ChannelGroup {
@@ -73,7 +74,7 @@ class ChannelGroup {
     if (focused) this.rows.querySelector<HTMLElement>(`[data-channel="${CSS.escape(focused)}"]`)?.focus({ preventScroll: true });
   }
 
-  /** Writes the newest interval of each row that is made; null: nothing is known of the present. */
+  /** Writes the newest interval of each row that is made; null: none is known. */
   write(stretches: Stretches | null): void {
     if (!this.root.open || this.root.hidden || this.values.length === 0) return;
     const { group, picture } = this;
@@ -111,7 +112,7 @@ export class ChannelBrowser {
     this.groups = groups.map((group, index) => new ChannelGroup(this.context, group, total <= FEW || index === 0));
     this.list.classList.toggle("few", total <= FEW);
     this.list.replaceChildren(...this.groups.map(({ root }) => root));
-    this.root.open ||= total <= FEW;
+    this.root.open ||= total <= FEW && innerWidth > NARROW_PX;
     this.filter();
   }
 

@@ -88,7 +88,7 @@ export class NodeSection implements Section {
     this.watcher = new IntersectionObserver((changes) => {
       this.visible = changes.at(-1)?.isIntersecting ?? false;
       this.skin.setVisible(this.visible);
-    }, { rootMargin: "200px" });
+    });
     this.watcher.observe(this.skin.root);
     this.notices.show("loading", "Loading the layout…", "");
   }
