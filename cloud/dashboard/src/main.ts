@@ -3,7 +3,6 @@ import "./style/tokens.css";
 import "./style/layout.css";
 import "./style/chart.css";
 import "./style/parts.css";
-import "./style/skin.css";
 import "./style/skin-view.css";
 import "./style/times.css";
 import { Client } from "./api/client";

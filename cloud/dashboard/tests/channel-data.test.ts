@@ -1,5 +1,5 @@
 import { describe, expect, test } from "vitest";
-import type { EventItem, SeriesAnswer } from "../src/api/contract";
+import type { EventItem } from "../src/api/contract";
 import { reduceToColumns } from "../src/chart/band";
 import { readValue } from "../src/chart/reading";
 import { missingStretches } from "../src/chart/segments";
@@ -7,7 +7,7 @@ import { ChannelData } from "../src/live/channel-data";
 import { LiveEdge } from "../src/live/edge";
 import { Timeline } from "../src/time/timeline";
 import { hullWithin } from "../src/tube/entries";
-import { channel, dataOf, iso, MS, ORIGIN, series, SIGNAL } from "./channels";
+import { channel, dataOf, iso, MS, ORIGIN, run, series, SIGNAL } from "./channels";
 
 async function fill(data: ChannelData, hole: { x0: number; x1: number } | null): Promise<void> {
   if (hole) await data.backfill(hole, 1000, SIGNAL);
@@ -17,7 +17,7 @@ describe("the seam between store and stream", () => {
   test("what was stored after the first answer and before the first block is asked for", async () => {
     const data = dataOf(channel(1000), [[0, 5000]]);
     const first = fill(data, { x0: 0, x1: data.end! });
-    const { hole } = data.take(series(1500, 1750), 0, 0);
+    const { hole } = data.take(run(1500, 1750), 0, 0);
     expect(hole).toEqual({ x0: 1000 * MS, x1: 1500 * MS });
     await first;
     await fill(data, hole);
@@ -26,66 +26,57 @@ describe("the seam between store and stream", () => {
 
   test("a block that follows at once needs nothing", () => {
     const data = dataOf(channel(1000), []);
-    expect(data.take(series(1000, 1250), 0, 0).hole).toBeNull();
-    expect(data.take(series(1250, 1500), 0, 0).hole).toBeNull();
+    expect(data.take(run(1000, 1250), 0, 0).hole).toBeNull();
+    expect(data.take(run(1250, 1500), 0, 0).hole).toBeNull();
   });
 
   test("what the store lists anew does not stand for what the stream has not told", () => {
     const data = dataOf(channel(1000), []);
-    data.take(series(1000, 1250), 0, 0);
+    data.take(run(1000, 1250), 0, 0);
     data.channel = channel(2000);
-    expect(data.take(series(2000, 2250), 0, 0).hole).toEqual({ x0: 1250 * MS, x1: 2000 * MS });
+    expect(data.take(run(2000, 2250), 0, 0).hole).toEqual({ x0: 1250 * MS, x1: 2000 * MS });
   });
 
   test("blocks that arrive while the chart is hidden are loaded later", () => {
     const data = dataOf(channel(1000), []);
-    data.take(series(1000, 1250), 0, null);
+    data.take(run(1000, 1250), 0, null);
     expect(data.rolling.t.length).toBe(0);
     expect(data.end).toBe(1250 * MS);
   });
 });
 
-/** A live block reduced to hulls of so many samples each; the last one may have fewer. */
-function reduced(from: number, to: number, stride: number, value = 1): SeriesAnswer {
-  const count = Math.ceil((to - from) / stride);
-  const t = Array.from({ length: count }, (_, i) => i * stride * MS);
-  return { ...series(from, from), resolution: "hull", t, lo: t.map(() => value), hi: t.map(() => value + 1), dt: stride * MS };
-}
-
-describe("reduced blocks", () => {
-  test("a late one takes nothing from what came before it", () => {
+describe("live samples", () => {
+  test("that come late take nothing from what came before them", () => {
     const data = dataOf(channel(1000), []);
     const spike = series(1250, 1500);
-    data.take({ ...spike, hi: spike.hi.map((hi, i) => (i === 0 ? 51 : hi)) }, 0, 0);
-    data.take(reduced(1000, 1250, 3), 0, 0);
+    data.take(run(1250, 1500, { hi: spike.hi.map((hi, i) => (i === 0 ? 51 : hi)) }), 0, 0);
+    data.take(run(1000, 1250), 0, 0);
     expect(hullWithin(data.rolling, 1249 * MS, 1260 * MS).hi).toBe(51);
   });
 
-  test("a window that starts afresh asks for the last bucket, too, and takes none of it for missing", async () => {
-    const data = dataOf(channel(1000), [[0, 1250]]);
-    data.take(reduced(1000, 1250, 83), 0, null);
-    expect(data.end).toBe(1332 * MS);
-    await fill(data, { x0: 0, x1: data.end! });
-    expect(data.rolling.t.at(-1)).toBe(1249 * MS);
-    expect(data.rolling.lo.at(-1)).toBe(1);
-    expect(data.take(reduced(1250, 1500, 83), 0, 0).hole).toBeNull();
-  });
-
-  test("a block that was missed is asked for, also where blocks are as short as their hulls", () => {
+  test("that were missed are asked for", () => {
     const data = dataOf(channel(1000), []);
-    data.take(reduced(1000, 1250, 250), 0, 0);
-    expect(data.take(reduced(1250, 1500, 250), 0, 0).hole).toBeNull();
-    expect(data.take(reduced(1750, 2000, 250), 0, 0).hole).toEqual({ x0: 1250 * MS, x1: 1750 * MS });
+    data.take(run(1000, 1250), 0, 0);
+    expect(data.take(run(1250, 1500), 0, 0).hole).toBeNull();
+    expect(data.take(run(1750, 2000), 0, 0).hole).toEqual({ x0: 1500 * MS, x1: 1750 * MS });
   });
 
-  test("what the stream tells while the store is asked is not lost by its answer", async () => {
+  test("that come while the store is asked are not lost by its answer", async () => {
     const data = dataOf(channel(1000), [[0, 1100]]);
-    const { hole } = data.take(series(2000, 2250), 0, 0);
+    const { hole } = data.take(run(2000, 2250), 0, 0);
     const filled = fill(data, hole);
-    data.take(reduced(1500, 1600, 3, 7), 0, 0);
+    const late = series(1500, 1600);
+    data.take(run(1500, 1600, { lo: late.lo.map(() => 7), hi: late.hi.map(() => 8) }), 0, 0);
     await filled;
     expect(hullWithin(data.rolling, 1500 * MS, 1599 * MS)).toMatchObject({ lo: 7, hi: 8 });
-    expect(missingStretches(data.rolling, 0, 2250 * MS)).toEqual([{ x0: 1100 * MS, x1: 1500 * MS }, { x0: 1602 * MS, x1: 2000 * MS }]);
+    expect(missingStretches(data.rolling, 0, 2250 * MS)[0]).toEqual({ x0: 1100 * MS, x1: 1500 * MS });
+  });
+
+  test("say what magnitude a channel has", () => {
+    const data = dataOf(channel(1000), []);
+    expect(data.bounds).toBeNull();
+    data.take(run(1000, 1250), 0, 0);
+    expect(data.bounds).toEqual({ lo: 1, hi: 2 });
   });
 });
 
@@ -96,8 +87,8 @@ describe("coverage and error of time", () => {
 
   test("are those of the entries that are read, not of the latest block", () => {
     const data = dataOf(channel(1000), []);
-    data.take({ ...series(1000, 1001), ...doubtful }, 0, 0);
-    data.take({ ...series(1001, 1250), ...sure }, 0, 0);
+    data.take(run(1000, 1001, doubtful), 0, 0);
+    data.take(run(1001, 1250, sure), 0, 0);
     const read = (x: number): string => {
       const reading = readValue(data.rolling, new Timeline(ORIGIN), facts, { x, perPixel: MS / 2 });
       return reading!.text.lines.map(({ value }) => value).slice(1).join(", ");
@@ -108,21 +99,21 @@ describe("coverage and error of time", () => {
 
   test("a hull of n samples is as sure as the union bound says", () => {
     const data = dataOf(channel(1000), []);
-    data.take({ ...series(1000, 1250), ...sure }, 0, 0);
+    data.take(run(1000, 1250, sure), 0, 0);
     const read = (x: number, perPixel: number): string | undefined =>
       readValue(data.rolling, new Timeline(ORIGIN), facts, { x, perPixel })?.text.lines.at(-1)?.value;
     expect(read(1100 * MS, 10.5 * MS)).toBe("≥ 98 %");
     expect(read(1125 * MS, 10_000 * MS)).toBe("≥ 74 %");
     const thinned = dataOf(channel(1000), []);
-    thinned.take({ ...series(1000, 1250), coverage: 0.99, time_error: 0 }, 0, 1000 * MS);
+    thinned.take(run(1000, 1250, { coverage: 0.99, time_error: 0 }), 0, 1000 * MS);
     expect(thinned.rolling.t.length).toBe(1);
     expect(readValue(thinned.rolling, new Timeline(ORIGIN), facts, { x: 1100 * MS, perPixel: MS })?.text.lines.at(-1)?.value).toBe("≥ 0 %");
   });
 
   test("the band is painted as wide in time as each entry's own error", () => {
     const data = dataOf(channel(1000), []);
-    data.take({ ...series(1000, 1001), coverage: 1, time_error: 100 * MS }, 0, 0);
-    data.take({ ...series(1500, 1501), ...sure }, 0, 0);
+    data.take(run(1000, 1001, { coverage: 1, time_error: 100 * MS }), 0, 0);
+    data.take(run(1500, 1501, sure), 0, 0);
     const map = { width: 1000, height: 10, xMin: 800 * MS, xMax: 1800 * MS, yMin: 0, yMax: 3 };
     const { bottom } = reduceToColumns(data.rolling, map, { halfMark: 1, thickness: 1 });
     const painted = [...bottom.keys()].filter((column) => bottom[column]! > 0);
@@ -134,44 +125,45 @@ describe("coverage and error of time", () => {
 describe("silence", () => {
   test("a true hole is marked as missing", async () => {
     const data = dataOf(channel(1000), [[0, 1000]]);
-    data.take(series(1000, 1250), 0, 0);
-    await fill(data, data.take(series(2000, 2250), 0, 0).hole);
+    data.take(run(1000, 1250), 0, 0);
+    await fill(data, data.take(run(2000, 2250), 0, 0).hole);
     const at = data.rolling.t.indexOf(1250 * MS);
     expect(data.rolling.lo[at]).toBeNaN();
     expect(data.rolling.width[at]).toBe(750 * MS);
-  });
-
-  test("a hole after a reduced block is marked from its last sample on", async () => {
-    const data = dataOf(channel(1000), [[0, 1250]]);
-    data.take({ ...series(1000, 1250), resolution: "hull" }, 0, 0);
-    await fill(data, data.take(series(2000, 2250), 0, 0).hole);
-    const at = data.rolling.t.indexOf(1250 * MS);
-    expect(data.rolling.lo[at]).toBeNaN();
-    expect(data.rolling.width[at]).toBe(750 * MS);
-    expect(data.rolling.lo[at - 1]).toBe(1);
   });
 
   test("of a node is told, and of a channel also while others of its node go on", () => {
     const edge = new LiveEdge();
     const data = dataOf(channel(1000), [], "sample", edge);
     expect(data.silentSince(0)).toBeNull();
-    data.take(series(1000, 1250), 0, 0);
+    data.take(run(1000, 1250), 0, 0);
     expect([data.silentSince(3900), data.silentSince(4100)]).toEqual([null, 1249 * MS]);
     for (let at = 250; at <= 8000; at += 250) edge.observe((1250 + at) * MS, at);
     expect(edge.silence(8000)).toBe(0);
     expect(data.silentSince(8000)).toBe(1250 * MS);
-    data.take(series(9000, 9250), 8000, 0);
+    data.take(run(9000, 9250), 8000, 0);
     expect(data.silentSince(8100)).toBeNull();
   });
 
-  test("the pauses of a channel that measures in bursts are asked for once", async () => {
-    const data = dataOf(channel(1040, 80), [[1000, 1040]]);
+  test("the pauses of a channel that measures in bursts are asked for until their length is known", async () => {
+    const data = dataOf(channel(1040), [[1000, 1040]]);
+    for (const begin of [2000, 3000, 4000]) {
+      const { hole } = data.take(run(begin, begin + 40), 0, 0);
+      expect(hole).not.toBeNull();
+      // Each hole is filled before the next samples come.
+      // oxlint-disable-next-line no-await-in-loop
+      await fill(data, hole);
+    }
     expect(data.facts.bursts).toBe(true);
-    const { hole } = data.take(series(2000, 2040), 0, 0);
-    await fill(data, hole);
-    expect(hole).not.toBeNull();
-    expect(data.take(series(3000, 3040), 0, 0).hole).toBeNull();
-    expect(data.take(series(6000, 6040), 0, 0).hole).not.toBeNull();
+    expect(data.take(run(5000, 5040), 0, 0).hole).toBeNull();
+    expect(data.take(run(9000, 9040), 0, 0).hole).not.toBeNull();
+    expect(data.facts.bursts).toBe(false);
+  });
+
+  test("holes of any length are no bursts", () => {
+    const data = dataOf(channel(1000), []);
+    for (const begin of [2000, 2500, 4000, 4200]) data.take(run(begin, begin + 40), 0, 0);
+    expect(data.facts.bursts).toBe(false);
   });
 });
 
@@ -201,7 +193,7 @@ describe("history", () => {
     await data.load(WINDOW, 500, SIGNAL);
     expect(data.holds(WINDOW)).toBe(false);
     expect(data.holds({ x0: 150 * MS, x1: 200 * MS })).toBe(true);
-    data.take(series(160, 170), 0, null);
+    data.take(run(160, 170), 0, null);
     expect(data.holds({ x0: 150 * MS, x1: 200 * MS })).toBe(false);
   });
 

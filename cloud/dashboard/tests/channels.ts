@@ -3,6 +3,8 @@ import type { ChannelItem, SeriesAnswer } from "../src/api/contract";
 import { ChannelData } from "../src/live/channel-data";
 import { LiveEdge } from "../src/live/edge";
 import { Timeline } from "../src/time/timeline";
+import { readSeries } from "../src/tube/decode";
+import type { Entries } from "../src/tube/entries";
 
 export const MS = 1_000_000;
 export const ORIGIN = BigInt(Date.parse("2026-01-31T12:00:00Z")) * 1_000_000n;
@@ -20,10 +22,15 @@ export function series(from: number, to: number): SeriesAnswer {
   return { node: "n", channel: "c", unit: "F", coverage: 1, resolution: "sample", t0: iso(from), t, ...flat };
 }
 
-export function channel(end: number, samples = end): ChannelItem {
+/** Samples of the live stream from one instant to another (ms), one each ms. */
+export function run(from: number, to: number, answer: Partial<SeriesAnswer> = {}): Entries {
+  return readSeries({ ...series(from, to), ...answer }, new Timeline(ORIGIN));
+}
+
+export function channel(end: number): ChannelItem {
   return {
-    id: "c", taxel: "t", quantity: "c", unit: "F", coverage: 1, dt: MS, blocks: 1, samples, bytes: 4 * samples,
-    first: iso(0), last: iso(end - 1), bounds: null, biometric: false, patch: null, removed: null,
+    id: "c", taxel: "t", quantity: "c", unit: "F", coverage: 1, dt: MS,
+    first: iso(0), last: iso(end - 1), biometric: false,
   };
 }
 

@@ -4,7 +4,7 @@ import { ChannelData } from "../src/live/channel-data";
 import { LiveEdge } from "../src/live/edge";
 import { Timeline } from "../src/time/timeline";
 import { hullWithin } from "../src/tube/entries";
-import { channel, MS, ORIGIN, series, SIGNAL } from "./channels";
+import { channel, MS, ORIGIN, run, series, SIGNAL } from "./channels";
 
 /** A channel whose moments may be wrong by 30 ms, and what its store was asked for; of over 500 ms it tells hulls. */
 function doubtful(): { readonly data: ChannelData; readonly asked: string[] } {
@@ -36,7 +36,7 @@ describe("a window of the past of doubtful moments", () => {
 
   test("is asked for once where the stream has told the error", async () => {
     const { data, asked } = doubtful();
-    data.take({ ...series(1000, 1050), time_error: 30 * MS }, 0, null);
+    data.take(run(1000, 1050, { time_error: 30 * MS }), 0, null);
     await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
     expect(asked).toEqual(["570 640"]);
   });
@@ -44,7 +44,7 @@ describe("a window of the past of doubtful moments", () => {
   test("is asked for again where the stream tells the error while the store is asked", async () => {
     const { data, asked } = doubtful();
     const loading = data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);
-    data.take({ ...series(1000, 1050), time_error: 30 * MS }, 0, null);
+    data.take(run(1000, 1050, { time_error: 30 * MS }), 0, null);
     await loading;
     expect(asked).toEqual(["500 510", "470 540"]);
     expect(hullWithin(data.history, 500 * MS, 510 * MS).hi).toBe(9);
@@ -52,7 +52,7 @@ describe("a window of the past of doubtful moments", () => {
 
   test("is asked for as narrowly as its own moments let it be, however wrong the stream's were", async () => {
     const { data, asked } = doubtful();
-    data.take({ ...series(1000, 1050), time_error: 3_600_000 * MS }, 0, null);
+    data.take(run(1000, 1050, { time_error: 3_600_000 * MS }), 0, null);
     await data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);
     expect(asked).toEqual(["-3599500 3600510", "470 540"]);
     expect(data.resolution).toBe("sample");

@@ -1,7 +1,6 @@
 import { describe, expect, test } from "vitest";
 import { address } from "../src/api/client";
 import { LiveEdge } from "../src/live/edge";
-import { StreamParser } from "../src/live/feed";
 
 function feed(edge: LiveEdge, pace: number): number[] {
   const shown: number[] = [];
@@ -12,35 +11,6 @@ function feed(edge: LiveEdge, pace: number): number[] {
   }
   return shown;
 }
-
-describe("the event stream", () => {
-  const text = ": beat\nid: 7\nevent: block\ndata: {\"a\":\ndata: 1}\n\nretry: 250\r\nid: 8\r\nevent: peak\r\ndata: x\r\n\r\n";
-  const whole = [
-    { id: "7", event: "block", data: '{"a":\n1}' },
-    { id: "8", event: "peak", data: "x" },
-  ];
-
-  test("messages are read however the network splits them", () => {
-    for (let size = 1; size < text.length; size += 1) {
-      const parser = new StreamParser();
-      const found = [];
-      for (let at = 0; at < text.length; at += size) found.push(...parser.push(text.slice(at, at + size)));
-      expect(found).toEqual(whole);
-      expect(parser.retry).toBe(250);
-    }
-  });
-
-  test("an unfinished message is not delivered", () => {
-    expect(new StreamParser().push("id: 1\ndata: half")).toEqual([]);
-  });
-
-  test("an endless message is refused", () => {
-    const parser = new StreamParser();
-    expect(() => {
-      for (let i = 0; i < 10; i += 1) parser.push(`data: ${"x".repeat(1_000_000)}\n`);
-    }).toThrow(RangeError);
-  });
-});
 
 describe("the live edge", () => {
   test("it moves smoothly at the pace of the data, also of a fast one", () => {

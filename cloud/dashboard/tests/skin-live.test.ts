@@ -88,12 +88,11 @@ function start(): { feed: FrameFeed; got: LiveMessage[]; states: string[]; unrea
   const [got, states]: [LiveMessage[], string[]] = [[], []];
   let refused = 0;
   const feed = new FrameFeed({
-    nodes: ["hand"],
-    url: (cursor) => `/api/v1/live?node=hand${cursor === null ? "" : `&cursor=${cursor}`}`,
+    url: (nodes, cursor) => `/api/v1/live?node=${nodes.join("&node=")}${cursor === null ? "" : `&cursor=${cursor}`}`,
     onMessage: (one) => got.push(one),
     onUnreadable: () => (refused += 1),
     onState: ({ kind }) => states.push(kind),
-  });
+  }, { nodes: ["hand"], patches: null });
   feed.start();
   return { feed, got, states, unreadable: () => refused };
 }
@@ -138,7 +137,7 @@ describe("the feed of frames", () => {
   test("says which patches it wants, also after the connection was opened again", () => {
     const { feed } = start();
     FakeSocket.all[0]!.open();
-    feed.choose(["p3"]);
+    feed.choose({ nodes: ["hand"], patches: ["p3"] });
     FakeSocket.all[0]!.close();
     vi.advanceTimersByTime(1_000);
     FakeSocket.all[1]!.open();
@@ -152,6 +151,21 @@ describe("the feed of frames", () => {
 function contact(force: [number | null, number | null]): ContactsAt["cores"][number] {
   return { cells: [3, 5], area: [3e-6, 5e-6], force, centroid: [[0, 0], [0, 0]], taxels: [] };
 }
+
+test("the feed asks for other nodes over the same connection, and after a break for those alone", () => {
+  const { feed } = start();
+  FakeSocket.all[0]!.open();
+  const selection = { nodes: ["hand", "palm"], patches: null };
+  feed.choose(selection);
+  feed.choose({ ...selection });
+  expect(FakeSocket.all[0]!.sent.map((text) => JSON.parse(text) as unknown)).toEqual([selection]);
+  FakeSocket.all[0]!.close();
+  vi.advanceTimersByTime(1_000);
+  FakeSocket.all[1]!.open();
+  expect(FakeSocket.all[1]!.url.searchParams.getAll("node")).toEqual(["hand", "palm"]);
+  expect(FakeSocket.all[1]!.sent).toEqual([]);
+  feed.stop();
+});
 
 describe("contacts in words", () => {
   test("enclose what is known", () => {

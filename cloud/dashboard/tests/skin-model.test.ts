@@ -1,9 +1,10 @@
 import { describe, expect, test } from "vitest";
 import { readFrame, readFrames } from "../src/frames/frame";
-import { blockOf, columnOf } from "../src/skin/column-series";
-import { quantitiesIn, skinOf } from "../src/skin/layout";
+import { columnOf, runOf } from "../src/skin/column-series";
+import { quantitiesIn, skinOf, taxelsOf } from "../src/skin/layout";
 import { emptyPicture, stretchOf, Stretches } from "../src/skin/stretches";
 import { Timeline } from "../src/time/timeline";
+import { leastSpacing } from "../src/tube/entries";
 import vectors from "./skin.json";
 
 const timeline = new Timeline(BigInt(vectors.start));
@@ -88,6 +89,14 @@ describe("pictures of frames that Python wrote", () => {
 });
 
 describe("what can be shown", () => {
+  test("the newest values are those of the last instant that is complete", () => {
+    const picture = emptyPicture(taxelsOf(layout, "temperature"));
+    held(all).readNewest(taxelsOf(layout, "temperature"), picture);
+    expect({ lo: [...picture.lo], hi: [...picture.hi] }).toEqual(expected(vectors.pictures.temperature.at(-1)!));
+    new Stretches(1).readNewest(taxelsOf(layout, "temperature"), picture);
+    expect(picture.lo.every((one) => one === -Infinity)).toBe(true);
+  });
+
   test("a page that is one stretch behind is waited for, and one that is two behind is not", () => {
     const behind = all.filter(({ page, begin }) => page === 0 || begin < ROWS * period);
     const [first, second, third] = [ROWS, 2 * ROWS, 3 * ROWS].map((rows) => rows * period);
@@ -112,23 +121,23 @@ describe("what can be shown", () => {
 });
 
 describe("a channel's column", () => {
-  test("has the samples of a strided column alone, in the form of the live stream", () => {
+  test("has the samples of a strided column alone", () => {
     const column = columnOf(layout, "hand", "t22.temperature")!;
-    const block = blockOf(all[1]!, column, timeline)!;
+    const run = runOf(all[1]!, column, timeline)!;
     const picture = vectors.pictures.temperature[0]!;
-    expect(block.t).toEqual([0]);
-    expect([block.lo, block.hi]).toEqual([[picture.lo[2]], [picture.hi[2]]]);
-    expect(block.dt).toBe(8 * period);
-    expect(block.unit).toBe("Cel");
+    expect([...run.t]).toEqual([0]);
+    expect([run.lo[0], run.hi[0]]).toEqual([picture.lo[2], picture.hi[2]]);
+    expect(leastSpacing(run)).toBe(8 * period);
   });
 
   test("is found by the channel's name, and only by that", () => {
     expect(columnOf(layout, "hand", "t11.pressure")).toMatchObject({ patch: 1, column: 1 });
     expect(columnOf(layout, "hand", "t11.temperature")).toBeNull();
     expect(columnOf(layout, "hand", "t99.pressure")).toBeNull();
+    expect(columnOf(layout, "palm", "t11.pressure")).toBeNull();
   });
 
   test("is missing in the frames of other pages", () => {
-    expect(blockOf(all[0]!, columnOf(layout, "hand", "t11.pressure")!, timeline)).toBeNull();
+    expect(runOf(all[0]!, columnOf(layout, "hand", "t11.pressure")!, timeline)).toBeNull();
   });
 });

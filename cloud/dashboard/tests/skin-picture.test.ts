@@ -12,6 +12,7 @@ function gridOf(columns: number, rows: number): Skin {
     quantity: "pressure",
     unit: "Pa",
     taxels: numbers.map((k) => `t${k}`),
+    nodes: numbers.map(() => "hand"),
     x: Float64Array.from(numbers, (k) => 1e-3 * (k % columns)),
     y: Float64Array.from(numbers, (k) => 1e-3 * Math.floor(k / columns)),
     patches: [],

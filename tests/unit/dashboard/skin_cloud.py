@@ -144,6 +144,7 @@ class World:
                 "cell_area": patch.cell_area,
                 "neighbours": [list(pair) for pair in patch.neighbours],
                 "page": page[number],
+                "node": self.node,
             }
             for number, patch in enumerate(self.patches)
         ]

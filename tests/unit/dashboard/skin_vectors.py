@@ -123,6 +123,7 @@ def _layout() -> dict[str, Any]:
                 "threshold": 1005.0 if pressed else None,
                 "cell_area": 1e-6 if pressed else None,
                 "page": PAGES[number],
+                "node": "hand",
             }
         )
     return {"layout": LAYOUT.hex(), "patches": patches, "seams": [], "controllers": []}

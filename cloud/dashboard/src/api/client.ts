@@ -1,7 +1,7 @@
 import type { Instant } from "../time/instant";
 import type {
   ChannelItem, ContactsItem, EventItem, GatewayItem, LayoutItem, ModelItem, NodeItem, NodeState, OccupancyAnswer, Page, PredictionAnswer,
-  SegmentItem, SeriesAnswer, StorageAnswer, TaxelItem,
+  SegmentItem, SeriesAnswer, StorageAnswer,
 } from "./contract";
 import { ApiError, isAbort } from "./error";
 
@@ -94,10 +94,6 @@ export class Client {
   /** Channels of a node: all, or those whose names contain a text. */
   channels(node: string, signal: AbortSignal, text?: string): Promise<ChannelItem[]> {
     return this.all<ChannelItem>(`/nodes/${part(node)}/channels`, { text }, signal).then((list) => list.items);
-  }
-
-  taxels(node: string, signal: AbortSignal): Promise<TaxelItem[]> {
-    return this.all<TaxelItem>(`/nodes/${part(node)}/taxels`, {}, signal).then((list) => list.items);
   }
 
   /** What the frames of a node are read by, named by its hash. */

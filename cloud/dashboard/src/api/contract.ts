@@ -1,7 +1,6 @@
 import type {
   ChannelDocument, ContactsDocument, CoreDocument, EnergyDocument, EventDocument, FaultDocument, GatewayDocument, LagDocument,
   LayoutDocument, ModelDocument, NodeDocument, OccupancyDocument, ParameterDocument, PredictionDocument, SegmentDocument, SeriesDocument, StateDocument, StorageDocument,
-  TaxelDocument,
 } from "./schema";
 
 /** The answers of the REST API under /api/v1; docs/rest.md explains their fields. */
@@ -15,8 +14,8 @@ export type FaultJson = FaultDocument;
 export type LagJson = LagDocument;
 export type GatewayItem = GatewayDocument;
 export type StorageAnswer = StorageDocument;
-export type TaxelItem = TaxelDocument;
-export type ChannelItem = ChannelDocument;
+/** A channel, as far as the dashboard reads it. */
+export type ChannelItem = Pick<ChannelDocument, "id" | "taxel" | "quantity" | "unit" | "coverage" | "dt" | "first" | "last" | "biometric">;
 export type EventItem = EventDocument;
 export type ModelItem = ModelDocument;
 export type ModelParameter = ParameterDocument;
@@ -37,11 +36,6 @@ export type Setting = Settings[string][string];
 export interface Page<Item> {
   readonly items: readonly Item[];
   readonly next: string | null;
-}
-
-/** A block of the live stream: a series, and when the cloud stored it. */
-export interface LiveBlock extends SeriesAnswer {
-  readonly stored: string;
 }
 
 /** RFC 9457 problem details. */

@@ -3,11 +3,12 @@ import type { ChannelItem, EventItem, SeriesAnswer } from "../api/contract";
 import { type PeakMark, readPeak } from "../chart/peaks";
 import type { ChannelFacts } from "../chart/reading";
 import type { Stretch } from "../chart/segments";
+import type { Interval } from "../interval/interval";
 import type { Range } from "../state/window";
 import { parseInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
 import { readSeries } from "../tube/decode";
-import { clipEnd, copyOf, endOf, type Entries, NOTHING } from "../tube/entries";
+import { clipEnd, copyOf, endOf, type Entries, hullWithin, leastSpacing, NOTHING, worstError } from "../tube/entries";
 import { thin } from "../tube/join";
 import { Tube } from "../tube/tube";
 import type { LiveEdge } from "./edge";
@@ -23,8 +24,9 @@ const QUIET_SHARE = 0.9;
 const ROUGH_SHARE = 0.25;
 /** A node without data for so long is silent. */
 const STALE_MS = 4_000;
-/** A channel that is sampled for less than this share of the time measures in bursts. */
-const BURST_SHARE = 0.5;
+/** So many pauses in a row whose lengths differ by no more than this share are those between bursts. */
+const BURST_PAUSES = 3;
+const BURST_JITTER = 0.1;
 
 export interface ChannelDataOptions {
   readonly client: Client;
@@ -55,7 +57,7 @@ function nothingIn({ x0, x1 }: Range): Entries {
   return { t: Float64Array.of(x0), width: Float64Array.of(x1 - x0), lo: missing, hi: missing, doubt: none, error: none, reach: none };
 }
 
-/** A range that is being loaded, and the stream's blocks of it meanwhile. */
+/** A range that is being loaded, and the stream's samples of it meanwhile. */
 interface Filling {
   readonly range: Range;
   readonly runs: Entries[];
@@ -73,15 +75,15 @@ export class ChannelData {
   /** The stretch of which history has every sample. */
   private loaded: Range | null = null;
   private latest: ChannelItem;
-  /** Up to here the store is complete; the live stream brings every block after it. */
+  /** Up to here the store is complete; the live stream brings every sample after it. */
   private storeEnd: number | null;
-  /** Up to here the stream may have brought samples: the last bucket of a block may claim more than it has. */
-  private dataEnd: number | null;
   private readonly fillings = new Set<Filling>();
-  /** The longest block of the stream, in ns. */
+  /** The longest run of the stream, in ns. */
   private longest = 0;
   /** The time error of recent and loaded data, in ns. */
   private error = 0;
+  /** The latest silences between runs. */
+  private readonly pauses: number[] = [];
   /** Of a channel that measures in bursts, the shortest silence in which the store has nothing either. */
   private pause = Infinity;
 
@@ -89,9 +91,7 @@ export class ChannelData {
     const { channel } = options;
     this.latest = channel;
     this.storeEnd = this.storedEnd();
-    this.dataEnd = this.storeEnd;
     this.facts = { unit: channel.unit, bursts: false };
-    this.channel = channel;
   }
 
   /** The channel as last listed by the store. */
@@ -101,15 +101,20 @@ export class ChannelData {
 
   set channel(channel: ChannelItem) {
     this.latest = channel;
-    const end = this.storedEnd();
-    if (channel.first === null || channel.samples === null || end === null) return;
-    const length = end - this.options.timeline.toX(parseInstant(channel.first));
-    this.facts.bursts = channel.samples * channel.dt < BURST_SHARE * length;
   }
 
   /** The end of the data from store and stream. */
   get end(): number | null {
-    return this.dataEnd;
+    return this.storeEnd;
+  }
+
+  /** The hull of what is held, or null where nothing is. */
+  get bounds(): Interval | null {
+    for (const entries of [this.rolling, this.history]) {
+      const { lo, hi, count } = hullWithin(entries, -Infinity, Infinity);
+      if (count > 0) return { lo, hi };
+    }
+    return null;
   }
 
   get rolling(): Entries {
@@ -129,7 +134,7 @@ export class ChannelData {
     const { edge } = this.options;
     const newest = edge.newest();
     if (newest === null) return null;
-    const end = Math.min(newest, this.dataEnd ?? newest);
+    const end = Math.min(newest, this.storeEnd ?? newest);
     const patience = Math.max(STALE_MS, 4 * edge.rhythm());
     const usual = Math.max(this.longest + 3 * this.latest.dt, this.usualPause);
     const silent = edge.silence(at) > patience || newest - end > edge.timeIn(patience) + usual;
@@ -145,35 +150,41 @@ export class ChannelData {
   }
 
   /**
-   * Takes a live block; returns the range before it that is still missing.
+   * Takes samples of the live stream; returns the range before them that is still missing.
    *
-   * @param grain the finest that can be seen, in ns; null for a hidden chart: the block is
+   * @param grain the finest that can be seen, in ns; null for a hidden chart: the samples are
    * dropped and loaded later
    */
-  take(block: SeriesAnswer, at: number, grain: number | null): { block: Range | null; hole: Range | null } {
-    const run = readSeries(block, this.options.timeline);
+  take(run: Entries, at: number, grain: number | null): { taken: Range | null; hole: Range | null } {
     const end = endOf(run);
-    if (end === null) return { block: null, hole: null };
+    if (end === null) return { taken: null, hole: null };
     const start = run.t[0]!;
+    const spacing = leastSpacing(run);
     const before = this.storeEnd ?? start;
-    const silence = start - (this.dataEnd ?? start);
+    const silence = start - before;
     // What comes late lies in the middle of what was loaded.
     if (this.loaded && !apart(this.loaded, { x0: start, x1: end })) this.loaded = null;
-    const hull = block.resolution === "hull";
-    // The last bucket of a block may claim more time than its samples take: ask for it again after a hole.
-    this.storeEnd = Math.max(before, hull ? run.t.at(-1)! : end + block.dt);
-    this.dataEnd = Math.max(this.dataEnd ?? start, hull ? end : end + block.dt);
+    this.storeEnd = Math.max(before, end + spacing);
     this.longest = Math.max(this.longest, end - start);
-    this.error = Math.max(this.error, block.time_error);
+    this.error = Math.max(this.error, worstError(run));
     this.options.edge.observe(end, at);
-    if (grain === null) return { block: null, hole: null };
+    const pauses = silence > 3 * spacing;
+    if (pauses) this.notePause(silence);
+    if (grain === null) return { taken: null, hole: null };
     const seen = thin(run, grain);
     this.tube.merge(seen);
     for (const { range, runs } of this.fillings) if (!apart(range, { x0: start, x1: end })) runs.push(seen);
-    // Of hulls, a whole block may be no longer than one of them.
-    const usual = hull ? run.reach[0]! : 2 * run.reach[0]!;
-    const hole = silence > Math.max(usual, 3 * this.latest.dt, this.usualPause);
-    return { block: { x0: start, x1: end }, hole: hole ? { x0: before, x1: start } : null };
+    const hole = pauses && silence > this.usualPause;
+    return { taken: { x0: start, x1: end }, hole: hole ? { x0: before, x1: start } : null };
+  }
+
+  /** A channel measures in bursts while its latest pauses are about equally long. */
+  private notePause(silence: number): void {
+    const { pauses } = this;
+    pauses.push(silence);
+    if (pauses.length > BURST_PAUSES) pauses.shift();
+    const [shortest, longest] = [Math.min(...pauses), Math.max(...pauses)];
+    this.facts.bursts = pauses.length === BURST_PAUSES && longest - shortest <= BURST_JITTER * longest;
   }
 
   /** Fills a stretch of the rolling window, up to `end` at most, from the store. */
@@ -184,7 +195,7 @@ export class ChannelData {
       const answer = await this.ask(range, points, signal);
       // A bucket may reach beyond the range, where the live stream knows more than this answer.
       this.fill(range, clipEnd(readSeries(answer, this.options.timeline), range.x1));
-      // The stream's blocks may have been stored after the store was read.
+      // The stream's samples may have been stored after the store was read.
       for (const run of filling.runs) this.tube.merge(run);
     } finally {
       this.fillings.delete(filling);

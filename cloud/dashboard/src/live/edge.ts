@@ -6,9 +6,9 @@ const FASTEST = 1e9;
 const LEAP = 20;
 
 /**
- * The moving right edge of the live windows of one node. Blocks come in jumps; the edge moves smoothly
+ * The moving right edge of the live windows of one node. Frames come in jumps; the edge moves smoothly
  * ahead of them, at the pace of the node's own clock (which may run faster than ours in a simulation), so
- * that a block is painted as soon as it is there: what is still under way is an empty strip at the edge.
+ * that a frame is painted as soon as it is there: what is still under way is an empty strip at the edge.
  */
 export class LiveEdge {
   private readonly seen: { at: number; end: number }[] = [];

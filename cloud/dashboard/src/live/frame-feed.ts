@@ -1,7 +1,12 @@
 import { messageOf } from "../api/error";
 import { type Cbor, readCbor } from "../frames/cbor";
 import { FrameError } from "../frames/frame-error";
-import type { FeedState } from "./feed";
+
+export type FeedState =
+  | { readonly kind: "connecting" }
+  | { readonly kind: "open" }
+  | { readonly kind: "waiting"; readonly seconds: number; readonly reason: string }
+  | { readonly kind: "offline" };
 
 /** One message of the live WebSocket (docs/rest.md). */
 export type LiveMessage =
@@ -47,10 +52,16 @@ export function readLiveMessage(data: Uint8Array): LiveMessage | null {
   }
 }
 
-export interface FrameFeedOptions {
+/** What is asked for. */
+export interface Selection {
   readonly nodes: readonly string[];
-  /** Makes the address, given where to resume. */
-  readonly url: (cursor: string | null) => string;
+  /** The patches whose samples are wanted; null: all. */
+  readonly patches: readonly string[] | null;
+}
+
+export interface FrameFeedOptions {
+  /** Makes the address of the stream of these nodes, given where to resume. */
+  readonly url: (nodes: readonly string[], cursor: string | null) => string;
   readonly onMessage: (message: LiveMessage) => void;
   /** A message could not be read. */
   readonly onUnreadable: () => void;
@@ -72,11 +83,12 @@ export class FrameFeed {
   private waitMs = FIRST_WAIT_MS;
   private openedAt = 0;
   private stopped = false;
-  /** The patches whose samples are wanted; null: all. */
-  private patches: readonly string[] | null = null;
+  private selection: Selection;
   private watchdog: ReturnType<typeof setTimeout> | null = null;
 
-  constructor(private readonly options: FrameFeedOptions) {}
+  constructor(private readonly options: FrameFeedOptions, selection: Selection) {
+    this.selection = selection;
+  }
 
   start(): void {
     addEventListener("online", this.onOnline);
@@ -84,9 +96,10 @@ export class FrameFeed {
     this.connect();
   }
 
-  /** Asks for the samples of these patches alone. */
-  choose(patches: readonly string[]): void {
-    this.patches = patches;
+  /** Asks for something else. */
+  choose(selection: Selection): void {
+    if (JSON.stringify(selection) === JSON.stringify(this.selection)) return;
+    this.selection = selection;
     if (this.socket?.readyState === WebSocket.OPEN) this.select();
   }
 
@@ -115,7 +128,7 @@ export class FrameFeed {
     this.socket?.close();
     const { onState, url } = this.options;
     onState({ kind: "connecting" });
-    const address = new URL(url(this.cursor), location.href);
+    const address = new URL(url(this.selection.nodes, this.cursor), location.href);
     address.protocol = address.protocol.replace("http", "ws");
     const socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
@@ -123,7 +136,7 @@ export class FrameFeed {
     socket.addEventListener("open", () => {
       if (socket !== this.socket) return;
       this.openedAt = performance.now();
-      this.select();
+      if (this.selection.patches !== null) this.select();
       this.watch();
       onState({ kind: "open" });
     });
@@ -137,7 +150,7 @@ export class FrameFeed {
 
   /** Says which nodes and patches are wanted. */
   private select(): void {
-    if (this.patches !== null) this.socket?.send(JSON.stringify({ nodes: this.options.nodes, patches: this.patches }));
+    this.socket?.send(JSON.stringify(this.selection));
   }
 
   /** Gives the connection up when nothing comes over it. */

@@ -11,15 +11,22 @@ export interface SkinPatch {
   readonly columns: number;
 }
 
-/** The taxels of one quantity, each where it sits. */
-export interface Skin {
+/** The taxels of one quantity. */
+export interface Taxels {
   readonly quantity: string;
   readonly unit: string;
   readonly taxels: readonly string[];
+  /** The node that sends each of them. */
+  readonly nodes: readonly string[];
+  readonly patches: readonly SkinPatch[];
+}
+
+/** The taxels of one quantity, each where it sits. */
+export interface Skin extends Taxels {
   /** Where they sit in the map, in m. */
   readonly x: Float64Array;
   readonly y: Float64Array;
-  readonly patches: readonly SkinPatch[];
+  /** From which value on a taxel is pressed; null: none is judged. */
   readonly threshold: number | null;
 }
 
@@ -30,25 +37,36 @@ export function quantitiesIn(layout: LayoutItem): string[] {
   return names.toSorted((one, other) => Number(other === "pressure") - Number(one === "pressure"));
 }
 
-/** Collects the taxels of one quantity. */
+/** Collects the taxels of one quantity that have a place. */
 export function skinOf(layout: LayoutItem, quantity: string): Skin {
-  const patches: SkinPatch[] = [];
-  const [taxels, x, y]: [string[], number[], number[]] = [[], [], []];
-  let unit = "1";
+  const [x, y]: [number[], number[]] = [[], []];
   let threshold: number | null = null;
-  for (const [number, patch] of layout.patches.entries()) {
+  const found = taxelsOf(layout, quantity, (patch) => {
     const [xs, ys] = patch.positions;
-    if (patch.quantity !== quantity || xs === undefined || ys === undefined) continue;
+    if (xs === undefined || ys === undefined) return false;
+    x.push(...xs);
+    y.push(...ys);
+    threshold ??= patch.threshold;
+    return true;
+  });
+  return { ...found, x: Float64Array.from(x), y: Float64Array.from(y), threshold };
+}
+
+/** Collects the taxels of one quantity: those of all its patches, or of those that a function chooses. */
+export function taxelsOf(layout: LayoutItem, quantity: string, chosen: (patch: LayoutItem["patches"][number]) => boolean = () => true): Taxels {
+  const patches: SkinPatch[] = [];
+  const [taxels, nodes]: [string[], string[]] = [[], []];
+  let unit = "1";
+  for (const [number, patch] of layout.patches.entries()) {
+    if (patch.quantity !== quantity || !chosen(patch)) continue;
     patches.push({ number, id: patch.patch, page: patch.page, first: taxels.length, columns: patch.taxels.length });
-    for (const [column, taxel] of patch.taxels.entries()) {
+    for (const taxel of patch.taxels) {
       taxels.push(taxel);
-      x.push(xs[column]!);
-      y.push(ys[column]!);
+      nodes.push(patch.node);
     }
     unit = patch.unit;
-    threshold ??= patch.threshold;
   }
-  return { quantity, unit, taxels, x: Float64Array.from(x), y: Float64Array.from(y), patches, threshold };
+  return { quantity, unit, taxels, nodes, patches };
 }
 
 function bucketOf(column: number, row: number): number {

@@ -1,6 +1,6 @@
 import type { Frame, PatchSamples } from "../frames/frame";
 import type { Timeline } from "../time/timeline";
-import type { Skin } from "./layout";
+import type { Taxels } from "./layout";
 
 /** A decoded frame, and when its samples are from (ns of the timeline; the earliest moments). */
 export interface Stretch {
@@ -37,7 +37,7 @@ export interface Picture {
   newest: number;
 }
 
-export function emptyPicture(skin: Skin): Picture {
+export function emptyPicture(skin: Pick<Taxels, "taxels">): Picture {
   const count = skin.taxels.length;
   return { lo: new Float64Array(count).fill(-Infinity), hi: new Float64Array(count).fill(Infinity), newest: Number.NaN };
 }
@@ -147,8 +147,14 @@ export class Stretches {
     return name;
   }
 
+  /** Writes the newest bounds of each taxel; unknown where the frame of its page is missing. */
+  readNewest(taxels: Taxels, picture: Picture): void {
+    const { complete } = this;
+    this.read(taxels, complete === null ? Number.NaN : complete - 1, picture);
+  }
+
   /** Writes the bounds of each taxel at an instant; unknown where the frame of its page is missing. */
-  read(skin: Skin, x: number, picture: Picture): void {
+  read(skin: Taxels, x: number, picture: Picture): void {
     picture.newest = Number.NaN;
     for (const { number, page: pageNumber, first, columns } of skin.patches) {
       const page = this.pages.get(pageNumber);

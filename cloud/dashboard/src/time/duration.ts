@@ -39,7 +39,7 @@ export function formatDuration(ns: number, direction: Direction | "nearest" = "n
   return printShort(ns, direction);
 }
 
-/** How long after its last sample a block was stored, rounded outward: `12–15 ms`, `≤ 15 ms`, or `–`. */
+/** How long after its last sample a frame was stored, rounded outward: `12–15 ms`, `≤ 15 ms`, or `–`. */
 export function formatLag(lag: LagJson | null): string {
   if (lag === null) return "–";
   const [least, most] = [formatDuration(lag.lo_ns, "down"), formatDuration(lag.hi_ns, "up")];

@@ -3,7 +3,7 @@ import { parseInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
 import { HULL_REACH, SAMPLE_REACH, type Entries } from "./entries";
 
-/** Reads the cloud's series (or a live block): null on one side is unbounded, on both sides missing. */
+/** Reads the cloud's series: null on one side is unbounded, on both sides missing. */
 export function readSeries(answer: SeriesAnswer, timeline: Timeline): Entries {
   const count = answer.t.length;
   const start = timeline.toX(parseInstant(answer.t0));

@@ -35,8 +35,8 @@ export class Tube {
   }
 
   /**
-   * Puts a run in its place in time. Of a stretch of which something is known already, both hold: neither a block
-   * nor the earlier data is known to hold all samples there, and the last hull of a block claims more time
+   * Puts a run in its place in time. Of a stretch of which something is known already, both hold: neither a run
+   * nor the earlier data is known to hold all samples there, and the last hull of a run claims more time
    * than its samples take.
    */
   merge(run: Entries): void {

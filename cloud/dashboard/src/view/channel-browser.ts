@@ -1,16 +1,18 @@
 import type { LayoutItem } from "../api/contract";
+import { formatInterval } from "../interval/format";
+import { taxelsOf, type Taxels } from "../skin/layout";
+import { emptyPicture, type Picture, type Stretches } from "../skin/stretches";
 import { printRoute } from "../state/route";
+import { Throttle, TEXT_MS } from "../time/throttle";
 import type { Context } from "./context";
 import { element, setText } from "./element";
 
 const ROW_PX = 26;
 /** Rows that are made beyond what can be seen. */
 const SPARE = 4;
-
-interface Group {
-  readonly quantity: string;
-  readonly taxels: readonly string[];
-}
+/** A list of no more channels than this is open from the start, unless all stands in one column. */
+const FEW = 100;
+const NARROW_PX = 900;
 
 /** One quantity's channels: only the rows that can be seen are made. */
 class ChannelGroup {
@@ -18,11 +20,15 @@ class ChannelGroup {
   private readonly count = element("span", { class: "count" });
   private readonly rows = element("div", { class: "channel-rows" });
   private readonly scroller: HTMLElement;
-  private shown: readonly string[];
+  private readonly picture: Picture;
+  /** Numbers of the taxels that the filter lets through. */
+  private shown: readonly number[];
+  private values: readonly (readonly [taxel: number, value: HTMLElement])[] = [];
   private drawn = "";
 
-  constructor(private readonly context: Context, private readonly node: string, private readonly group: Group, open: boolean) {
-    this.shown = group.taxels;
+  constructor(private readonly context: Context, private readonly group: Taxels, open: boolean) {
+    this.shown = [...group.taxels.keys()];
+    this.picture = emptyPicture(group);
     const name = group.quantity.replaceAll("_", " ");
     this.scroller = element("div", { class: "channel-scroller", role: "group", "aria-label": `channels of ${name}` }, this.rows);
     this.scroller.addEventListener("scroll", () => this.draw(), { passive: true });
@@ -33,7 +39,8 @@ class ChannelGroup {
   /** Shows only channels whose names contain all words. */
   filter(words: readonly string[]): void {
     const { taxels, quantity } = this.group;
-    this.shown = words.length === 0 ? taxels : taxels.filter((taxel) => words.every((word) => `${taxel}.${quantity}`.toLowerCase().includes(word)));
+    const all = [...taxels.keys()];
+    this.shown = words.length === 0 ? all : all.filter((k) => words.every((word) => `${taxels[k]}.${quantity}`.toLowerCase().includes(word)));
     setText(this.count, this.shown.length === taxels.length ? taxels.length.toLocaleString("en") : `${this.shown.length.toLocaleString("en")} of ${taxels.length.toLocaleString("en")}`);
     this.root.hidden = this.shown.length === 0;
     this.drawn = "";
@@ -50,49 +57,76 @@ class ChannelGroup {
     this.drawn = name;
     this.rows.style.height = `${this.shown.length * ROW_PX}px`;
     const focused = document.activeElement?.getAttribute("data-channel");
-    const route = { ...this.context.route(), node: this.node, question: null };
+    const { quantity, taxels, nodes } = this.group;
+    const route = { ...this.context.route(), question: null };
+    const values: [number, HTMLElement][] = [];
     this.rows.replaceChildren(
       ...this.shown.slice(first, last).map((taxel, index) => {
-        const channel = `${taxel}.${this.group.quantity}`;
-        const row = element("a", { class: "channel-row", href: printRoute({ ...route, channel }), "data-testid": "channel-row", "data-channel": channel }, channel);
+        const channel = `${taxels[taxel]}.${quantity}`;
+        const value = element("span", { class: "channel-value" });
+        values.push([taxel, value]);
+        const row = element("a", { class: "channel-row", href: printRoute({ ...route, node: nodes[taxel]!, channel }), "data-testid": "channel-row", "data-channel": channel }, element("span", {}, channel), value);
         row.style.transform = `translateY(${(first + index) * ROW_PX}px)`;
         return row;
       }),
     );
+    this.values = values;
     if (focused) this.rows.querySelector<HTMLElement>(`[data-channel="${CSS.escape(focused)}"]`)?.focus({ preventScroll: true });
+  }
+
+  /** Writes the newest interval of each row that is made; null: none is known. */
+  write(stretches: Stretches | null): void {
+    if (!this.root.open || this.root.hidden || this.values.length === 0) return;
+    const { group, picture } = this;
+    if (stretches !== null) stretches.readNewest(group, picture);
+    for (const [taxel, value] of this.values) {
+      const [lo, hi] = stretches === null ? [-Infinity, Infinity] : [picture.lo[taxel]!, picture.hi[taxel]!];
+      setText(value, lo === -Infinity && hi === Infinity ? "–" : formatInterval({ lo, hi }, group.unit));
+    }
   }
 }
 
-/** All channels of a node, grouped by quantity and filtered by text. */
+/** All channels of a node with their newest values, grouped by quantity and filtered by text. */
 export class ChannelBrowser {
-  readonly root: HTMLElement;
+  readonly root: HTMLDetailsElement;
   private readonly input = element("input", { type: "search", placeholder: "filter, such as t01 pressure", "aria-label": "filter channels", "data-testid": "channel-filter" });
   private readonly list = element("div", { class: "channel-groups" });
   private readonly none = element("p", { class: "quiet", hidden: true }, "No channel has all of these words in its name.");
   private readonly title = element("span");
+  private readonly texts = new Throttle(TEXT_MS);
   private groups: ChannelGroup[] = [];
 
-  constructor(private readonly context: Context, private readonly node: string) {
+  constructor(private readonly context: Context) {
     const body = element("div", { class: "channel-browser-body" }, this.input, this.list, this.none);
-    const root = element("details", { class: "channel-browser", "data-testid": "channel-browser" }, element("summary", {}, this.title), body);
-    root.addEventListener("toggle", () => this.filter());
+    this.root = element("details", { class: "channel-browser", "data-testid": "channel-browser" }, element("summary", {}, this.title), body);
+    this.root.addEventListener("toggle", () => this.filter());
     this.input.addEventListener("input", () => this.filter());
-    this.root = root;
   }
 
   /** Lists the channels of a layout. */
   show(layout: LayoutItem): void {
-    const taxels = new Map<string, string[]>();
-    for (const patch of layout.patches) {
-      const held = taxels.get(patch.quantity) ?? [];
-      held.push(...patch.taxels);
-      taxels.set(patch.quantity, held);
-    }
-    const total = [...taxels.values()].reduce((sum, all) => sum + all.length, 0);
+    const quantities = [...new Set(layout.patches.map(({ quantity }) => quantity))];
+    const groups = quantities.map((quantity) => taxelsOf(layout, quantity));
+    const total = groups.reduce((sum, { taxels }) => sum + taxels.length, 0);
     setText(this.title, `All ${total.toLocaleString("en")} channels`);
-    this.groups = [...taxels].map(([quantity, all], index) => new ChannelGroup(this.context, this.node, { quantity, taxels: all }, index === 0));
+    this.groups = groups.map((group, index) => new ChannelGroup(this.context, group, total <= FEW || index === 0));
+    this.list.classList.toggle("few", total <= FEW);
     this.list.replaceChildren(...this.groups.map(({ root }) => root));
+    this.root.open ||= total <= FEW && innerWidth > NARROW_PX;
     this.filter();
+  }
+
+  /** Whether values are shown. */
+  get open(): boolean {
+    return this.root.open;
+  }
+
+  frame(at: number, stretches: Stretches | null): void {
+    if (!this.root.open || !this.texts.due(at)) return;
+    for (const group of this.groups) {
+      group.draw();
+      group.write(stretches);
+    }
   }
 
   private filter(): void {

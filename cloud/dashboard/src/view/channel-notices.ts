@@ -41,7 +41,7 @@ export class ChannelNotices {
     this.board.clear();
   }
 
-  /** A live block came in. */
+  /** Live samples came in. */
   arrived(): void {
     if (this.state === "empty" || this.state === "shown") this.shown();
   }
@@ -49,7 +49,7 @@ export class ChannelNotices {
   /** The channel has no data at all. */
   noData(channel: string): void {
     this.become("empty");
-    this.board.show("empty", "No data yet", `${channel} has not sent data yet. It appears here with its first block.`);
+    this.board.show("empty", "No data yet", `${channel} has not sent data yet. It appears here with its first frame.`);
   }
 
   /** The channel has data, though not in this window. */

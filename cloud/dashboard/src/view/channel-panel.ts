@@ -1,4 +1,4 @@
-import type { ChannelItem, SeriesAnswer } from "../api/contract";
+import type { ChannelItem, EventItem } from "../api/contract";
 import { isAbort } from "../api/error";
 import { LatestRequest } from "../api/latest-request";
 import { type Answers, BandChart, NO_ANSWERS } from "../chart/band-chart";
@@ -11,7 +11,7 @@ import type { LiveEdge } from "../live/edge";
 import { printRoute, type View } from "../state/route";
 import type { Range } from "../state/window";
 import { Throttle, TEXT_MS } from "../time/throttle";
-import { hullWithin } from "../tube/entries";
+import { type Entries, hullWithin } from "../tube/entries";
 import { ChannelNotices } from "./channel-notices";
 import type { Context } from "./context";
 import { element, icon, setText, setTitle } from "./element";
@@ -145,15 +145,22 @@ export class ChannelPanel {
     this.look();
   }
 
-  /** Takes a live block of this channel. */
-  take(block: SeriesAnswer, at: number): void {
-    const { block: range, hole } = this.data.take(block, at, this.visible ? this.grain() : null);
+  /** Takes live samples of this channel. */
+  take(run: Entries, at: number): void {
+    const { taken, hole } = this.data.take(run, at, this.visible ? this.grain() : null);
     if (!this.visible) return;
     if (this.view.kind === "live") {
       this.dirty = true;
       this.notices.arrived();
       if (hole) this.backfill.fillHole(hole, this.view.span);
-    } else if (range && this.touchesView(range)) this.outdated = true;
+    } else if (taken && this.touchesView(taken)) this.outdated = true;
+  }
+
+  /** Takes a peak or a gap; one of no channel concerns the whole node. */
+  takeEvent(event: EventItem): void {
+    if (event.channel !== null && event.channel !== this.options.channel.id) return;
+    this.data.takeEvent(event, this.view.kind === "live" ? null : this.range());
+    this.touch();
   }
 
   /** Marks have changed: paint at the next frame. */

@@ -1,5 +1,4 @@
 import type { Answers } from "../chart/band-chart";
-import { readInterval } from "../interval/interval";
 import type { Question } from "../state/route";
 import type { ChannelPanel } from "./channel-panel";
 import type { Context } from "./context";
@@ -7,51 +6,67 @@ import { element } from "./element";
 import { ModelForm } from "./model-form";
 import { ThresholdForm } from "./threshold-form";
 
+/** So long (ms) the forms wait for the channel's first data, whose magnitude chooses the prefix of their inputs. */
+const PATIENCE_MS = 3_000;
+
+interface Forms {
+  readonly threshold: ThresholdForm;
+  readonly model: ModelForm;
+}
+
 /** What may be asked of a channel that stands alone: one question at a time, whose answer its chart marks. */
 export class ChannelQuestions {
   readonly root = element("div");
-  private readonly threshold: ThresholdForm;
-  private readonly model: ModelForm;
+  private forms: Forms | null = null;
+  private readonly since = performance.now();
 
-  constructor(context: Context, node: string, private readonly panel: ChannelPanel) {
-    const { channel } = panel.data;
-    const bounds = channel.bounds && readInterval(channel.bounds);
-    const common = { context, node, channel: channel.id, unit: channel.unit, range: () => panel.range() };
-    this.threshold = new ThresholdForm({
-      ...common,
-      magnitude: Math.max(0, ...[bounds?.lo ?? 0, bounds?.hi ?? 0].map(Math.abs).filter(Number.isFinite)),
-      onSegments: (segments) => this.mark({ segments }),
-    });
-    this.model = new ModelForm({
-      ...common,
-      bounds,
-      points: () => panel.width,
-      onAnswer: (predicted, segments) => this.mark({ predicted, segments }),
-    });
-    this.root.append(this.threshold.root, this.model.root);
-    this.apply(context.route().question);
-  }
+  constructor(private readonly context: Context, private readonly node: string, private readonly panel: ChannelPanel) {}
 
   apply(question: Question | null): void {
+    if (this.forms === null) return;
     const threshold = question?.kind === "threshold" ? question : null;
     const model = question?.kind === "model" ? question : null;
     if (this.panel.answers.threshold !== (threshold?.level ?? null)) this.mark({ threshold: threshold?.level ?? null });
-    this.threshold.apply(threshold);
-    this.model.apply(model);
+    this.forms.threshold.apply(threshold);
+    this.forms.model.apply(model);
   }
 
   frame(at: number): void {
-    this.threshold.frame(at);
-    this.model.frame(at);
+    this.forms ??= this.make();
+    this.forms?.threshold.frame(at);
+    this.forms?.model.frame(at);
+  }
+
+  destroy(): void {
+    this.forms?.threshold.destroy();
+    this.forms?.model.destroy();
+  }
+
+  private make(): Forms | null {
+    const { context, node, panel } = this;
+    const { channel, bounds } = panel.data;
+    if (bounds === null && performance.now() - this.since < PATIENCE_MS) return null;
+    const common = { context, node, channel: channel.id, unit: channel.unit, range: () => panel.range() };
+    this.forms = {
+      threshold: new ThresholdForm({
+        ...common,
+        magnitude: Math.max(0, ...[bounds?.lo ?? 0, bounds?.hi ?? 0].map(Math.abs).filter(Number.isFinite)),
+        onSegments: (segments) => this.mark({ segments }),
+      }),
+      model: new ModelForm({
+        ...common,
+        bounds,
+        points: () => panel.width,
+        onAnswer: (predicted, segments) => this.mark({ predicted, segments }),
+      }),
+    };
+    this.root.append(this.forms.threshold.root, this.forms.model.root);
+    this.apply(context.route().question);
+    return this.forms;
   }
 
   private mark(answers: Partial<Answers>): void {
     this.panel.answers = { ...this.panel.answers, ...answers };
     this.panel.touch();
-  }
-
-  destroy(): void {
-    this.threshold.destroy();
-    this.model.destroy();
   }
 }

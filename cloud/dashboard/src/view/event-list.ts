@@ -135,6 +135,18 @@ export class EventList {
     await this.more();
   }
 
+  /** Puts those of the latest events on top that the live stream did not bring. */
+  async catchUp(): Promise<void> {
+    if (this.outdated) return;
+    const { signal } = this.loading;
+    try {
+      const { items } = await this.context.client.events({ ...this.scopeQuery(), ...this.filter, limit: PAGE }, signal);
+      for (const event of items.toReversed()) this.take(event);
+    } catch (error) {
+      if (!isAbort(error)) this.fail(error);
+    }
+  }
+
   /** Says what the charts leave out. */
   remark(text: string): void {
     setText(this.note, text);
@@ -201,6 +213,10 @@ export class EventList {
     return printRoute({ node: event.node, channel: event.channel ?? this.scope.channel, view, question: null });
   }
 
+  private scopeQuery(): { node?: string | undefined; channel?: string | undefined } {
+    return { node: this.scope.node ?? undefined, channel: this.scope.channel ?? undefined };
+  }
+
   private trim(): void {
     while (this.rows.children.length > MOST_ROWS) {
       const last = this.rows.lastElementChild;
@@ -214,8 +230,7 @@ export class EventList {
   private async more(): Promise<void> {
     const { signal } = this.loading;
     const first = this.cursor === null;
-    const scope = { node: this.scope.node ?? undefined, channel: this.scope.channel ?? undefined };
-    const query = { ...scope, ...this.filter, limit: PAGE, cursor: this.cursor ?? undefined };
+    const query = { ...this.scopeQuery(), ...this.filter, limit: PAGE, cursor: this.cursor ?? undefined };
     try {
       const page = await this.context.client.events(query, signal);
       const fresh = page.items.filter((event) => first || !this.known.has(event.id));

@@ -97,8 +97,12 @@ export class FilmBar {
     this.strip.setAttribute("aria-valuetext", text);
   }
 
-  /** Paints the sum of all forces over a window: a band from what is certain to what is possible. */
-  paint(track: readonly ContactsAt[], range: Range | null): void {
+  /**
+   * Paints the sum of all forces over a window: a band from what is certain to what is possible.
+   *
+   * @param stated whether contacts are stated at all
+   */
+  paint(track: readonly ContactsAt[], range: Range | null, stated: boolean): void {
     const ratio = devicePixelRatio;
     const [width, height] = [Math.round(this.strip.clientWidth * ratio), Math.round(HEIGHT * ratio)];
     if (width === 0) return;
@@ -129,7 +133,7 @@ export class FilmBar {
       pen.fillRect(left, low, right - left, ratio);
       if (bounded) pen.fillRect(left, high, right - left, ratio);
     }
-    setText(this.most, sums.some(({ hi }) => hi > 0) ? `sum of forces ${formatInterval({ lo: -Infinity, hi: top }, "N")}` : "no contact in this window");
+    setText(this.most, sums.some(({ hi }) => hi > 0) ? `sum of forces ${formatInterval({ lo: -Infinity, hi: top }, "N")}` : stated ? "no contact in this window" : "");
   }
 
   private instantAt(clientX: number): number | null {

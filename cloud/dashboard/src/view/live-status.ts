@@ -1,4 +1,4 @@
-import type { FeedState } from "../live/feed";
+import type { FeedState } from "../live/frame-feed";
 import { element, setText } from "./element";
 
 /** Says in words and by shape whether live data flows; changes are read out. */

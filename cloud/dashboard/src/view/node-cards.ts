@@ -54,7 +54,7 @@ function broken({ faults }: NodeItem): HTMLElement[] {
 /** Of a node that seals all it sends, times are known to the minute alone. */
 function lagOf({ lag }: NodeItem): HTMLElement {
   const sealed = lag !== null && lag.hi_ns - lag.lo_ns >= MINUTE_NS;
-  const title = sealed ? "Its blocks are sealed: their times are known only to the minute" : null;
+  const title = sealed ? "Its frames are sealed: their times are known only to the minute" : null;
   return element("span", { "data-testid": "node-lag", title }, sealed ? `${formatLag(lag)}, sealed` : formatLag(lag));
 }
 

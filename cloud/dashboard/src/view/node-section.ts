@@ -1,170 +1,269 @@
-import type { ChannelItem, EventItem, LiveBlock } from "../api/contract";
+import type { EventItem, LayoutItem, NodeItem } from "../api/contract";
 import { isAbort, messageOf } from "../api/error";
 import type { PeakMark } from "../chart/peaks";
 import { LiveEdge } from "../live/edge";
+import { type Column, columnOf, runOf } from "../skin/column-series";
+import { quantitiesIn } from "../skin/layout";
+import { NodeFrames } from "../skin/node-frames";
+import type { Stretch } from "../skin/stretches";
 import { printRoute, type View } from "../state/route";
 import type { Range } from "../state/window";
+import { ChannelBrowser } from "./channel-browser";
 import { ChannelPanel } from "./channel-panel";
 import type { Context } from "./context";
-import { element } from "./element";
+import { button, element, setText } from "./element";
 import { NoticeBoard } from "./notice";
 import type { Section } from "./section";
-import { SkinPicture } from "./skin-picture";
+import { SkinView } from "./skin-view";
 
-export interface SectionOptions {
+/** So many taxels have charts at a time. */
+export const MOST_CHARTS = 12;
+
+export interface NodeSectionOptions {
   readonly context: Context;
   readonly node: string;
-  /** Only this channel, alone and large. */
-  readonly channel: string | null;
-  /** Whether the node's channels come as frames: there may be thousands, so only this one is asked for. */
-  readonly framed: boolean;
+  /** Among other nodes: the picture alone, or charts where there is none. */
+  readonly brief: boolean;
   readonly onPeak: (mark: PeakMark) => void;
-  /** Called when the channels were listed; `fresh` if there are new ones among them. */
   readonly onPanels: (fresh: boolean) => void;
+  /** It is known which nodes share the skin. */
+  readonly onSelection: () => void;
 }
 
-const RETRY_MS = 5_000;
-const REFRESH_MS = 10_000;
-
-/** The charts of one node; they share one moving edge of time. */
+/** A node: its skin, the charts of chosen taxels and of channels that no picture shows, and the list of all channels. */
 export class NodeSection implements Section {
   readonly root: HTMLElement;
   readonly panels = new Map<string, ChannelPanel>();
-  channels: readonly ChannelItem[] = [];
-  private readonly grid = element("div", { class: "grid" });
-  /** Speaks in the place of panels, as long as there are none. */
-  private readonly notices = new NoticeBoard(this.grid);
+  readonly patches = null;
+  /** All nodes that share the skin. */
+  nodes: readonly string[];
+  private readonly frames: NodeFrames;
+  private readonly skin: SkinView;
+  private readonly browser: ChannelBrowser | null;
   private readonly edge = new LiveEdge();
-  private readonly picture: SkinPicture | null;
+  /** The charts that are open or being opened, by their channels. */
+  private readonly columns = new Map<string, Column>();
+  private readonly grid = element("div", { class: "grid" });
+  private readonly note = element("p", { class: "skin-note", role: "status" });
+  private readonly chosen: HTMLElement;
+  /** Charts that are always there: of channels that no picture shows. */
+  private readonly others = element("div", { class: "grid", hidden: true });
+  private readonly notices: NoticeBoard;
+  private readonly title: HTMLElement;
+  private readonly watcher: IntersectionObserver;
+  private visible = true;
   private readonly loading = new AbortController();
-  private loadedAt: number | null = null;
-  private retry: ReturnType<typeof setTimeout> | null = null;
+  /** The channels whose charts are to be there, each with the node that sends it, and those of them that always are. */
+  private wanted: ReadonlyMap<string, string> = new Map();
+  private standing: ReadonlyMap<string, string> = new Map();
 
-  constructor(private readonly options: SectionOptions) {
-    const { context, node, channel } = options;
+  constructor(private readonly options: NodeSectionOptions) {
+    const { context, node, brief } = options;
+    this.nodes = [node];
+    this.frames = new NodeFrames({
+      client: context.client,
+      timeline: context.timeline,
+      node,
+      onLayout: (layout) => this.useLayout(layout),
+      onFailure: (message) => this.notices.show("error", "The layout could not be loaded", message),
+      onStretch: (stretch, at) => this.takeStretch(stretch, at),
+    });
+    this.skin = new SkinView({
+      context,
+      node,
+      frames: this.frames,
+      onSelect: (taxels, adds) => this.choose(taxels, adds),
+      onEscape: () => this.open([]),
+      onQuantity: () => this.showPanels(),
+    });
+    this.skin.root.hidden = true;
+    const close = button("Close charts", { class: "plain", "data-testid": "close-charts" }, () => this.open([]));
+    this.chosen = element("div", { class: "skin-chosen", hidden: true }, element("div", { class: "skin-chosen-head" }, this.note, close), this.grid);
+    this.browser = brief ? null : new ChannelBrowser(context);
     const href = printRoute({ ...context.route(), node, channel: null, question: null });
-    this.picture = channel === null ? new SkinPicture(context, node, this.edge) : null;
-    const head = channel === null ? element("h2", { class: "section-head" }, element("a", { href }, node)) : null;
-    this.root = element("section", { class: channel === null ? "node-section" : "node-section alone", "data-node": node }, head, this.picture?.root, this.grid);
-    this.notices.show("loading", "Loading channels…", "");
-    void this.load();
+    this.title = element("a", { href }, node);
+    const space = element("div", { class: "grid" });
+    this.notices = new NoticeBoard(space);
+    this.root = element("section", { class: "node-section skin-section", "data-node": node }, element("h2", { class: "section-head" }, this.title), space, this.skin.root, this.chosen, this.others, this.browser?.root);
+    this.watcher = new IntersectionObserver((changes) => {
+      this.visible = changes.at(-1)?.isIntersecting ?? false;
+      this.skin.setVisible(this.visible);
+    });
+    this.watcher.observe(this.skin.root);
+    this.notices.show("loading", "Loading the layout…", "");
   }
 
   apply(view: View): void {
-    this.picture?.apply(view);
+    this.skin.apply(view);
+    this.showPanels();
     for (const panel of this.panels.values()) panel.apply(view);
   }
 
-  /** Asks for what is shown again, after the stream has left something out. */
-  refill(): void {
+  showNode(node: NodeItem): void {
+    if (node.layout) this.frames.useLayout(node.layout);
+    else if (this.frames.layout === null) this.notices.show("empty", `${node.id} has no channels yet`, "Channels appear with the first frame that a node sends.");
+  }
+
+  showFailure(message: string): void {
+    if (this.frames.layout === null) this.notices.show("error", `${this.options.node} could not be loaded`, message);
+  }
+
+  takeFrame(data: Uint8Array, received: number, at: number): void {
+    // What is scrolled away needs no picture.
+    if (this.visible || this.panels.size > 0 || this.browser?.open) this.frames.takeFrame(data, received, at);
+  }
+
+  takeSkipped(frames: number): void {
+    this.skin.takeSkipped(frames);
     for (const panel of this.panels.values()) panel.startLive();
   }
 
+  takeContacts(json: string): void {
+    this.frames.takeContacts(json);
+  }
+
   frame(at: number): void {
-    if (this.loadedAt !== null && at - this.loadedAt > REFRESH_MS) {
-      this.loadedAt = null;
-      void this.load();
-    }
-    this.picture?.frame(at);
+    this.skin.frame(at);
+    this.browser?.frame(at, this.skin.isPresent(at) ? this.frames.stretches : null);
     for (const panel of this.panels.values()) panel.frame(at);
   }
 
-  /** Takes a live block; a channel that is new makes the section ask for the list again. */
-  take(block: LiveBlock, at: number): void {
-    this.picture?.take(block, at);
-    const panel = this.panels.get(block.channel);
-    if (panel) panel.take(block, at);
-    else if (this.options.channel === null && this.retry === null) this.loadAgain(1_000);
-  }
-
   takeEvent(event: EventItem): void {
-    const live = this.options.context.route().view.kind === "live";
-    for (const [channel, panel] of this.panels) {
-      if (event.channel !== null && event.channel !== channel) continue;
-      panel.data.takeEvent(event, live ? null : panel.range());
-      panel.touch();
-    }
+    for (const panel of this.panels.values()) panel.takeEvent(event);
   }
 
   repaint(): void {
+    this.skin.repaint();
     for (const panel of this.panels.values()) panel.repaint();
   }
 
-  /** The window that the first chart shows. */
   range(): Range | null {
-    for (const panel of this.panels.values()) {
-      const range = panel.range();
-      if (range) return range;
-    }
-    return null;
+    return this.skin.range();
   }
 
-  /** The stretch of time from the first to the last sample of all channels. */
   extent(): Range | null {
+    const { begin, end } = this.frames.stretches;
     const all = [...this.panels.values()].map(({ data }) => data.extent).filter((one) => one !== null);
+    if (begin !== null && end !== null) all.push({ x0: begin, x1: end });
     if (all.length === 0) return null;
-    return { x0: Math.min(...all.map((one) => one.x0)), x1: Math.max(...all.map((one) => one.x1)) };
+    return { x0: Math.min(...all.map(({ x0 }) => x0)), x1: Math.max(...all.map(({ x1 }) => x1)) };
   }
 
   destroy(): void {
     this.loading.abort();
-    this.picture?.destroy();
-    if (this.retry !== null) clearTimeout(this.retry);
+    this.watcher.disconnect();
+    this.frames.destroy();
+    this.skin.destroy();
     for (const panel of this.panels.values()) panel.destroy();
     this.root.remove();
   }
 
-  private loadAgain(delay: number): void {
-    if (this.retry !== null) clearTimeout(this.retry);
-    this.retry = setTimeout(() => {
-      this.retry = null;
-      void this.load();
-    }, delay);
+  private useLayout(layout: LayoutItem): void {
+    const { node, brief, onSelection } = this.options;
+    this.notices.clear();
+    this.skin.root.hidden = quantitiesIn(layout).length === 0;
+    this.skin.useLayout(layout);
+    this.browser?.show(layout);
+    this.standing = standingIn(layout, brief);
+    this.showPanels();
+    const sharing = layout.controllers.map((controller) => controller.node);
+    this.nodes = sharing.includes(node) ? sharing : [node];
+    setText(this.title, this.nodes.join(" · "));
+    onSelection();
   }
 
-  private async load(): Promise<void> {
-    const { context, node, channel, framed } = this.options;
-    try {
-      this.channels = await context.client.channels(node, this.loading.signal, framed && channel !== null ? channel : undefined);
-    } catch (error) {
-      if (isAbort(error)) return;
-      if (this.panels.size === 0) this.sayFailure(messageOf(error));
-      this.loadAgain(RETRY_MS);
+  private takeStretch(stretch: Stretch, at: number): void {
+    const { timeline } = this.options.context;
+    for (const [channel, panel] of this.panels) {
+      const run = runOf(stretch, this.columns.get(channel)!, timeline);
+      if (run !== null) panel.take(run, at);
+    }
+    this.edge.observe(stretch.end, at);
+  }
+
+  /** Opens the charts of taxels that were clicked, or that lie in a box. */
+  private choose(taxels: readonly string[], adds: boolean): void {
+    const before = adds ? (this.options.context.route().taxels ?? []) : [];
+    const single = taxels.length === 1 ? taxels[0]! : null;
+    if (adds && single !== null && before.includes(single)) {
+      this.open(before.filter((taxel) => taxel !== single));
       return;
     }
-    this.loadedAt = performance.now();
-    this.showPanels();
+    const all = [...new Set([...before, ...this.skin.hardest(taxels)])];
+    const kept = all.slice(0, MOST_CHARTS);
+    const rest = all.length - kept.length;
+    setText(this.note, rest > 0 ? `The ${MOST_CHARTS} hardest pressed of ${all.length.toLocaleString("en")} taxels` : "Charts");
+    this.open(kept);
   }
 
-  private sayFailure(message: string): void {
-    const act = (): void => {
-      this.notices.show("loading", "Loading channels…", "");
-      this.loadAgain(0);
-    };
-    this.notices.show("error", `The channels of ${this.options.node} could not be loaded`, message, { label: "Try again", act });
+  private open(taxels: readonly string[]): void {
+    const { context, node } = this.options;
+    context.go({ ...context.route(), node, channel: null, question: null, taxels }, "replace");
   }
 
+  /** Makes the charts that the address names and those that are always there, and closes all others. */
   private showPanels(): void {
-    const { channel: only, node } = this.options;
-    const wanted = this.channels.filter((channel) => only === null || channel.id === only);
-    this.picture?.show(this.channels);
-    const fresh = wanted.filter((channel) => !this.panels.has(channel.id));
-    if (wanted.length > 0) this.notices.clear();
-    for (const channel of wanted) {
-      const panel = this.panels.get(channel.id);
-      if (panel) panel.data.channel = channel;
+    const { context, brief } = this.options;
+    if (this.frames.layout === null) return;
+    const taxels = brief ? [] : (context.route().taxels ?? []).slice(0, MOST_CHARTS);
+    const chosen = this.skin.channelsOf(taxels);
+    this.wanted = new Map([...chosen, ...this.standing]);
+    for (const [channel, panel] of this.panels) {
+      if (this.wanted.has(channel)) continue;
+      panel.destroy();
+      panel.root.remove();
+      this.panels.delete(channel);
     }
-    for (const channel of fresh) {
-      const { context, onPeak } = this.options;
-      const panel = new ChannelPanel({ context, node, channel, edge: this.edge, alone: only !== null, onPeak });
-      this.panels.set(channel.id, panel);
-      this.grid.append(panel.root);
+    for (const channel of this.columns.keys()) if (!this.wanted.has(channel)) this.columns.delete(channel);
+    for (const [channel, node] of this.wanted) {
+      const panel = this.panels.get(channel);
+      const grid = this.gridOf(channel);
+      if (panel === undefined) void this.openChart(channel, node);
+      else if (panel.root.parentElement !== grid) grid.append(panel.root);
     }
-    if (this.panels.size === 0) {
-      const title = only === null ? `${node} has no channels yet` : `${node} has no channel "${only}"`;
-      this.notices.show("empty", title, "Channels appear with the first block that a node sends.");
-      this.loadAgain(3_000);
-    }
-    this.options.onPanels(fresh.length > 0);
+    this.chosen.hidden = ![...chosen.keys()].some((channel) => !this.standing.has(channel));
+    this.others.hidden = this.standing.size === 0;
+    if (!brief) this.skin.select(taxels);
   }
+
+  private gridOf(channel: string): HTMLElement {
+    return this.standing.has(channel) ? this.others : this.grid;
+  }
+
+  private async openChart(channel: string, node: string): Promise<void> {
+    const { context, onPeak, onPanels } = this.options;
+    const { layout } = this.frames;
+    const column = layout && columnOf(layout, node, channel);
+    if (column === null || this.columns.has(channel)) return;
+    this.columns.set(channel, column);
+    try {
+      const found = await context.client.channels(node, this.loading.signal, channel);
+      const facts = found.find(({ id }) => id === channel);
+      if (!this.wanted.has(channel) || this.panels.has(channel)) return;
+      if (facts === undefined) {
+        this.columns.delete(channel);
+        return;
+      }
+      const panel = new ChannelPanel({ context, node, channel: facts, edge: this.edge, alone: false, onPeak });
+      this.panels.set(channel, panel);
+      const order = [...this.wanted.keys()];
+      const grid = this.gridOf(channel);
+      const after = [...grid.children].find((child) => order.indexOf(child.getAttribute("data-channel") ?? "") > order.indexOf(channel));
+      grid.insertBefore(panel.root, after ?? null);
+      onPanels(true);
+    } catch (error) {
+      this.columns.delete(channel);
+      if (!isAbort(error)) setText(this.note, `The chart of ${channel} could not be opened: ${messageOf(error)}`);
+    }
+  }
+}
+
+/** The channels whose charts are always there: all of a few; else those that no picture shows, if they are few. */
+function standingIn(layout: LayoutItem, brief: boolean): ReadonlyMap<string, string> {
+  const total = layout.patches.reduce((sum, { taxels }) => sum + taxels.length, 0);
+  const pictured = new Set(quantitiesIn(layout));
+  if (brief && pictured.size > 0) return new Map();
+  const patches = layout.patches.filter(({ quantity }) => total <= MOST_CHARTS || !pictured.has(quantity));
+  const all = patches.flatMap(({ taxels, quantity, node }) => taxels.map((taxel) => [`${taxel}.${quantity}`, node] as const));
+  return new Map(all.slice(0, MOST_CHARTS));
 }

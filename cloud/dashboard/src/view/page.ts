@@ -1,24 +1,22 @@
 import { address } from "../api/client";
-import type { EventItem, LiveBlock, NodeItem } from "../api/contract";
+import type { EventItem, NodeItem } from "../api/contract";
 import { isAbort } from "../api/error";
 import type { PeakMark } from "../chart/peaks";
-import { Feed, type FeedState } from "../live/feed";
-import { FrameFeed, type LiveMessage } from "../live/frame-feed";
+import { type FeedState, FrameFeed, type LiveMessage } from "../live/frame-feed";
 import type { Route } from "../state/route";
 import type { Range } from "../state/window";
 import { parseInstant, printClock, printDay } from "../time/instant";
 import { Throttle, TEXT_MS } from "../time/throttle";
 import { channelFacts, crumbs } from "./channel-detail";
 import { ChannelQuestions } from "./channel-questions";
+import { ChannelSection } from "./channel-section";
 import type { Context } from "./context";
 import { element } from "./element";
 import { EventList } from "./event-list";
-import { FrameChannelSection } from "./frame-channel-section";
 import { NodeSection } from "./node-section";
 import { NodeSettings } from "./node-settings";
 import { NoticeBoard } from "./notice";
-import type { FramedSection, Section } from "./section";
-import { SkinSection } from "./skin-section";
+import type { Section } from "./section";
 
 export interface PageOptions {
   readonly context: Context;
@@ -34,36 +32,39 @@ const KINDS = ["gap", "peak"] as const;
 const SETTLE_MS = 250;
 const SECOND = 1e9;
 const DAY = 86_400e9;
-/** Entries a block at most: of what can be seen, nothing is left out. */
-const POINTS = 1_000;
-/** The overview shows so many skins; the strip of nodes leads to all others. */
-const MOST_SKINS = 4;
-/** Of two streams, the state is shown that a user must know. */
-const STATES: readonly FeedState["kind"][] = ["open", "connecting", "waiting", "offline"];
+/** The overview shows so many nodes, and no more channels; the strip of nodes leads to all others. */
+const MOST_NODES = 12;
+const MOST_CHANNELS = 40_000;
+/** Events of nodes that are not shown are asked for so often, in ms. */
+const CATCH_UP_MS = 5_000;
 
 /** Everything below the nodes: the charts of one scope (all nodes, one node, one channel) and its events. */
 export class Page {
   readonly root = element("main", { class: "page", tabindex: -1 });
   private readonly sections = new Map<string, Section>();
-  /** Those whose channels come as frames. */
-  private readonly framed = new Map<string, FramedSection>();
+  /** The section that shows each node's frames. */
+  private owners: ReadonlyMap<string, Section> = new Map();
+  /** Nodes that another one's section shows, too: they share its skin. */
+  private readonly shared = new Set<string>();
+  private channels = 0;
+  /** The nodes that the cloud lists. */
+  private known: ReadonlySet<string> = new Set();
+  /** Whether the overview leaves nodes out. */
+  private partial = false;
   private readonly column = element("div", { class: "column" });
   private readonly notices = new NoticeBoard(this.column);
   private readonly list: EventList;
   private readonly scope: { readonly node: string | null; readonly channel: string | null };
   private questions: ChannelQuestions | null = null;
   private readonly settings: NodeSettings | null = null;
-  private feed: Feed | null = null;
-  private frameFeed: FrameFeed | null = null;
-  private frameNodes = "";
-  private readonly states = new Map<"blocks" | "frames", FeedState>();
-  private feedUrl = "";
+  private feed: FrameFeed | null = null;
   /** Whether events were loaded, and whether after the stream had opened. */
   private asked: "never" | "early" | "well" = "never";
   private eventLoading = new AbortController();
   /** Of which kinds there are too many events to mark, and since when they are marked. */
   private unmarked: { readonly kind: string; readonly since: number }[] = [];
   private readonly texts = new Throttle(TEXT_MS);
+  private readonly catchUp = new Throttle(CATCH_UP_MS);
   private timer: ReturnType<typeof setTimeout> | null = null;
 
   constructor(private readonly options: PageOptions) {
@@ -83,20 +84,22 @@ export class Page {
   /** Takes over how the nodes are; the overview shows all of them, a page of one node keeps to it. */
   showNodes(nodes: readonly NodeItem[]): void {
     if (this.scope.node === null) this.showAll(nodes);
-    else if (this.sections.size === 0) {
-      this.addFirst(nodes.find(({ id }) => id === this.scope.node) ?? null);
+    else if (this.sections.size === 0) this.addFirst();
+    for (const node of nodes) this.sections.get(node.id)?.showNode(node);
+    for (const [id, section] of this.sections) {
+      if (!nodes.some((node) => node.id === id)) section.showFailure(`No node has this name. The strip above has all of them.`);
     }
-    for (const node of nodes) this.framed.get(node.id)?.showNode(node);
+    this.known = new Set(nodes.map(({ id }) => id));
     this.connect();
   }
 
   /** Shows that the nodes could not be loaded; false where charts take the room. */
   showFailure(message: string, again: () => void): boolean {
-    if (this.sections.size === 0 && this.scope.node !== null) {
-      this.addFirst(null);
-      this.connect();
+    if (this.sections.size === 0 && this.scope.node !== null) this.addFirst();
+    if (this.sections.size > 0) {
+      for (const section of this.sections.values()) section.showFailure(message);
+      return false;
     }
-    if (this.sections.size > 0) return false;
     const act = (): void => {
       this.notices.show("loading", "Loading nodes…", "");
       again();
@@ -109,7 +112,6 @@ export class Page {
   apply(route: Route): void {
     for (const section of this.sections.values()) section.apply(route.view);
     this.questions?.apply(route.question);
-    if (this.sections.size > 0) this.connect();
     if (this.timer !== null) clearTimeout(this.timer);
     this.timer = setTimeout(() => void this.loadEvents(), SETTLE_MS);
   }
@@ -120,6 +122,7 @@ export class Page {
     this.questions?.frame(at);
     this.settings?.frame(at);
     if (this.texts.due(at)) this.remark();
+    if (this.partial && this.catchUp.due(at)) void this.list.catchUp();
   }
 
   repaint(): void {
@@ -147,7 +150,6 @@ export class Page {
 
   destroy(): void {
     this.feed?.stop();
-    this.frameFeed?.stop();
     this.questions?.destroy();
     this.settings?.destroy();
     this.eventLoading.abort();
@@ -164,44 +166,48 @@ export class Page {
       return;
     }
     this.notices.clear();
-    for (const node of nodes) {
-      if (this.sections.has(node.id)) continue;
-      if (!node.layout || this.framed.size < MOST_SKINS) this.addSection(node.id, node);
+    this.partial = false;
+    for (const { id, channels } of nodes) {
+      if (this.sections.has(id) || this.shared.has(id)) continue;
+      if (this.sections.size < MOST_NODES && this.channels + (channels ?? 0) <= MOST_CHANNELS) {
+        this.channels += channels ?? 0;
+        this.addSection(id);
+      } else this.partial = true;
     }
   }
 
-  /** Begins the page of one node; of one that is not listed, its charts say what is wrong. */
-  private addFirst(node: NodeItem | null): void {
+  /** Begins the page of one node; of one that is not listed, it says what is wrong. */
+  private addFirst(): void {
     this.notices.clear();
-    this.addSection(this.scope.node!, node);
-    // Where there is a skin, it is what a user comes for.
-    if (this.settings !== null) {
-      if (this.framed.size > 0) this.column.append(this.settings.root);
-      else this.column.prepend(this.settings.root);
-    }
+    this.addSection(this.scope.node!);
+    if (this.settings !== null) this.column.append(this.settings.root);
     if (this.scope.channel !== null) this.column.prepend(crumbs(this.options.context, this.scope.node!, this.scope.channel));
   }
 
-  private addSection(id: string, node: NodeItem | null): void {
+  private addSection(id: string): void {
     const { context } = this.options;
     const { channel } = this.scope;
-    const onPeak = (mark: PeakMark): void => this.openPeak(mark);
-    const onPanels = (fresh: boolean): void => this.onPanels(section, fresh);
-    if (!node?.layout) {
-      const section: Section = new NodeSection({ context, node: id, channel, framed: false, onPeak, onPanels: (fresh) => this.onPanels(section, fresh) });
-      this.sections.set(id, section);
-      this.column.append(section.root);
-      return;
-    }
-    const section: FramedSection =
-      channel === null
-        ? new SkinSection({ context, node, brief: this.scope.node === null, onPeak, onPanels })
-        : new FrameChannelSection({ context, node, channel, onPeak, onPanels, onPatch: (patch) => this.frameFeed?.choose([patch]) });
-    const others = [...this.sections.values()].find((other) => other instanceof NodeSection);
+    const common = {
+      context,
+      node: id,
+      onPeak: (mark: PeakMark): void => this.openPeak(mark),
+      onPanels: (fresh: boolean): void => this.onPanels(section, fresh),
+      onSelection: (): void => this.onSelection(id),
+    };
+    const section: Section = channel === null ? new NodeSection({ ...common, brief: this.scope.node === null }) : new ChannelSection({ ...common, channel });
     this.sections.set(id, section);
-    this.framed.set(id, section);
-    if (others) others.root.before(section.root);
-    else this.column.append(section.root);
+    this.column.append(section.root);
+  }
+
+  /** A section has found out what it shows: all nodes that share a skin are shown by one section. */
+  private onSelection(id: string): void {
+    for (const node of this.sections.get(id)?.nodes ?? []) {
+      if (node === id) continue;
+      this.shared.add(node);
+      this.sections.get(node)?.destroy();
+      this.sections.delete(node);
+    }
+    this.connect();
   }
 
   private onPanels(section: Section, fresh: boolean): void {
@@ -232,56 +238,32 @@ export class Page {
     context.go({ node: event.node, channel: event.channel, view, question: null });
   }
 
-  /** Opens the streams of the nodes that are shown: of blocks as events, of frames over a WebSocket. */
+  /** Opens the live stream, or asks it for what is shown now. */
   private connect(): void {
-    this.connectFrames();
-    const { context } = this.options;
-    const { node, channel } = this.scope;
-    const blocks = [...this.sections.keys()].filter((id) => !this.framed.has(id));
-    if (this.framed.size > 0 && blocks.length === 0) return;
-    const { view } = context.route();
-    const span = view.kind === "live" ? view.span : 10e9;
-    // No finer than half a pixel of the widest chart there can be, and the same for windows of about one length.
-    const grain = 2 ** Math.floor(Math.log2(Math.max(1, span / screen.width / 2)));
-    const scope = channel === null ? { node: this.framed.size > 0 ? blocks : node } : { channel: `${node}/${channel}` };
-    const url = address("/live", { ...scope, points: POINTS, grain });
-    if (url === this.feedUrl) return;
-    this.feedUrl = url;
-    // The second feed resumes after the first, so that no event is lost between them.
-    const after = this.feed?.cursor ?? null;
-    this.feed?.stop();
-    this.feed = new Feed({
-      url,
-      after,
-      fetch: (input, init) => fetch(input, init),
-      random: Math.random,
-      onMessage: ({ event, data }) => this.receive(event, data),
-      onState: (state) => this.takeState("blocks", state),
-      onUnauthorised: context.onUnauthorised,
-    });
+    const { onUnreadable } = this.options;
+    const sections = [...this.sections.values()];
+    this.owners = new Map(sections.flatMap((section) => section.nodes.map((node) => [node, section] as const)));
+    const nodes = [...this.owners.keys()].filter((node) => this.known.has(node));
+    if (nodes.length === 0) return;
+    const patches = sections.map((section) => section.patches);
+    const selection = { nodes, patches: patches.includes(null) ? null : patches.flatMap((ids) => ids ?? []) };
+    if (this.feed !== null) {
+      this.feed.choose(selection);
+      return;
+    }
+    const options = {
+      url: (names: readonly string[], cursor: string | null): string => address("/live", { node: names, cursor }),
+      onMessage: (message: LiveMessage): void => this.receive(message),
+      onUnreadable,
+      onState: (state: FeedState): void => this.takeState(state),
+    };
+    this.feed = new FrameFeed(options, selection);
     this.feed.start();
   }
 
-  private connectFrames(): void {
-    const nodes = [...this.framed.keys()];
-    if (nodes.length === 0 || nodes.join(" ") === this.frameNodes) return;
-    this.frameNodes = nodes.join(" ");
-    this.frameFeed?.stop();
-    this.frameFeed = new FrameFeed({
-      nodes,
-      url: (cursor) => address("/live", { node: nodes, cursor }),
-      onMessage: (message) => this.receiveLive(message),
-      onUnreadable: () => this.options.onUnreadable(),
-      onState: (state) => this.takeState("frames", state),
-    });
-    this.frameFeed.start();
-  }
-
-  private takeState(stream: "blocks" | "frames", state: FeedState): void {
-    this.states.set(stream, state);
-    const worst = [...this.states.values()].toSorted((one, other) => STATES.indexOf(other.kind) - STATES.indexOf(one.kind))[0]!;
-    this.askWell(worst);
-    this.options.onFeed(worst);
+  private takeState(state: FeedState): void {
+    this.askWell(state);
+    this.options.onFeed(state);
   }
 
   /** Loads events once the stream is open, so that none is missed; earlier only where it cannot open. */
@@ -292,36 +274,20 @@ export class Page {
     void this.loadEvents();
   }
 
-  private receiveLive(message: LiveMessage): void {
-    if (message.kind === "frame") this.framed.get(message.node)?.takeFrame(message.frame, message.received, performance.now());
-    else if (message.kind === "contacts") this.framed.get(message.node)?.takeContacts(message.json);
-    else if (message.kind === "event") this.receive(message.event, message.json);
+  private receive(message: LiveMessage): void {
+    if (message.kind === "frame") this.owners.get(message.node)?.takeFrame(message.frame, message.received, performance.now());
+    else if (message.kind === "contacts") this.owners.get(message.node)?.takeContacts(message.json);
+    else if (message.kind === "event") this.takeEvent(JSON.parse(message.json) as EventItem);
     else if (message.kind === "lagging" && message.skipped > 0) {
-      for (const section of this.framed.values()) section.takeSkipped(message.skipped);
+      for (const section of this.sections.values()) section.takeSkipped(message.skipped);
     }
   }
 
-  private receive(kind: string, data: string): void {
-    const at = performance.now();
-    try {
-      if (kind === "block") {
-        const block = JSON.parse(data) as LiveBlock;
-        this.sections.get(block.node)?.take(block, at);
-      } else if (["peak", "gap", "status", "command", "conflict"].includes(kind)) {
-        const event = JSON.parse(data) as EventItem;
-        this.list.take(event);
-        this.sections.get(event.node)?.takeEvent(event);
-        if (event.kind === "status") this.options.onStatus();
-        if (event.kind === "command") this.settings?.refresh();
-      } else if (kind === "lagging") {
-        for (const section of this.sections.values()) section.refill();
-        void this.list.refresh();
-        void this.loadEvents();
-      }
-    } catch (error) {
-      if (!(error instanceof SyntaxError || error instanceof RangeError || error instanceof TypeError)) throw error;
-      this.options.onUnreadable();
-    }
+  private takeEvent(event: EventItem): void {
+    this.list.take(event);
+    this.owners.get(event.node)?.takeEvent(event);
+    if (event.kind === "status") this.options.onStatus();
+    if (event.kind === "command") this.settings?.refresh();
   }
 
   /** The window that events are asked for: the one shown, or the newest data. */
@@ -346,7 +312,7 @@ export class Page {
       const lists = KINDS.map((kind) => client.eventsOf({ ...scope, ...window, kind }, EVENT_PAGES, signal));
       const found = await Promise.all(lists);
       for (const event of found.flatMap(({ items }) => items).toReversed()) {
-        this.sections.get(event.node)?.takeEvent(event);
+        this.owners.get(event.node)?.takeEvent(event);
       }
       this.unmarked = found.flatMap(({ items, complete }, index) => {
         const oldest = complete ? undefined : items.at(-1);

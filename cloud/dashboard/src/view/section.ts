@@ -1,35 +1,33 @@
-import type { EventItem, LiveBlock, NodeItem } from "../api/contract";
+import type { EventItem, NodeItem } from "../api/contract";
 import type { View } from "../state/route";
 import type { Range } from "../state/window";
 import type { ChannelPanel } from "./channel-panel";
 
-/** The part of a page that shows one node. */
+/** The part of a page that shows one node, or a skin that several nodes share. */
 export interface Section {
   readonly root: HTMLElement;
   readonly panels: ReadonlyMap<string, ChannelPanel>;
-  apply(view: View): void;
-  /** Asks for what is shown again, after the stream has left something out. */
-  refill(): void;
-  frame(at: number): void;
-  /** Takes a live block that came at a time of the page's clock (ms). */
-  take(block: LiveBlock, at: number): void;
+  /** Whose frames it shows. */
+  readonly nodes: readonly string[];
+  /** The patches that it needs; null: all. */
+  readonly patches: readonly string[] | null;
+  /** Takes over how the node is: it may have another layout now. */
+  showNode(node: NodeItem): void;
+  /** Says why nothing is known of the node. */
+  showFailure(message: string): void;
+  /** Takes a frame; `received` is when the cloud had it (UTC, ns), `at` when the page had it (ms of its clock). */
+  takeFrame(data: Uint8Array, received: number, at: number): void;
+  /** Takes what the cloud says of contacts. */
+  takeContacts(json: string): void;
+  /** So many frames of the page's nodes were not sent, because they came too slowly. */
+  takeSkipped(frames: number): void;
   takeEvent(event: EventItem): void;
+  apply(view: View): void;
+  frame(at: number): void;
   repaint(): void;
   /** The window that it shows. */
   range(): Range | null;
   /** From the first to the last sample that is known of. */
   extent(): Range | null;
   destroy(): void;
-}
-
-/** The part of a page that shows a node whose channels come as frames. */
-export interface FramedSection extends Section {
-  /** Takes over how the node is: it may have another layout now. */
-  showNode(node: NodeItem): void;
-  /** Takes a frame; `received` is when the cloud had it (UTC, ns). */
-  takeFrame(data: Uint8Array, received: number, at: number): void;
-  /** Takes what the cloud says of contacts. */
-  takeContacts(json: string): void;
-  /** So many frames of the page's nodes were not sent, because they came too slowly. */
-  takeSkipped(frames: number): void;
 }

@@ -16,6 +16,7 @@ import { Throttle, TEXT_MS } from "../time/throttle";
 import type { Context } from "./context";
 import { element, setText } from "./element";
 import { FilmBar } from "./film-bar";
+import { LevelField } from "./level-field";
 import { NoticeBoard } from "./notice";
 import { PictureReport } from "./picture-report";
 import { SkinCanvas } from "./skin-canvas";
@@ -35,6 +36,10 @@ const LEAST_LEFT = 1e9;
 const FILM_RATE = 30;
 /** What screen readers are given changes this often at most, in ms. */
 const SPOKEN_MS = 3_000;
+/** A skin of no more taxels than this takes less room. */
+const FEW = 40;
+/** Light touches of a fingertip begin about here: from where on a pressure counts where the layout does not say. */
+const TOUCH_PA = 1_000;
 const LISTED = 6;
 /** How long it is said that frames were left out, in ms. */
 const SKIPPED_MS = 10_000;
@@ -64,6 +69,9 @@ export class SkinView {
   private readonly taxel = element("p", { class: "skin-taxel", "data-testid": "skin-taxel" });
   private readonly counts = element("p", { class: "skin-counts", "data-testid": "skin-summary" });
   private readonly warning = element("p", { class: "skin-warning", "data-testid": "skin-warning" });
+  /** From where on a taxel counts as pressed, where the layout does not say. */
+  private readonly level = new LevelField(() => this.useLevel());
+  private readonly leveled = element("label", { class: "skin-level" }, "Mark what is above", this.level.root);
   private readonly ends = [element("span"), element("span"), element("span")] as const;
   private readonly bar = element("div", { class: "scale-bar" });
   private readonly mark = element("i", { class: "scale-mark" });
@@ -78,6 +86,8 @@ export class SkinView {
   private readonly texts = new Throttle(TEXT_MS);
   private readonly speech = new Throttle(SPOKEN_MS);
   private skin: Skin | null = null;
+  /** Whether the layout says from where on a taxel is pressed: only then the cloud states contacts. */
+  private stated = false;
   private picture: Picture | null = null;
   private scale = new ColourScale(null);
   private view: View;
@@ -132,7 +142,6 @@ export class SkinView {
       options.onQuantity();
     });
     this.root = this.build();
-    this.notices.show("loading", "Loading the layout…", "");
     if (this.view.kind === "history") this.enterPast();
   }
 
@@ -144,16 +153,7 @@ export class SkinView {
     this.choice.hidden = quantities.length < 2;
     if (quantities.includes(before)) this.choice.value = before;
     this.reels.clear();
-    if (quantities.length === 0) {
-      this.notices.show("empty", "No taxel has a place", "The node's layout states no positions, so there is no picture of its skin.");
-      return;
-    }
-    this.useQuantity();
-  }
-
-  /** Says that the layout could not be loaded. */
-  failLayout(message: string): void {
-    this.notices.show("error", "The layout could not be loaded", message);
+    if (quantities.length > 0) this.useQuantity();
   }
 
   /** Shows another window: the newest data, or the past. */
@@ -191,9 +191,17 @@ export class SkinView {
     return taxels.toSorted((one, other) => press(other) - press(one));
   }
 
-  /** What is shown of the skin. */
-  get quantity(): string {
-    return this.choice.value;
+  /** The channels of taxels of the quantity that is shown, and the node that sends each. */
+  channelsOf(taxels: readonly string[]): Map<string, string> {
+    const { skin } = this;
+    if (skin === null) return new Map();
+    const found = taxels.map((name) => skin.taxels.indexOf(name)).filter((taxel) => taxel >= 0);
+    return new Map(found.map((taxel) => [`${skin.taxels[taxel]}.${skin.quantity}`, skin.nodes[taxel]!]));
+  }
+
+  /** Whether the newest frames say what is so now. */
+  isPresent(at: number): boolean {
+    return this.view.kind === "live" && this.options.frames.arrivedAt > -Infinity && this.silentFor(at) === null;
   }
 
   /** The window that the time line shows. */
@@ -252,8 +260,8 @@ export class SkinView {
       { class: "skin-keys" },
       element("li", {}, element("i", { class: "key-colour" }), "colour: lower bound"),
       element("li", {}, element("i", { class: "key-stripes" }), "stripes: upper bound, plain where the interval is wide"),
-      element("li", {}, element("i", { class: "key-certain" }), "certainly pressed"),
-      element("li", {}, element("i", { class: "key-possible" }), "possibly pressed"),
+      element("li", { class: "key-judged" }, element("i", { class: "key-certain" }), "certainly pressed"),
+      element("li", { class: "key-judged" }, element("i", { class: "key-possible" }), "possibly pressed"),
       element("li", {}, element("i", { class: "key-unknown" }), "nothing known"),
     );
     const aside = element(
@@ -261,7 +269,7 @@ export class SkinView {
       { class: "skin-aside" },
       element("div", { class: "skin-touch" }, this.total, this.list, this.warning),
       this.taxel,
-      element("div", { class: "skin-reading" }, this.choice, scale, keys),
+      element("div", { class: "skin-reading" }, this.choice, this.leveled, scale, keys),
       this.counts,
     );
     const stage = element("div", { class: "skin-frame" }, this.canvas.root, this.overlay);
@@ -271,22 +279,40 @@ export class SkinView {
   private useQuantity(): void {
     const { layout } = this.options.frames;
     if (layout === null) return;
-    this.skin = skinOf(layout, this.choice.value);
-    this.picture = emptyPicture(this.skin);
-    this.scale = new ColourScale(this.skin.threshold);
+    const skin = skinOf(layout, this.choice.value);
+    this.stated = skin.threshold !== null;
+    this.root.classList.toggle("stated", this.stated);
+    this.root.classList.toggle("few", skin.taxels.length <= FEW);
+    this.leveled.hidden = this.stated;
+    const usual = skin.unit === "Pa" ? TOUCH_PA : null;
+    this.level.set(usual, usual ?? 0, skin.unit);
+    this.picture = emptyPicture(skin);
+    this.scale = new ColourScale(skin.threshold);
     this.reels.clear();
+    this.notices.clear();
+    this.judge(skin);
+  }
+
+  /** Takes over the level from which a taxel counts as pressed. */
+  private useLevel(): void {
+    if (this.skin !== null) this.judge(this.skin);
+  }
+
+  private judge(skin: Skin): void {
+    this.skin = this.stated ? skin : { ...skin, threshold: this.level.value };
+    this.root.classList.toggle("judged", this.skin.threshold !== null);
     this.canvas.show(this.skin);
     this.drawn = "";
-    this.notices.clear();
+    this.drawnStrip = "";
     this.showScale();
     this.select(this.options.context.route().taxels ?? []);
   }
 
   /** Where the live picture is; null where nothing is known of the present. */
   private moveLive(at: number): number | null {
-    const { stretches, arrivedAt } = this.options.frames;
+    const { stretches } = this.options.frames;
     const position = this.playback.move(at, stretches.complete, stretches.length);
-    return this.silentFor(at) === null && arrivedAt > -Infinity ? position : null;
+    return this.isPresent(at) ? position : null;
   }
 
   /** How long no frame has come, in ms, if that is too long; else null. */
@@ -307,7 +333,7 @@ export class SkinView {
     }
     this.wantFilm(range);
     if (this.rest.position !== this.position) this.rest = { position: this.position, since: at };
-    else if (at - this.rest.since > SETTLE_MS && this.asked !== this.position && !this.film.held && this.skin?.threshold) {
+    else if (at - this.rest.since > SETTLE_MS && this.asked !== this.position && !this.film.held && this.stated) {
       void this.askContacts(this.position);
     }
     return this.position;
@@ -446,6 +472,7 @@ export class SkinView {
     } else source.read(skin, position!, picture);
     if (this.scale.grow(picture.lo, picture.hi)) {
       this.canvas.invalidate();
+      this.fitLevel(skin.unit);
       this.showScale();
     }
     if (!this.canvas.paint(picture, this.scale)) return;
@@ -458,6 +485,11 @@ export class SkinView {
     const sample = this.options.context.timeline.toInstant(picture.newest);
     this.root.dataset["newest"] = String(sample);
     this.report.drawn(this.options.node, sample, begin);
+  }
+
+  /** Shows an empty level in the prefix of what is measured. */
+  private fitLevel(unit: string): void {
+    if (this.level.value === null) this.level.set(null, Math.max(Math.abs(this.scale.lo), Math.abs(this.scale.hi)), unit);
   }
 
   private contactsAt(position: number): ContactsAt | null {
@@ -474,7 +506,7 @@ export class SkinView {
     const strip = `${range?.x0} ${range?.x1}`;
     if (strip !== this.drawnStrip) {
       this.drawnStrip = strip;
-      this.film.paint(live ? this.options.frames.contacts.all : this.past.all, range);
+      this.film.paint(live ? this.options.frames.contacts.all : this.past.all, range, this.stated);
     }
     this.writeContacts();
     this.writeTaxel();
@@ -483,9 +515,14 @@ export class SkinView {
   }
 
   private writeContacts(): void {
+    if (!this.stated) {
+      setText(this.total, this.judgedText());
+      this.list.replaceChildren();
+      return;
+    }
     const found = this.shownContacts;
     const total = found === null ? { lo: 0, hi: 0 } : totalOf(found);
-    const known = this.skin?.threshold !== null && this.picture !== null && !Number.isNaN(this.picture.newest);
+    const known = this.picture !== null && !Number.isNaN(this.picture.newest);
     setText(this.total, known ? (total.hi === 0 ? "No contact" : `${formatCount(total)} contact${total.hi === 1 ? "" : "s"}`) : "Contacts unknown");
     const cores = known ? (found?.cores.slice(0, LISTED) ?? []) : [];
     while (this.list.children.length > cores.length) this.list.lastElementChild!.remove();
@@ -495,6 +532,32 @@ export class SkinView {
       if (item === undefined) this.list.append(element("li", {}, element("b", {}, text[0]), element("span", {}, text[1])));
       else for (const [part, words] of text.entries()) setText(item.children[part] as HTMLElement, words);
     }
+  }
+
+  /** How many taxels are above the level that was typed; without one, the hull of all that are known. */
+  private judgedText(): string {
+    const { skin, picture } = this;
+    if (skin === null || picture === null || Number.isNaN(picture.newest)) return "Nothing known";
+    const counts = this.counted();
+    if (skin.threshold === null) {
+      let [lo, hi] = [Infinity, -Infinity];
+      for (const [k, verdict] of this.canvas.verdicts.entries()) {
+        if (verdict === UNKNOWN) continue;
+        lo = Math.min(lo, picture.lo[k]!);
+        hi = Math.max(hi, picture.hi[k]!);
+      }
+      return lo > hi ? "Nothing known" : formatInterval({ lo, hi }, skin.unit);
+    }
+    const certain = counts[CERTAIN]!;
+    const most = certain + counts[POSSIBLE]! + counts[UNKNOWN]!;
+    return `${formatCount({ lo: certain, hi: most })} of ${skin.taxels.length.toLocaleString("en")} pressed`;
+  }
+
+  /** How many taxels have each verdict. */
+  private counted(): number[] {
+    const counts = [0, 0, 0, 0];
+    for (const verdict of this.canvas.verdicts) counts[verdict]! += 1;
+    return counts;
   }
 
   private writeTaxel(): void {
@@ -515,8 +578,7 @@ export class SkinView {
   }
 
   private writeState(position: number | null, at: number): void {
-    const counts = [0, 0, 0, 0];
-    for (const verdict of this.canvas.verdicts) counts[verdict]! += 1;
+    const counts = this.counted();
     const judged = this.skin?.threshold === null ? [] : [`${counts[CERTAIN]!.toLocaleString("en")} certain`, `${counts[POSSIBLE]!.toLocaleString("en")} possible`];
     const taxels = this.skin?.taxels.length ?? 0;
     setText(this.counts, [`${taxels.toLocaleString("en")} taxels`, ...judged, `${counts[UNKNOWN]!.toLocaleString("en")} unknown`].join(" · "));
@@ -544,7 +606,7 @@ export class SkinView {
 
   private say(position: number | null): string {
     const taxel = this.pointed ?? this.selected[0] ?? null;
-    const contacts = position === null ? "Nothing is known of the skin." : describeContacts(this.shownContacts);
+    const contacts = position === null ? "Nothing is known of the skin." : this.stated ? describeContacts(this.shownContacts) : `${this.judgedText().replace("–", " to ")}.`;
     return taxel === null ? contacts : `${contacts} ${this.describe(taxel).replace("–", " to ")}.`;
   }
 
