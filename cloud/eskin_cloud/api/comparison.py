@@ -112,7 +112,7 @@ def _sides(
     rows: tuple[Channel, Channel],
     window: Window,
 ) -> Iterator[tuple[ChannelSource, ChannelSource]]:
-    """Where both are read; what a sealed one's row on the disk says is not what its blocks say.
+    """Where both are read; what is stored of a sealed one is not what its frames hold.
 
     Raises:
         QueryError: Their units differ.

@@ -18,10 +18,8 @@ from eskin_cloud.schemas.base import NoQuery, PageDocument, page
 from eskin_cloud.schemas.nodes import (
     ChannelDocument,
     NodeDocument,
-    TaxelDocument,
     describe_channel,
     describe_node,
-    describe_taxels,
     judge_health,
 )
 from eskin_cloud.store.read.lookup import find_node
@@ -106,21 +104,6 @@ def get_channels(
         counted = not access.uncounted(connection, [node])
     items = [describe_channel(row, gone.get(row["patch"]), counted=counted) for row in rows]
     return as_json(page(items, following))
-
-
-@router.get(
-    "/nodes/{node}/taxels",
-    response_model=PageDocument[TaxelDocument],
-    responses=REFUSALS_OF_PLACE,
-)
-def get_taxels(
-    cloud: CloudState, _: Reader, node: str, query: Annotated[NoQuery, Query()]
-) -> Response:
-    """List a node's taxels that have a position, by name."""
-    del query
-    with cloud.store.read() as connection:
-        row = find_node(connection, node)
-    return as_json(page(describe_taxels(row), None))
 
 
 def _node(

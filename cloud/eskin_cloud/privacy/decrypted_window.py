@@ -55,7 +55,7 @@ MOST: Final = 20_000
 MOST_BYTES: Final = 64 << 20
 """Most bytes of them."""
 _TABLES: Final = [
-    *(feed, nodes, descriptions, pages, frames),
+    *(nodes, feed, descriptions, pages, frames),
     *(patches, patch_rows, patch_tiles, stale_patch_chunks),
 ]
 

@@ -81,7 +81,7 @@ class CountDocument(TypedDict):
 
 
 class LagDocument(TypedDict):
-    """How long after its last sample the latest block was stored: an enclosure, by our clock."""
+    """How long after its last sample the latest frame was stored: an enclosure, by our clock."""
 
     lo_ns: int
     hi_ns: int
@@ -125,7 +125,7 @@ def whole_minute(nanoseconds: int) -> int:
 
 
 def lag(row: Row) -> LagDocument | None:
-    """How long after its last sample the latest block was stored."""
+    """How long after its last sample the latest frame was stored."""
     return None if row["lag_lo"] is None else {"lo_ns": row["lag_lo"], "hi_ns": row["lag_hi"]}
 
 

@@ -1,10 +1,9 @@
-"""Nodes, their channels and taxels."""
+"""Nodes and their channels."""
 
 import json
 from collections.abc import Sequence
 from typing import Final, Literal, cast
 
-import orjson
 from typing_extensions import TypedDict
 
 from eskin.interval import Verdict
@@ -112,15 +111,8 @@ class NodeDocument(TypedDict):
     missing: MissingDocument | None
 
 
-class TaxelDocument(TypedDict):
-    """Where a taxel sits: x and y of its centre in m, on a flat map of the skin."""
-
-    id: str
-    position_m: tuple[float, float]
-
-
 class RemovedDocument(TypedDict):
-    """What retention or erasure removed of a channel: how many messages, all before when."""
+    """What retention or erasure removed of a patch: how many messages, all before when."""
 
     messages: int
     before: Moment
@@ -252,12 +244,6 @@ def judge_health(judged: NodesSection, silence: float, *, ahead: float = 0.0) ->
     if silence >= judged.silence_s or ahead >= judged.silence_s:
         return "offline"
     return "online" if silence < judged.late_s else "late"
-
-
-def describe_taxels(row: Row) -> list[TaxelDocument]:
-    """A node's taxels, by name."""
-    places = orjson.loads(row["places"] or "[]")
-    return [{"id": taxel, "position_m": (x, y)} for taxel, x, y in sorted(places)]
 
 
 def _energy(row: Row) -> EnergyDocument | None:

@@ -12,7 +12,7 @@ import pyarrow.parquet
 import pytest
 
 from eskin.interval import Verdict
-from eskin.wire.messages import Energy, Place, Shedding, TaxelFaults
+from eskin.wire.messages import Energy, Shedding, TaxelFaults
 from tests.unit.cloud.clouds import batch, problem, put
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, gap, peak, skin_of, status, stretch
 from tests.unit.eskin.senml import read_senml
@@ -173,19 +173,6 @@ async def test_nodes_tell_which_taxels_may_be_broken(stand: Stand) -> None:
         {"taxel": "t05", "dead": "impossible", "stuck": "certain"},
         {"taxel": "t06", "dead": "possible", "stuck": "possible"},
     ]
-
-
-async def test_taxels_stand_where_the_latest_status_says(stand: Stand) -> None:
-    put(stand.cloud.store, status(6, boot=3))
-    asked = f"/api/v1/nodes/{NODE}/taxels"
-    assert (await stand.get(asked)).json() == {"items": [], "next": None}
-    told = (Place("t02", 0.01, 0.0), Place("t01", 0.0, -0.5))
-    put(stand.cloud.store, replace(status(7, boot=3), places=told))
-    assert (await stand.get(asked)).json()["items"] == [
-        {"id": "t01", "position_m": [0.0, -0.5]},
-        {"id": "t02", "position_m": [0.01, 0.0]},
-    ]
-    assert (await stand.get("/api/v1/nodes/nobody/taxels")).status_code == 404
 
 
 async def test_silent_node_is_late_then_offline(stand: Stand) -> None:

@@ -28,13 +28,12 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.anyio
 
 OPEN = "t00.capacitance"
-EVERYTHING = Subscription(frozenset(), frozenset(), 50)
+EVERYTHING = Subscription(frozenset(), frozenset())
 WINDOW = f"start={START - SECOND}&end={START + 3600 * SECOND}"
 QUESTIONS = (
     "/api/v1/nodes",
     f"/api/v1/nodes/{NODE}",
     f"/api/v1/nodes/{NODE}/channels",
-    f"/api/v1/nodes/{NODE}/taxels",
     f"/api/v1/nodes/{NODE}/commands",
     "/api/v1/gateways",
     "/api/v1/storage",
@@ -72,7 +71,6 @@ async def live(stand: Stand, cursor: int, *, sealed: bool, backlog: int = 10_000
     pieces = stream(
         stand.cloud.feed,
         EVERYTHING,
-        viewers=stand.cloud.viewers,
         cursor=cursor,
         backlog=backlog,
         heartbeat=0.2,

@@ -61,9 +61,8 @@ class AnswerMiddleware:
     reader sees that it is not whole. That is foreseen, and needs no traceback.
 
     ``Eskin-Damaged`` names the damaged rows that an answer lacks, by their keys: a list of strings
-    (RFC 9651, section 3.1), at most 20, then ``"..."``. An answer that is sent while it is made, as
-    an export, has its header before its rows are read: there a damaged block's samples are
-    unbounded, and the log names it.
+    (RFC 9651, section 3.1), at most 20, then ``"..."``. An export is sent
+    while it is made: its header names what is found damaged when its samples are counted.
 
     Args:
         app: The application inside.
