@@ -225,7 +225,7 @@ def test_exports_are_those_of_channels_apart_however_they_are_resumed(
 
 
 def exported(export: Export, until: Any = None) -> list[tuple[Any, ...]]:
-    """What an export holds, in order."""
+    """What an export holds, in order; a run without samples in the window is as good as none."""
     return [
         (part.channel["channel"], run.t, run.dt, run.coverage, run.lo.tolist(), run.hi.tolist())
         for part in export.read(until)
