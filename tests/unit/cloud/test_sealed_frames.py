@@ -275,8 +275,8 @@ async def test_live_streams_show_it_with_the_scope_alone(stand: Stand, site: Sit
                     break
         assert [each["event"] for each in received] == expected
         if sealed:
-            hulls = received[0]["data"]["patches"]
-            assert [each["lo"][:2] for each in hulls] == worn(1).values[0].inf[:, :2].tolist()
+            hull = received[0]["data"]["patches"][0]
+            assert hull["lo"][:2] == worn(1).values[0].inf[:, :2].min(axis=0).tolist()
             assert len({each["id"] for each in received[1:4]}) == 2, "the last one ends the message"
             assert len({each["data"]["id"] for each in received[1:4]}) == 3
         messages: list[Any] = []
