@@ -135,7 +135,8 @@ def _locate(table: _Table, column: int, buckets: Buckets) -> _Samples:
     order = np.lexsort((table.order[1], table.order[0], t))
     here = order[((begin < end) & (table.steps[:, column] > 0))[order]]
     cells = None
-    if here.size and (np.any(steps[here] > 1) or np.any(np.diff(here) != 1)):
+    apart = place[here][1:] != (place + n)[here][:-1]  # also where only the window ends a run
+    if np.any(steps[here] > 1) or np.any(apart):
         cells = _series(place[here], steps[here], n[here])  # they do not follow each other
         place[here] = np.cumsum(n[here]) - n[here]
     runs = np.stack([t + begin * dt, dt, n, place, table.error], axis=1)[here]

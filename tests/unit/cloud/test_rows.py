@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pytest
 from eskin_cloud.query.occupancy import measure_occupancy
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.series import read_series
@@ -24,6 +23,7 @@ from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    import pytest
     from eskin_cloud.store import Store
     from eskin_cloud.store.read.lookup import Channel
 
