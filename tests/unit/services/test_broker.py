@@ -132,7 +132,7 @@ def test_node_writes_and_reads_under_its_own_name_alone(
         *own,
         "eskin/v1/nodes/fingertip/acks",
         "eskin/v1/nodes/fingertip/commands",
-        "eskin/v1/nodes/palm/blocks",
+        "eskin/v1/nodes/palm/frames",
         "eskin/v1/nodes/palm/acks",
         "eskin/v1/live/fingertip/status",
         "$SYS/broker/uptime",
@@ -167,15 +167,15 @@ def test_client_writes_nothing(gateway: Party, node: Party, client: Party) -> No
     for topic in (
         "eskin/v1/live/fingertip/status",
         "eskin/v1/nodes/fingertip/acks",
-        "eskin/v1/nodes/fingertip/blocks",
+        "eskin/v1/nodes/fingertip/frames",
         "elsewhere",
     ):
         client.publish(topic, b"from client")
     gateway.publish("eskin/v1/nodes/fingertip/acks", b"last")
     gateway.publish(MARK, b"")
-    node.publish("eskin/v1/nodes/fingertip/blocks", b"last")
+    node.publish("eskin/v1/nodes/fingertip/frames", b"last")
     wait_until(lambda: bool(gateway.heard and node.heard and client.heard), "the last arrive")
-    assert gateway.heard == [("eskin/v1/nodes/fingertip/blocks", b"last")]
+    assert gateway.heard == [("eskin/v1/nodes/fingertip/frames", b"last")]
     assert node.heard == [("eskin/v1/nodes/fingertip/acks", b"last")]
     assert client.heard == [(MARK, b"")]
 
@@ -195,16 +195,16 @@ def test_what_is_for_other_clients_comes_from_gateways_alone(
 
 
 def test_gateway_cannot_pass_for_a_node(gateway: Party, node: Party) -> None:
-    gateway.publish("eskin/v1/nodes/fingertip/blocks", b"forged")
-    node.publish("eskin/v1/nodes/fingertip/blocks", b"genuine")
+    gateway.publish("eskin/v1/nodes/fingertip/frames", b"forged")
+    node.publish("eskin/v1/nodes/fingertip/frames", b"genuine")
     wait_until(lambda: bool(gateway.heard), "the genuine one arrives")
-    assert gateway.heard == [("eskin/v1/nodes/fingertip/blocks", b"genuine")]
+    assert gateway.heard == [("eskin/v1/nodes/fingertip/frames", b"genuine")]
 
 
 def test_gateways_share_a_subscription(
     broker: Mosquitto, identities: Identities, root: Path, node: Party
 ) -> None:
-    shared = "$share/site/eskin/v1/nodes/+/blocks"
+    shared = "$share/site/eskin/v1/nodes/+/frames"
     second = identities.make(IdentityKind.GATEWAY, "gateway.g2")
     with (
         Party(identities.gateway, broker.gateway_port, root=root) as one,
@@ -213,7 +213,7 @@ def test_gateways_share_a_subscription(
         one.subscribe(shared)
         two.subscribe(shared)
         for number in range(10):
-            node.publish("eskin/v1/nodes/fingertip/blocks", bytes([number]))
+            node.publish("eskin/v1/nodes/fingertip/frames", bytes([number]))
         wait_until(lambda: len(one.heard) + len(two.heard) == 10, "each block arrives once")
         assert one.heard
         assert two.heard
@@ -245,7 +245,7 @@ def test_will_obeys_the_access_list(
     broker: Mosquitto, identities: Identities, root: Path, gateway: Party, client: Party
 ) -> None:
     ghosts = {
-        "ghost": "eskin/v1/nodes/fingertip/blocks",
+        "ghost": "eskin/v1/nodes/fingertip/frames",
         "spirit": "eskin/v1/nodes/spirit/status",
     }
     for name, topic in ghosts.items():

@@ -42,7 +42,8 @@ def test_keys_are_wrapped_by_the_token_and_no_master_file_is_made(
     files = [path for path in (tmp_path / "subjects").iterdir() if path.name != made.pseudonym]
     assert files == []
     path = tmp_path / "subjects" / made.pseudonym
-    path.write_bytes(path.read_bytes()[:-1] + b"\0")
+    body = path.read_bytes()
+    path.write_bytes(body[:-1] + bytes([body[-1] ^ 1]))
     with pytest.raises(PrivacyError, match="was not wrapped by token"):
         open_keystore(token, tmp_path).find(made.pseudonym)
 
