@@ -168,7 +168,7 @@ def test_difference_is_detected(source: Path, cluster: Cluster) -> None:
     target = cluster.fresh(empty=True)
     total = sum(map(len, rows(source).values()))
     killed_at_step(source, target, total + total // 2)
-    change = text("UPDATE blocks SET hi = 9 WHERE sequence = 1700")
+    change = text("UPDATE frames SET samples = 9 WHERE sequence = 1700")
     cluster.execute(str(change), database=str(target.database))
     with pytest.raises(StoreError, match="copy differs"):
         move(source, target, now=START)

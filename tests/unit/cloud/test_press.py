@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -23,7 +24,7 @@ async def test_those_who_look_on_alike_are_told_the_same_bytes(stand: Stand) -> 
     found, _ = await feed.after(0, 64)
     await feed.layouts.load(found)
     first = feed.encoder.page(found, EVERYTHING)
-    assert feed.encoder.page(list(found), Subscription(frozenset(), frozenset(), 50)) is first
+    assert feed.encoder.page(list(found), replace(EVERYTHING)) is first
     assert [event["event"] for event in events_of(first)] == ["frame", "peak", "frame"]
     elsewhere = Subscription(frozenset({"palm"}), frozenset(), 50)
     assert feed.encoder.page(found, elsewhere) == b""

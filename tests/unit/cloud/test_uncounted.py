@@ -86,7 +86,7 @@ async def live(stand: Stand, cursor: int, *, sealed: bool, backlog: int = 10_000
 
 
 async def bring(stand: Stand, site: Site, beats: int) -> None:
-    """The same in the open, and so many sealed peaks and blocks between."""
+    """The same in the open, and so many sealed peaks and frames between."""
     declared = status(0)
     describe_worn(stand.cloud.store)
     await stand.ingest(site.batch(declared, pulse(1), beat(2), worn(3)))

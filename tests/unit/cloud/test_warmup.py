@@ -1,4 +1,4 @@
-"""What a cloud does with its first blocks is loaded before they come."""
+"""What a cloud does with its first frames is loaded before they come."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def loaded(place: Path, *how: str) -> set[str]:
 def test_first_messages_load_nothing_after_the_warm_up(tmp_path: Path) -> None:
     cold = loaded(tmp_path / "cold.sqlite")
     assert {
-        "_compress_all",
-        "_decompress",
+        "_encode_all",
+        "_decode_all",
+        "_decode_records",
         "fold_samples",
         "fold_pieces",
-        "pack_run",
-        "unpack_run",
+        "divide_down",
         "_scan",
         "_fit",
     } <= cold
