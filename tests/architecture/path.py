@@ -3,10 +3,10 @@
 The real parts run: Mosquitto, one cloud, one gateway, and two emulated nodes, each a process of
 its own. Once all are connected and warm, two windows are traced.
 
-- **Sample.** The node ``sample`` has one capacitive taxel of two channels, and sends blocks. The
+- **Sample.** The node ``sample`` has one capacitive taxel of two channels, and sends frames. The
   window lasts until live events and an answer of ``/series`` show samples that were measured after
   the window began.
-- **Command.** The node ``command`` completes no block in hours. The window lasts from
+- **Command.** The node ``command`` writes a frame a minute. The window lasts from
   ``POST /nodes/command/commands`` until the cloud has stored the node's answer.
 
 The rules:
@@ -112,8 +112,8 @@ NOT_COUNTED: Final = {
     "eskin/runtime/logs.py": "logging",
     "eskin/runtime/printable.py": "logging",
 }
-NODES: Final = {"sample": 1000.0, "command": 0.1}
-"""Samples a second of each node; 250 are a block."""
+NODES: Final = {"sample": (1000.0, 250.0), "command": (0.1, 60_000.0)}
+"""Samples a second of each node, and how long a frame is, ms."""
 MOST_CALLS: Final = 300
 """Calls of a function whose arguments and results are examined."""
 MOST_ITEMS: Final = 50
@@ -426,8 +426,8 @@ class Stack:
             "cloud": lambda: eskin_cloud.service.run(CloudSettings.load(cloud)),
             "gateway": lambda: eskin_gateway.service.run(GatewaySettings.load(gateway)),
         }
-        for name, sampling in NODES.items():
-            config = self._write_node(name, sampling, pki, broker.node_port)
+        for name in NODES:
+            config = self._write_node(name, pki, broker.node_port)
             processes[name] = partial(_run_node, config)
         self._traced: dict[str, Traced] = {}
         for name, run in processes.items():
@@ -435,11 +435,11 @@ class Stack:
             stack.callback(self._traced[name].stop)
         self._traced["cloud"].wait_for("ready:")
 
-    def _write_node(self, name: str, sampling: float, pki: Path, port: int) -> Path:
-        folder = self._folder / name
+    def _write_node(self, name: str, pki: Path, port: int) -> Path:
+        folder, (sampling, stretch) = self._folder / name, NODES[name]
         config = write_settings(folder / "node.toml", {
             "node": {"name": name, "profile": "patch", "seed": 11},
-            "sampling": {"overrun_s": 60.0},
+            "sampling": {"overrun_s": 60.0, "stretch_ms": stretch},
             "broker": {"port": port, "status_s": 3600, "keepalive_s": 60, "drain_s": 0},
             "identity": {"directory": pki / name, "site": pki / "site.main" / "chain.pem"},
             "flash": {"path": folder / "flash.sqlite"},
@@ -457,10 +457,10 @@ class Stack:
         wait_until(self._knows_state, "the other node has reported its state")
         with self._people.stream("GET", "/live", params={"node": "sample"}) as answer:
             lines = answer.iter_lines()
-            self._read_series(_next_blocks(lines, 0, count=6))  # now all is warm
+            self._read_series(_next_frames(lines, 0, count=6))  # now all is warm
             with self._window("sample", ("cloud", "gateway", "sample")) as trace:
                 begin = time.time_ns()
-                _next_blocks(lines, begin, count=4)
+                _next_frames(lines, begin, count=4)
                 self._read_series(begin)
         self._traced["sample"].stop()
         return trace
@@ -508,13 +508,13 @@ def _run_node(config: Path) -> None:
     eskin_sensor_node.service.run(NodeSettings.load(config))
 
 
-def _next_blocks(lines: Iterator[str], begin: int, *, count: int) -> int:
-    """Wait for so many live blocks that begin after a time in ns; return the last one's begin."""
+def _next_frames(lines: Iterator[str], begin: int, *, count: int) -> int:
+    """Wait for so many live frames that begin after a time in ns; return the last one's begin."""
     event = ""
     for line in lines:
         if line.startswith("event:"):
             event = line[6:].strip()
-        elif line.startswith("data:") and event == "block":
+        elif line.startswith("data:") and event == "frame":
             start = parse_timestamp(json.loads(line[5:])["t0"])
             count -= start >= begin
             if not count:
