@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import time
 
+import numpy as np
+
 from eskin.interval import Interval
 from eskin.wire.frames import (
     DescribedLayout,
@@ -16,6 +18,7 @@ from eskin.wire.frames import (
     PatchSamples,
     decode_samples,
 )
+from eskin.wire.frames.frame_scan import scan_frames
 from eskin.wire.messages import Position
 from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.column_aggregates import pack as pack_tiles
@@ -40,6 +43,7 @@ def warm_up() -> None:
     frame = Frame(Position(1, 1), layout.content_hash, 0, 0, (0, 0), (grid,), (samples,))
     data = frame.encode()
     fit_frame(FrameSummary.decode(data), DescribedLayout.of(layout, (patch,)), data)
+    scan_frames([data], np.ones(1, np.bool_))
     read = decode_samples(samples.samples, samples.sampling(grid))
     _warm_up_rows(patch, read)
     if (took := time.monotonic() - begun) > _SLOW_S:
