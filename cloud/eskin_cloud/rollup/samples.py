@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
 from eskin_cloud.store.read.patch_columns import read_column, split_column
-from eskin_cloud.store.read.window import clip
+from eskin_cloud.store.read.window import Window, clip
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from sqlalchemy import Connection
 
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from eskin_cloud.rollup.buckets import Buckets
     from eskin_cloud.store.read.lookup import Channel
     from eskin_cloud.store.read.patch_columns import ColumnRun
-    from eskin_cloud.store.read.window import Window
+
+_FACTOR: Final = 8
+"""A part of a window is so many times as long as the one before it."""
 
 
 def read_samples(connection: Connection, channel: Channel, window: Window) -> Aggregates:
@@ -33,12 +35,25 @@ def read_few(
 ) -> Aggregates | None:
     """One entry for each sample in a window; ``None`` if there are more than ``most``."""
     found, count = [], 0
-    for part in split_column(connection, channel, window):
-        found.append(read_samples(connection, channel, part))
-        count += len(found[-1])
-        if count > most:
-            return None
+    for some in _widening(window, most * channel["dt"]):
+        for part in split_column(connection, channel, some):
+            found.append(read_samples(connection, channel, part))
+            count += len(found[-1])
+            if count > most:
+                return None
     return concatenated(found)
+
+
+def _widening(window: Window, span: int) -> Iterator[Window]:
+    """Split a window into parts of about ``span`` ns at first, each far longer than the last.
+
+    So a dense window is known to hold too much from its beginning alone.
+    """
+    at = window.start
+    while at < window.end:
+        end = min(at + span, window.end)
+        yield Window(at, end)
+        at, span = end, _FACTOR * span
 
 
 def read_buckets(
