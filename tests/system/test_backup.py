@@ -33,7 +33,7 @@ from tests.support.identities import SITE
 from tests.support.postgresql import program
 from tests.support.processes import ESKIN, Running, wait_until
 from tests.unit.cloud.clouds import Clock, put
-from tests.unit.cloud.messages import NODE, START, block
+from tests.unit.cloud.messages import NODE, START, status, stretch
 from tests.unit.cloud.service import PATIENCE_S, Service
 from tests.unit.gateway.in_memory import quick
 from tests.unit.sensor_node.flashes import open_flash
@@ -106,9 +106,9 @@ def test_copy_is_made_into_a_new_folder_alone(tmp_path: Path) -> None:
 def test_store_from_yesterday_names_what_it_lacks(tmp_path: Path) -> None:
     path, out = tmp_path / "store.sqlite", tmp_path / "out"
     with Store(path, clock=Clock(START)) as store:
-        put(store, *(block(number) for number in range(4)))
+        put(store, *(stretch(number) for number in range(4)))
         backup([str(path)], out)
-        put(store, *(block(number) for number in range(4, 9)))
+        put(store, *(stretch(number) for number in range(4, 9)))
     restore(out / path.name, path)
     with Store(path, clock=Clock(START)) as store, store.read() as connection:
         assert find_missing_tails(connection, [(NODE, 1, 8)]) == [(NODE, 1, 4, 8)]
@@ -124,7 +124,7 @@ def test_store_from_before_a_node_names_all_of_it_though_the_node_says_nothing(
     own = identities.make(IdentityKind.NODE, NODE)
     record = NodeState(thumbprint=own.thumbprint)
     sender = NodeCertificate(own.thumbprint, 2**40, *(der(part) for part in own.chain))
-    entries = [SpoolMessage(NODE, 1, block(number).encode(), 1, number) for number in range(4)]
+    entries = [SpoolMessage(NODE, 1, status(number).encode(), 1, number) for number in range(4)]
     spool = Spool(tmp_path / "spool.sqlite", capacity=10**7, max_dead_letters=3)
     spool.commit(Batch(entries, nodes={NODE: record}, certificates=[sender]))
     with Service(tmp_path, identities, place=path) as cloud, forwarding(spool, cloud) as forwarder:
@@ -186,10 +186,10 @@ def forwarding(spool: Spool, cloud: Service) -> Iterator[Forwarder]:
 def test_postgresql_from_yesterday_names_what_it_lacks(tmp_path: Path, cluster: Cluster) -> None:
     place, other = cluster.fresh(), cluster.fresh(empty=True)
     with Store(place, clock=Clock(START)) as store:
-        put(store, *(block(number) for number in range(4)))
+        put(store, *(stretch(number) for number in range(4)))
         url = place.set(drivername="postgresql").render_as_string(hide_password=False)
         backup([url], tmp_path / "out")
-        put(store, *(block(number) for number in range(4, 9)))
+        put(store, *(stretch(number) for number in range(4, 9)))
     (dump,) = (tmp_path / "out").iterdir()
     target = other.set(drivername="postgresql").render_as_string(hide_password=False)
     argv = [program("pg_restore"), "--no-owner", f"--dbname={target}", str(dump)]

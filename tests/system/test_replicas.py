@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import threading
 from contextlib import ExitStack
-from itertools import count
 from typing import TYPE_CHECKING
 
 import pytest
 
 from tests.support.processes import wait_until
 from tests.unit.cloud.clouds import batch
-from tests.unit.cloud.messages import CHANNEL, NODE, block, peak
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, peak, stretch
 from tests.unit.cloud.service import Service
 
 if TYPE_CHECKING:
@@ -58,27 +57,10 @@ class Listener(threading.Thread):
 
     @property
     def cursors(self) -> list[str]:
-        """Cursors of the blocks and peaks that were told, in their order."""
+        """Cursors of the frames and peaks that were told, in their order."""
         told = "\n".join(self.lines).split("\n\n")
-        wanted = [each for each in told if "event: block" in each or "event: peak" in each]
+        wanted = [each for each in told if "event: frame" in each or "event: peak" in each]
         return [line[4:] for each in wanted for line in each.split("\n") if line[:4] == "id: "]
-
-
-def test_who_looks_on_at_one_replica_is_known_at_the_other(replicas: list[Service]) -> None:
-    one, two = replicas
-    two.ingest(batch(block(0, boot=8, channel="t09.capacitance")))
-    with (
-        one.people(one.token()) as client,
-        client.stream("GET", "/api/v1/live", params={"node": NODE}) as answer,
-    ):
-        assert answer.is_success
-        numbers = count(1)
-
-        def told() -> bool:
-            said = batch(block(next(numbers), boot=8, channel="t09.capacitance"))
-            return NODE in two.ingest(said).json()["watched"]
-
-        wait_until(told, "the other one knows")
 
 
 def test_replicas_store_once_and_both_tell_all(replicas: list[Service]) -> None:
@@ -90,7 +72,7 @@ def test_replicas_store_once_and_both_tell_all(replicas: list[Service]) -> None:
     wait_until(lambda: all(": connected" in heard.lines for heard in listeners), "both listen")
     for number in range(0, 20, 2):
         first, second = (one, two) if number % 4 else (two, one)
-        said = batch(block(number), peak(number + 1))
+        said = batch(stretch(number, time=(START + number * DT,) * 2), peak(number + 1))
         answers = [service.ingest(said).json()["items"] for service in (first, second)]
         results = [[item["result"] for item in items] for items in answers]
         assert results == [["stored"] * 2, ["duplicate"] * 2]

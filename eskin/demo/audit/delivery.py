@@ -215,7 +215,7 @@ def _lost(node: str, connection: Connection) -> Sightings:
     )
     for boot, sequence, data in connection.execute(query).all():
         if find_digest(connection, node, boot, sequence) != digest(bytes(data)):
-            report_damaged("events", DamagedRow(node, boot, sequence, None))
+            report_damaged("events", DamagedRow(node, boot, sequence))
             continue
         for each in _gaps(bytes(data)):
             for span in each.lost:

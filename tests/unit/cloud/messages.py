@@ -22,7 +22,7 @@ from eskin.wire.frames import (
     Privacy,
     Statements,
 )
-from eskin.wire.messages import Block, Encoding, Position, Status
+from eskin.wire.messages import Position, Status
 from eskin.wire.messages.cbor_map import dump
 
 if TYPE_CHECKING:
@@ -93,25 +93,6 @@ def tube_of(said: Frame) -> Tube:
     return Tube(time, grid.period, said.values[0].reshape(-1), unit, grid.coverage)
 
 
-def block(
-    sequence: int,
-    lo: ArrayLike = (1.0,),
-    hi: ArrayLike = (2.0,),
-    *,
-    boot: int = 1,
-    time: tuple[int, int] = (START, START),
-    dt: int = DT,
-    channel: str = CHANNEL,
-    unit: str = "F",
-    coverage: float = 1.0,
-    encoding: Encoding = Encoding.F64,
-) -> Block:
-    """A block."""
-    values = Interval(np.asarray(lo, np.float64), np.asarray(hi, np.float64))
-    tube = Tube(time, dt, values, unit, coverage)
-    return Block.pack(Position(boot, sequence), channel, 0, tube, encoding)
-
-
 def lying(said: Frame) -> bytes:
     """A frame's bytes with a byte more than its codes have."""
     fields = cbor2.loads(said.encode())
@@ -160,5 +141,4 @@ def status(sequence: int, *, boot: int = 1) -> Status:
         4096,
         1_048_576,
         1,
-        channels=(),
     )
