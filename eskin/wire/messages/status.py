@@ -154,7 +154,7 @@ class Status:
             time=fields.moments(4),
             profile=fields.text(5, 64),
             description=fields.text(6, 200),
-            uptime=fields.integer(7, 0, MOST_COUNT),
+            uptime=fields.integer(7, 0, MOST_MOMENT),
             messages=fields.integer(8, 0, MOST_COUNT),
             used=fields.integer(9, 0, MOST_COUNT),
             capacity=fields.integer(10, 0, MOST_COUNT),

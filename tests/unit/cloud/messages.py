@@ -77,7 +77,7 @@ def stretch(
         Position(boot, sequence),
         layout.content_hash,
         0,
-        max(time[0] - START, 0) % 2**53,  # so long a node may be on
+        max(time[0] - START, 0),
         time,
         (Grid(0, dt, 0, values.shape[0], coverage),),
         (PatchSamples.pack(values, patch.least_width, patch=0, grid=0, first_row=0),),
