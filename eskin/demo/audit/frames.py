@@ -124,7 +124,7 @@ def removed_frames(
         parts: How many of their patches are stored.
     """
     r = removals.c
-    query = select(r.channel, r.reason, r.messages, r.before).where(r.node == node)
+    query = select(r.place, r.reason, r.messages, r.before).where(r.node == node)
     records = defaultdict(list)
     for name, reason, messages, before in connection.execute(query):
         records[name].append((reason, messages, before))
