@@ -65,7 +65,7 @@ class Flood:
         self.boot += 1
         self._acknowledged = SequenceRanges()
         now = time.time_ns()
-        status = Status(Position(self.boot, 0), (now, now), "bench", "flood", 0, 0, 0, 1, 0, ())
+        status = Status(Position(self.boot, 0), (now, now), "bench", "flood", 0, 0, 0, 1, 0)
         topic = node_topic(NODE, Stream.STATUS)
         sealed = self._sealer.seal(status.encode(), topic=topic, introduce=True)
         self._client.publish(topic, sealed, qos=1, retain=True)

@@ -70,7 +70,7 @@ class Loader:
 
     def _introduce(self) -> None:
         now = time.time_ns()
-        status = Status(Position(1, 0), (now, now), "bench", "loader", 0, 0, 0, 1, 0, ())
+        status = Status(Position(1, 0), (now, now), "bench", "loader", 0, 0, 0, 1, 0)
         topic = node_topic("fingertip", Stream.STATUS)
         envelope = self._sealer.seal(status.encode(), topic=topic, introduce=True)
         self._client.publish(topic, envelope, qos=1, retain=True)

@@ -16,7 +16,10 @@ EARLIEST = -62_135_596_800 * SECOND
 LATEST = 253_402_300_800 * SECOND - 1
 """The last nanosecond of year 9999."""
 MOST_MOMENT = 2**63 - 1
-"""The last moment that messages and the store hold; the first is its negative."""
+"""The last moment that messages and the store hold; the first is its negative.
+
+Also the most ns that a node's clock counts since its start.
+"""
 
 _RFC3339 = re.compile(
     r"(\d{4}-\d{2}-\d{2})[Tt ](\d{2}:\d{2}:\d{2})(?:\.(\d{1,9}))?([Zz]|[+-]\d{2}:\d{2})"

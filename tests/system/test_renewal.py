@@ -10,7 +10,8 @@ import pytest
 
 from eskin.identity import IdentityKind, load_certificates, numbered
 from eskin.identity.identity import CHAIN_FILE, ROOT_FILE
-from eskin.wire.messages import decode_message
+from eskin.wire.messages.cbor_map import load
+from eskin.wire.messages.header import read_position
 from tests.support.brokers import Mosquitto
 from tests.support.fleets import RunningFleet
 from tests.support.identities import Identities
@@ -143,7 +144,7 @@ def test_members_of_a_fleet_are_renewed_and_follow_the_roots(tmp_path: Path) -> 
 
 def require_each_once(cloud: StubCloud) -> None:
     """All that the node ever said is stored, and nothing twice."""
-    positions = [decode_message(body).position for _, body in cloud.stored]
+    positions = [read_position(load(body)) for _, body in cloud.stored]
     numbers = sorted(position.sequence for position in positions)
     assert numbers == list(range(len(numbers)))
     assert cloud.duplicates == 0

@@ -36,11 +36,17 @@ describe("frames that Python wrote", () => {
 
   test("the head says when and by which layout", () => {
     const frame = readFrame(bytes(vectors[0]!.frame));
-    expect([frame.boot, frame.sequence, frame.page, frame.ticks]).toEqual([3, 17, 0, 3e9]);
+    expect([frame.boot, frame.sequence, frame.page, frame.ticks]).toEqual([3, 17, 0, 3_000_000_000n]);
     expect(frame.time).toEqual([1_790_000_003_000_000_000n, 1_790_000_003_000_004_000n]);
     expect(frame.layout.length).toBe(32);
     expect(frame.patches.map(({ patch, epoch }) => [patch, epoch])).toEqual([[0, 2], [1, 0]]);
     expect(frame.patches[1]!.grid).toEqual({ delay: 8e6, period: 2e7, firstRow: 150, rows: 1, coverage: 0.999 });
+  });
+
+  test("a node may run for years", () => {
+    const ticks = 400n * 86_400n * 1_000_000_000n + 1n;
+    const head = vectors[0]!.frame.replace("061ab2d05e00", `061b${ticks.toString(16).padStart(16, "0")}`);
+    expect(readFrame(bytes(head)).ticks).toBe(ticks);
   });
 
   test("frames that were cut are refused", () => {

@@ -131,7 +131,7 @@ def fit_frame(frame: FrameSummary, described: DescribedLayout, data: bytes) -> F
         data: Its bytes.
 
     Raises:
-        MessageError: It does not, or its last sample's time does not fit into 64 bit.
+        MessageError: It does not, or a sample's time does not fit into 64 bit.
     """
     if frame.page >= len(described.page_ranges):
         raise MessageError(f"page is {frame.page}; the layout has {len(described.page_ranges)}")
@@ -152,6 +152,11 @@ def fit_frame(frame: FrameSummary, described: DescribedLayout, data: bytes) -> F
         raise MessageError(
             f"last sample lies after the year 2262: field 7 is {list(frame.time)}, and it was "
             f"taken {last} ns later"
+        )
+    if frame.ticks + last > MOST_MOMENT or frame.time[0] - frame.ticks < -MOST_MOMENT:
+        raise MessageError(
+            f"field 6 is {frame.ticks}; the node's clock at the last sample, or its start in UTC, "
+            "does not fit into 64 bit"
         )
     return FittingFrame(first, last, samples, bounds.tobytes())
 

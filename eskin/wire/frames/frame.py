@@ -33,6 +33,7 @@ from eskin.wire.messages.cbor_map import (
     row,
 )
 from eskin.wire.messages.header import Kind, Position, position_fields, read_position
+from eskin.wire.timestamp import MOST_MOMENT
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -326,7 +327,7 @@ class Frame:
             position=read_position(fields),
             layout=fields.octets(4, HASH_BYTES, HASH_BYTES),
             page=fields.integer(5, 0, MOST_PAGES - 1),
-            ticks=fields.integer(6, 0, MOST_COUNT),
+            ticks=fields.integer(6, 0, MOST_MOMENT),
             time=fields.moments(7),
             grids=tuple(_grid(each) for each in fields.items(8, MOST_GRIDS)),
             patches=tuple(PatchSamples.read(each) for each in fields.items(9, MOST_PATCHES)),

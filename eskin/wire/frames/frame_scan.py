@@ -170,7 +170,7 @@ def _read_frame(data: Bytes, place: int, head: Integers, grids: Integers, surely
         _, place = read_count(data, place, key)
     _, place = read_string(data, read_key(data, place, 4), 2)  # layout
     _, place = read_count(data, place, 5)  # page
-    head[1], place = read_count(data, place, 6)
+    head[1], place = read_head(data, read_key(data, place, 6), 0)  # ticks
     head[2], place = read_integer(data, read_pair(data, place, 7))
     head[3], place = read_integer(data, place)
     size, place = read_head(data, read_key(data, place, 8), 4)

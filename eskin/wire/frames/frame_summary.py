@@ -162,7 +162,7 @@ def _scan(
     sequence, place = read_count(data, place, 3)
     layout, end = read_string(data, read_key(data, place, 4), 2)
     page, place = read_count(data, end, 5)
-    ticks, place = read_count(data, place, 6)
+    ticks, place = read_head(data, read_key(data, place, 6), 0)
     early, place = read_integer(data, read_pair(data, place, 7))
     late, place = read_integer(data, place)
     good = place >= 0 and kind == Kind.FRAME and end - layout == HASH_BYTES

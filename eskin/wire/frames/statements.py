@@ -22,12 +22,12 @@ from eskin.wire.messages.cbor_map import (
     items,
     load,
     pair,
+    read_span,
     real,
     row,
     text,
 )
 from eskin.wire.messages.command_schema import TAXEL
-from eskin.wire.messages.gap import read_span
 from eskin.wire.messages.header import Kind, Position, position_fields, read_position
 from eskin.wire.timestamp import MOST_MOMENT
 

@@ -7,8 +7,7 @@ from hashlib import sha256
 from typing import Final, Self
 
 from eskin.errors import MessageError
-from eskin.wire.messages.cbor_map import dump, load, octets
-from eskin.wire.messages.gap import read_span
+from eskin.wire.messages.cbor_map import dump, load, octets, read_span
 from eskin.wire.messages.header import Kind
 from eskin.wire.timestamp import MOST_MOMENT
 

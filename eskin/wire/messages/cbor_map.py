@@ -296,3 +296,15 @@ def opening(major: int, number: int) -> bytes:
         return bytes((major << 5 | number,))
     short, _, width = next(found for found in _WIDTHS if number < found[1])
     return bytes((major << 5 | short,)) + number.to_bytes(width)
+
+
+def read_span(value: object, what: str) -> tuple[int, int, int]:
+    """Read ``[boot, first, last]``.
+
+    Raises:
+        MessageError: It is none.
+    """
+    numbers = [integer(number, what, 0, MOST_COUNT) for number in items(value, what, 3)]
+    if len(numbers) != 3 or numbers[1] > numbers[2]:
+        raise MessageError(f"{what} holds {numbers}; expected boot, first <= last")
+    return numbers[0], numbers[1], numbers[2]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from enum import IntEnum
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from eskin.errors import MessageError
 from eskin.wire.messages.cbor_map import MOST_COUNT
 
 if TYPE_CHECKING:
@@ -14,15 +13,11 @@ if TYPE_CHECKING:
 
 CHANNEL = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}\.[a-z][a-z0-9_]{0,30}")
 """A channel is ``{taxel}.{quantity}``, such as ``t03.capacitance``."""
-CHANNEL_LENGTH: Final = 64
 
 
 class Kind(IntEnum):
     """What a message is (field 1)."""
 
-    BLOCK = 1
-    PEAK = 2
-    GAP = 3
     STATUS = 4
     RESULT = 5
     ENCRYPTED = 6
@@ -56,22 +51,3 @@ def position_fields(kind: Kind, position: Position) -> dict[int, object]:
 def read_position(fields: Fields) -> Position:
     """Read fields 2 and 3."""
     return Position(fields.integer(2, 0, MOST_COUNT), fields.integer(3, 0, MOST_COUNT))
-
-
-def read_channel(fields: Fields, key: int) -> str:
-    """Read a channel's name."""
-    name = fields.text(key, CHANNEL_LENGTH)
-    return require_channel(name, f"field {key}")
-
-
-def require_channel(name: str, what: str) -> str:
-    """Check a channel's name.
-
-    Raises:
-        MessageError: It is not ``{taxel}.{quantity}``.
-    """
-    if CHANNEL.fullmatch(name) is None:
-        raise MessageError(
-            f"{what} is {name!r}; a channel is TAXEL.QUANTITY such as t03.capacitance"
-        )
-    return name

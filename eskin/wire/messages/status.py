@@ -10,26 +10,15 @@ from typing import TYPE_CHECKING, Final, Self
 from eskin.errors import MessageError
 from eskin.interval import Verdict
 from eskin.wire.messages.cbor_map import MOST_COUNT, dump, integer, items, load, pair, real, text
-from eskin.wire.messages.command_schema import TAXEL
-from eskin.wire.messages.header import (
-    Kind,
-    Position,
-    position_fields,
-    read_position,
-    require_channel,
-)
+from eskin.wire.messages.header import Kind, Position, position_fields, read_position
 from eskin.wire.timestamp import MOST_MOMENT
 
 if TYPE_CHECKING:
     from eskin.wire.messages.cbor_map import Fields
 
-_FIELDS: Final = frozenset((*range(1, 14), 16, 17, 18, 20, 21, 22))
-_MOST_CHANNELS: Final = 1000
+_FIELDS: Final = frozenset((*range(1, 12), 13, 16, 17, 20, 21, 22))
 _MOST_TAXELS: Final = 100
-_MOST_PLACES: Final = 1000
 _MOST_BOOTS: Final = 8
-_FARTHEST: Final = 100.0
-"""Of a place from the map's origin, in m."""
 
 
 class ResetCause(IntEnum):
@@ -92,38 +81,6 @@ class TaxelFaults:
 
 
 @dataclass(frozen=True, slots=True)
-class ChannelInfo:
-    """What a node says of one of its channels.
-
-    Attributes:
-        channel: ``{taxel}.{quantity}``.
-        unit: UCUM code.
-        dt: Sampling period in ns.
-        coverage: Probability that a sample's interval encloses the truth.
-    """
-
-    channel: str
-    unit: str
-    dt: int
-    coverage: float
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where a taxel's centre sits on a flat map of the skin.
-
-    Attributes:
-        taxel: Its id.
-        x: In m.
-        y: In m.
-    """
-
-    taxel: str
-    x: float
-    y: float
-
-
-@dataclass(frozen=True, slots=True)
 class Status:
     """How a node fares.
 
@@ -137,11 +94,9 @@ class Status:
         used: Bytes waiting in flash.
         capacity: Bytes that flash may hold.
         gaps: Gaps recorded since the node was made.
-        channels: What it measures.
         cause: Why it started; ``None`` where it does not say.
         energy: What it knows of its energy; ``None`` where it has a supply that never ends.
         faults: Taxels that may be broken; ``None`` before its first self-test.
-        places: Where taxels sit, of those that sit somewhere.
         gateway_time: Time of a gateway's clock, UTC ns, in the latest acknowledgement that the node
             had received when it wrote this; ``None`` where it had received none.
         held: The lowest position that the node still held, or would give out next; all below it was
@@ -159,27 +114,23 @@ class Status:
     used: int
     capacity: int
     gaps: int
-    channels: tuple[ChannelInfo, ...]
     cause: ResetCause | None = None
     energy: Energy | None = None
     faults: tuple[TaxelFaults, ...] | None = None
-    places: tuple[Place, ...] = ()
     gateway_time: int | None = None
     held: Position | None = None
     ended: tuple[tuple[int, int], ...] | None = None
 
     def encode(self) -> bytes:
         """Write as CBOR."""
-        channels = [[c.channel, c.unit, c.dt, c.coverage] for c in self.channels]
         cause = {} if self.cause is None else {13: int(self.cause)}
         return dump(
             position_fields(Kind.STATUS, self.position)
             | {4: list(self.time), 5: self.profile, 6: self.description, 7: self.uptime}
-            | {8: self.messages, 9: self.used, 10: self.capacity, 11: self.gaps, 12: channels}
+            | {8: self.messages, 9: self.used, 10: self.capacity, 11: self.gaps}
             | cause
             | ({} if self.energy is None else {16: self.energy.encode()})
             | ({} if self.faults is None else {17: [_encoded(each) for each in self.faults]})
-            | ({18: [[p.taxel, p.x, p.y] for p in self.places]} if self.places else {})
             | ({} if self.gateway_time is None else {20: self.gateway_time})
             | ({} if self.held is None else {21: list(self.held)})
             | ({} if self.ended is None else {22: [list(each) for each in self.ended]})
@@ -203,16 +154,14 @@ class Status:
             time=fields.moments(4),
             profile=fields.text(5, 64),
             description=fields.text(6, 200),
-            uptime=fields.integer(7, 0, MOST_COUNT),
+            uptime=fields.integer(7, 0, MOST_MOMENT),
             messages=fields.integer(8, 0, MOST_COUNT),
             used=fields.integer(9, 0, MOST_COUNT),
             capacity=fields.integer(10, 0, MOST_COUNT),
             gaps=fields.integer(11, 0, MOST_COUNT),
-            channels=tuple(_channel(item) for item in fields.items(12, _MOST_CHANNELS)),
             cause=_cause(fields),
             energy=_energy(fields) if fields.has(16) else None,
             faults=_faults(fields) if fields.has(17) else None,
-            places=_places(fields) if fields.has(18) else (),
             gateway_time=(
                 fields.integer(20, -MOST_MOMENT, MOST_MOMENT) if fields.has(20) else None
             ),
@@ -260,24 +209,6 @@ def _numbers(value: object, what: str) -> tuple[int, int]:
     return integer(boot, what, 0, MOST_COUNT), integer(sequence, what, 0, MOST_COUNT)
 
 
-def _places(fields: Fields) -> tuple[Place, ...]:
-    places = tuple(_place(item) for item in fields.items(18, _MOST_PLACES))
-    if not places or len({place.taxel for place in places}) < len(places):
-        raise MessageError("field 18 names no taxel, or one twice")
-    return places
-
-
-def _place(value: object) -> Place:
-    found = items(value, "field 18", 3)
-    if len(found) != 3:
-        raise MessageError(f"field 18 holds {len(found)} items a taxel; expected 3")
-    taxel = text(found[0], "field 18, taxel", 31)
-    if TAXEL.fullmatch(taxel) is None:
-        raise MessageError(f"field 18 speaks of {taxel!r}; expected a taxel such as t01")
-    x, y = (real(part, "field 18", -_FARTHEST, _FARTHEST) for part in found[1:])
-    return Place(taxel, x, y)
-
-
 def _encoded(faults: TaxelFaults) -> list[str | int]:
     return [faults.taxel, int(faults.dead), int(faults.stuck)]
 
@@ -294,15 +225,3 @@ def _fault(value: object) -> TaxelFaults:
     if dead is stuck is Verdict.IMPOSSIBLE:
         raise MessageError("field 17 names a taxel that cannot be broken")
     return TaxelFaults(text(found[0], "field 17, taxel", 31), dead, stuck)
-
-
-def _channel(value: object) -> ChannelInfo:
-    found = items(value, "field 12", 4)
-    if len(found) != 4:
-        raise MessageError(f"field 12 holds {len(found)} items a channel; expected 4")
-    return ChannelInfo(
-        channel=require_channel(text(found[0], "field 12, channel", 64), "field 12, channel"),
-        unit=text(found[1], "field 12, unit", 16),
-        dt=integer(found[2], "field 12, dt", 1, MOST_COUNT),
-        coverage=real(found[3], "field 12, coverage", 0.0, 1.0),
-    )

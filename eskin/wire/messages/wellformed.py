@@ -79,7 +79,7 @@ def _find_fault_of_one(data: bytes, major: int, count: int, behind: int) -> int:
         return _TEXT
     if major == 5 and count > _WIDEST_MAP:
         return _WIDTH
-    if major == 6 and count not in (16, 18, 69, 85, 86):
+    if major == 6 and count not in (16, 18):
         return _TAG
     return 0
 

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.assembler import Assembler, Patch
     from eskin_sensor_node.firmware.clock import Clock
     from eskin_sensor_node.firmware.inversion import Buffer
-    from eskin_sensor_node.firmware.message_writer import Channel
     from eskin_sensor_node.firmware.peaks import PeakEvent
     from eskin_sensor_node.firmware.schedule import Frame, Schedule
 
@@ -145,7 +144,8 @@ class ChannelUnit:
         away: Whether its last frame was possibly farther from its rest than a touch.
 
     Args:
-        channel: Its name, unit, period and coverage.
+        name: ``{taxel}.{quantity}``.
+        coverage: Probability that a sample's interval encloses the truth.
         schedule: When it samples.
         threshold: Least prominence of its peaks, and how far from its rest a touch lies; 0 where it
             has no peaks.
@@ -158,7 +158,8 @@ class ChannelUnit:
 
     def __init__(
         self,
-        channel: "Channel",
+        name: str,
+        coverage: float,
         *,
         schedule: "Schedule",
         threshold: float,
@@ -168,7 +169,8 @@ class ChannelUnit:
         column: int,
         assembler: "Assembler",
     ) -> None:
-        self.channel = channel
+        self.name = name
+        self._coverage = coverage
         self.baseline = Baseline()
         self.lows = array("d", bytes(8 * schedule.capacity))
         self.highs = array("d", bytes(8 * schedule.capacity))
@@ -191,7 +193,6 @@ class ChannelUnit:
             self._schedule, self.first = schedule, 0
         self.threshold = threshold
         self.smoothing, self.since = Smoothing(smoothing), self.first
-        self.channel.dt = schedule.dt
         longest = max(2, self._longest // schedule.dt)
         self.detector = PeakDetector(threshold, longest, self.first) if threshold > 0.0 else None
 
@@ -208,7 +209,7 @@ class ChannelUnit:
         self.maybe_touched = self.baseline.known and self.threshold > 0.0 and not at_rest
         sent = mode == SAMPLES or (mode == ADAPTIVE and self._is_due(at_rest=at_rest))
         bounds = (self.lows, self.highs) if sent else None
-        self._assembler.add(self.patch, self.column, frame, self.channel.coverage, bounds)
+        self._assembler.add(self.patch, self.column, frame, self._coverage, bounds)
         if self.detector is not None:
             if self.smoothing.weight > 0.0:
                 self.smoothing.smooth(self.lows, self.highs, frame.n)
@@ -220,7 +221,7 @@ class ChannelUnit:
     def omit(self, frame: "Frame") -> None:
         """Skip a frame that was sampled, and is not sent because the taxel is broken."""
         self.skip(frame.n)
-        self._assembler.add(self.patch, self.column, frame, self.channel.coverage, None)
+        self._assembler.add(self.patch, self.column, frame, self._coverage, None)
 
     def skip(self, samples: int) -> None:
         """Skip missing samples; hands on the peaks that stay undecided."""
@@ -241,7 +242,7 @@ class ChannelUnit:
             _, latest = self._clock.enclosure(self._schedule.ticks(event.last))
             # A smoothed sample holds only if all of those that it remembers do.
             first = self.since if self.smoothing.weight > 0.0 else event.first
-            coverage = union_coverage(self.channel.coverage, event.last - first + 1)
+            coverage = union_coverage(self._coverage, event.last - first + 1)
             time = earliest, latest
             self._assembler.state_peak(self.patch, self.column, event, time, coverage)
 

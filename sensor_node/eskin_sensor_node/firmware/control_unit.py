@@ -5,7 +5,6 @@ from array import array
 from eskin_sensor_node.firmware.adaptation import Adaptation
 from eskin_sensor_node.firmware.autoranging import Autoranging
 from eskin_sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES, ChannelUnit
-from eskin_sensor_node.firmware.message_writer import Channel
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -77,9 +76,10 @@ class ControlUnit:
         self._prominences = prominences
         self.units: list[ChannelUnit] = []
         self._bounds = []
-        for (quantity, unit), (patch, column) in zip(taxel.quantities, columns):  # noqa: B905 - MicroPython's zip
+        for (quantity, _), (patch, column) in zip(taxel.quantities, columns):  # noqa: B905 - MicroPython's zip
             made = ChannelUnit(
-                Channel(name + "." + quantity, unit, schedule.dt, coverage),
+                name + "." + quantity,
+                coverage,
                 schedule=schedule,
                 threshold=prominences.get(quantity, 0.0),
                 longest=longest,
@@ -90,11 +90,6 @@ class ControlUnit:
             )
             self.units.append(made)
             self._bounds += [made.lows, made.highs]
-
-    @property
-    def channels(self) -> "list[Channel]":
-        """What it measures."""
-        return [unit.channel for unit in self.units]
 
     @property
     def effective_mode(self) -> str:

@@ -38,25 +38,6 @@ FRAME = 7
 STATEMENTS = 8
 
 
-class Channel:
-    """One quantity of one taxel.
-
-    Attributes:
-        name: ``{taxel}.{quantity}``.
-        unit: UCUM code.
-        dt: Sampling period in ns.
-        coverage: Probability that a sample's interval encloses the truth.
-    """
-
-    __slots__ = ("coverage", "dt", "name", "unit")
-
-    def __init__(self, name: str, unit: str, dt: int, coverage: float) -> None:
-        self.name = name
-        self.unit = unit
-        self.dt = dt
-        self.coverage = coverage
-
-
 class Record:
     """A message with what flash must know of it.
 
@@ -238,7 +219,7 @@ class MessageWriter:
         nothing waits or will come. ``ended``: former boots, and the last number of each.
         """
         gateway_time = self.gateway_time
-        parts = 13 + (energy is not None) + (faults is not None)
+        parts = 12 + (energy is not None) + (faults is not None)
         parts += (gateway_time is not None) + (held is not None) + (ended is not None)
         out, sequence = self._begin(STATUS, parts)
         put_integers(out, 4, time)
@@ -247,9 +228,6 @@ class MessageWriter:
         put_integer(out, 7, uptime)
         for key in (8, 9, 10, 11):
             put_integer(out, key, storage[key - 8])
-        # Channels stand in the layout.
-        out.integer(12)
-        out.array(0)
         put_integer(out, 13, cause)
         if energy is not None:
             stored, charge, verdict, stage = energy

@@ -112,7 +112,7 @@ class NodeControls:
         taxel = self._taxels.get(name)
         if taxel is None:
             raise CommandError("taxel", name, ", ".join(self._taxels))
-        channels = [unit.channel.name for unit in taxel.control_unit.units]
+        channels = [unit.name for unit in taxel.control_unit.units]
         if quantity and place not in channels:
             raise CommandError("channel", place, ", ".join(channels))
         return [taxel]
@@ -130,14 +130,14 @@ class NodeControls:
             }
             for channel in unit.units:
                 if channel.threshold > 0.0:
-                    state[channel.channel.name] = {"threshold": channel.threshold}
+                    state[channel.name] = {"threshold": channel.threshold}
         return state
 
 
 def _set(taxel: EmulatedTaxel, arguments: Arguments) -> None:
     unit = taxel.control_unit
     if "threshold" in arguments:
-        names = [each.channel.name for each in unit.units]
+        names = [each.name for each in unit.units]
         k = names.index(str(arguments["channel"]))
         unit.set_threshold(k, float(arguments["threshold"]))
     if "adaptive" in arguments:
@@ -159,7 +159,7 @@ def _restore(taxel: EmulatedTaxel, place: str, settings: dict[str, Value]) -> No
         del arguments["mode"]
     if "rate" in arguments and not _is_allowed(taxel, arguments["rate"]):
         del arguments["rate"]
-    if place in [each.channel.name for each in unit.units] and "threshold" in settings:
+    if place in [each.name for each in unit.units] and "threshold" in settings:
         arguments = {"channel": place, "threshold": settings["threshold"]}
     if arguments.get("adaptive") == ("on" if unit.adaptive else "off"):
         del arguments["adaptive"]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.adaptation import Adaptation
     from eskin_sensor_node.firmware.assembler import Assembler
     from eskin_sensor_node.firmware.channel import ChannelUnit
-    from eskin_sensor_node.firmware.message_writer import Channel, MessageWriter, Record
+    from eskin_sensor_node.firmware.message_writer import MessageWriter, Record
     from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.firmware.selftest import SelfTest
     from eskin_sensor_node.kinds.converter import Codes
@@ -268,11 +268,6 @@ class EmulatedTaxel:
             )
         return total
 
-    @property
-    def channels(self) -> list[Channel]:
-        """What it measures."""
-        return self.control_unit.channels
-
     def sample(self) -> tuple[list[Record], list[TruePart]]:
         """Sample the next frame; gives gaps, and the truth behind the samples that are sent.
 
@@ -360,7 +355,7 @@ class EmulatedTaxel:
                 unit.column,
                 frame.start,
                 frame.dt,
-                truth[unit.channel.name.rpartition(".")[2]],
+                truth[unit.name.rpartition(".")[2]],
             )
             for unit in sent
         ]
@@ -371,7 +366,7 @@ class EmulatedTaxel:
         time = known.enclosure(frame.start)[0], known.enclosure(frame.end)[1]
         self.control_unit.skip(frame.n)
         patches = sorted({unit.patch.number for unit in self.control_unit.units})
-        samples = frame.n * len(self.channels)
+        samples = frame.n * len(self.control_unit.units)
         return self._message_writer.gap(UNRECORDED, time, samples, patches=patches)
 
     def feed(self, number: int, test: SelfTest) -> None:
@@ -407,13 +402,13 @@ class EmulatedTaxel:
             lost += self.next.n
             self._advance()
         self.control_unit.skip(lost)
-        return lost * len(self.channels)
+        return lost * len(self.control_unit.units)
 
     def missing(self, ticks: int) -> int:
         """Samples that were due before a moment and not reported, over all channels."""
         due = self.control_unit.schedule.before(ticks)
         omitted_samples = self.control_unit.omitted_samples
-        return max(0, due - self.next.first) * len(self.channels) + omitted_samples
+        return max(0, due - self.next.first) * len(self.control_unit.units) + omitted_samples
 
     def finish(self) -> None:
         """Hand on the peaks that stay undecided at the end."""

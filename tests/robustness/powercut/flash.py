@@ -11,7 +11,7 @@ from eskin.privacy.subject import KEY_BYTES
 from tests.unit.sensor_node.designs import waiting
 from tests.unit.sensor_node.flashes import open_flash
 from tests.unit.sensor_node.messages import stated_gaps
-from tests.unit.sensor_node.stores import Store
+from tests.unit.sensor_node.stores import DESCRIBED, Store
 
 if TYPE_CHECKING:
     import random
@@ -61,6 +61,7 @@ def check(folder: Path, marks: list[list[Any]]) -> None:
         for kind in ("did", "forgets")
     )
     with closing(open_flash(folder / _NAME, key=_KEY)) as flash:
+        flash.store_descriptions(*DESCRIBED)
         found = waiting(flash)
         boot = flash.boot
     assert boot > max((which[0] for what, which in marks if what == "boot"), default=0)

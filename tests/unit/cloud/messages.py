@@ -22,7 +22,7 @@ from eskin.wire.frames import (
     Privacy,
     Statements,
 )
-from eskin.wire.messages import Block, Encoding, Position, Status
+from eskin.wire.messages import Position, Status
 from eskin.wire.messages.cbor_map import dump
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def stretch(
         Position(boot, sequence),
         layout.content_hash,
         0,
-        max(time[0] - START, 0) % 2**53,  # so long a node may be on
+        max(time[0] - START, 0),
         time,
         (Grid(0, dt, 0, values.shape[0], coverage),),
         (PatchSamples.pack(values, patch.least_width, patch=0, grid=0, first_row=0),),
@@ -91,25 +91,6 @@ def tube_of(said: Frame) -> Tube:
     time = earliest + grid.delay, latest + grid.delay
     unit = SKINS[said.layout][1].unit
     return Tube(time, grid.period, said.values[0].reshape(-1), unit, grid.coverage)
-
-
-def block(
-    sequence: int,
-    lo: ArrayLike = (1.0,),
-    hi: ArrayLike = (2.0,),
-    *,
-    boot: int = 1,
-    time: tuple[int, int] = (START, START),
-    dt: int = DT,
-    channel: str = CHANNEL,
-    unit: str = "F",
-    coverage: float = 1.0,
-    encoding: Encoding = Encoding.F64,
-) -> Block:
-    """A block."""
-    values = Interval(np.asarray(lo, np.float64), np.asarray(hi, np.float64))
-    tube = Tube(time, dt, values, unit, coverage)
-    return Block.pack(Position(boot, sequence), channel, 0, tube, encoding)
 
 
 def lying(said: Frame) -> bytes:
@@ -160,5 +141,4 @@ def status(sequence: int, *, boot: int = 1) -> Status:
         4096,
         1_048_576,
         1,
-        channels=(),
     )

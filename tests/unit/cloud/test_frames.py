@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from eskin_cloud.store.frame_row import (
     patch_record,
     read_patch_bounds,
 )
+from eskin_cloud.store.read.patch_runs import read_runs
+from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.frame_tables import descriptions, frames, pages
 from eskin_cloud.store.schema.tables import dead_letters, events, lost_ranges, nodes, sequences
 from eskin_cloud.store.write.ingest import DUPLICATE, REJECTED, STORED, UNKNOWN_LAYOUT
@@ -32,8 +35,9 @@ from eskin.wire.frames import (
 from eskin.wire.frames.frame_parts import read_head
 from eskin.wire.messages import Position
 from eskin.wire.timestamp import SECOND
+from tests.unit.cloud.brute_force import compact_all
 from tests.unit.cloud.clouds import put
-from tests.unit.cloud.messages import NODE, START
+from tests.unit.cloud.messages import NODE, START, skin_of, stretch
 from tests.unit.cloud.skins import (
     HAND,
     PATCHES,
@@ -80,6 +84,27 @@ def test_frame_is_kept_byte_for_byte_and_each_patch_is_read_alone(store: Store) 
         assert np.array_equal(decoded.sup, values.sup)
         assert (bound["lo"], bound["hi"]) == (values.inf.min(), values.sup.max())
     assert patch_record(row["data"], bounds, 2) is None
+
+
+@pytest.mark.parametrize("compacted", [False, True])
+def test_frame_of_a_node_that_runs_for_years_is_read_as_it_was(
+    store: Store, *, compacted: bool
+) -> None:
+    said = replace(stretch(0), ticks=400 * 86_400 * 10**9)
+    assert results(put(store, said)) == [STORED]
+    if compacted:
+        compact_all(store)
+    with store.read() as connection:
+        assert bool(rows(store, frames)) is not compacted
+        patch_id = skin_of()[1].patch_id
+        (run,) = read_runs(connection, NODE, patch_id, Window(START, START + SECOND))
+    assert (run.ticks, run.t) == (said.ticks, START)
+
+
+def test_clock_that_does_not_fit_into_64_bit_is_refused(store: Store) -> None:
+    late = replace(stretch(0, [1.0, 2.0], [3.0, 4.0]), ticks=2**63 - 1)
+    early = replace(stretch(1), ticks=2**63 - 1, time=(-START, -START))
+    assert results(put(store, late, early)) == [REJECTED] * 2
 
 
 def test_row_states_when_first_and_last_sample_were_taken(store: Store) -> None:

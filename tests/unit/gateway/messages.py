@@ -59,7 +59,6 @@ def status(sequence: int, *, boot: int = 1, description: str = "a fingertip") ->
         used=1200,
         capacity=10**6,
         gaps=0,
-        channels=(),
     )
 
 

@@ -111,6 +111,14 @@ def test_described_frame_and_statements_are_stored_and_acknowledged(
     assert inside.metrics.value("messages_duplicate_total") == 1
 
 
+def test_frame_of_a_node_that_runs_for_years_is_stored(inside: Inside, node: Node) -> None:
+    node.describe(SMALL)
+    old = replace(SMALL.frame(1), ticks=400 * 86_400 * 10**9)
+    node.say(old)
+    assert bodies(inside) == [old.encode()]
+    assert inside.rejected() == {}
+
+
 @pytest.mark.parametrize("message", [SMALL.frame(1), SMALL.statements(1)])
 def test_gateway_asks_for_a_layout_and_then_for_its_patches(
     inside: Inside, node: Node, message: Frame | Statements

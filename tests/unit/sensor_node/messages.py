@@ -10,7 +10,6 @@ from eskin_sensor_node.node.ground_truth import GroundTruth
 
 from eskin.tube import Tube
 from eskin.wire.frames import Frame, Statements
-from eskin.wire.messages import Gap as LostRecord
 from eskin.wire.messages import Kind, decode_message
 from eskin.wire.messages.cbor_map import load
 
@@ -146,10 +145,8 @@ def peaks_of(bench: Bench, channel: str | None = None) -> list[StatedPeak]:
     return [each for each in found if channel in (None, each.channel)]
 
 
-def stated_gaps(kept: StoredMessage) -> tuple[Gap | LostRecord, ...]:
+def stated_gaps(kept: StoredMessage) -> tuple[Gap, ...]:
     """The gaps that a message of a flash states."""
-    if kept.kind == Kind.GAP:  # of a flash that has lost its layout
-        return (LostRecord.decode(kept.body),)
     return Statements.decode(kept.body).gaps if kept.kind == Kind.STATEMENTS else ()
 
 

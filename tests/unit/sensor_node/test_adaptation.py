@@ -80,7 +80,7 @@ def test_rate_changes_the_period_without_a_hole(bench: Bench) -> None:
     ends = [block.ticks + len(block.tube) * block.tube.dt for block in found]
     assert ends[:-1] == [block.ticks for block in found[1:]]
     assert_truth_is_inside(found)
-    assert first(bench).channels[0].dt == SECOND // 100
+    assert first(bench).control_unit.schedule.dt == SECOND // 100
 
 
 def test_peaks_only_sends_the_same_peaks_and_a_small_part_of_the_bytes(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_peaks_only_sends_the_same_peaks_and_a_small_part_of_the_bytes(tmp_path:
 def test_adaptive_is_silent_at_rest_but_for_a_heartbeat(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "palm")
     taxel = first(bench)
-    unit = next(unit for unit in taxel.control_unit.units if unit.channel.name == "t01.area")
+    unit = next(unit for unit in taxel.control_unit.units if unit.name == "t01.area")
     unit.restart(taxel.control_unit.schedule, 1.0, 0.0)  # a threshold that nothing reaches
     taxel.control_unit.mode = ADAPTIVE
     taxel.control_unit.calibrate()

@@ -232,5 +232,5 @@ def test_without_a_supply_a_status_has_no_energy(tmp_path: Path) -> None:
     ],
 )
 def test_status_with_energy_is_read_as_written(energy: Energy) -> None:
-    status = Status(Position(1, 2), (3, 4), "hand", "a hand", 5, 6, 7, 8, 9, (), None, energy)
+    status = Status(Position(1, 2), (3, 4), "hand", "a hand", 5, 6, 7, 8, 9, None, energy)
     assert Status.decode(status.encode()) == status

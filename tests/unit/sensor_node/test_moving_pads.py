@@ -113,7 +113,7 @@ def test_rest_of_each_quantity_follows_plates_that_move(tmp_path: Path) -> None:
     unit = bench.node.taxels[0].control_unit
     unit.calibrate()
     bench.run_to(0.4)
-    rests = {each.channel.name.partition(".")[2]: each.baseline for each in unit.units}
+    rests = {each.name.partition(".")[2]: each.baseline for each in unit.units}
     before = {quantity: rest.hi for quantity, rest in rests.items()}
     unit.adaptation.plate = 4  # from 1 to 1.2 mm
     unit._adjust(0)

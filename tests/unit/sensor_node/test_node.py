@@ -239,6 +239,5 @@ def test_status_describes_the_node(bench: Bench) -> None:
     assert status.profile == "fingertip"
     assert status.uptime == bench.ticks
     assert (status.messages, status.used, status.capacity, status.gaps) == usage
-    assert (status.channels, status.places) == ((), ())
     true = bench.clock.true_time(bench.ticks)
     assert status.time[0] <= true <= status.time[1]

@@ -29,7 +29,7 @@ export interface Frame {
   readonly layout: Uint8Array;
   readonly page: number;
   /** The node's clock at the first moment, ns since its start. */
-  readonly ticks: number;
+  readonly ticks: bigint;
   /** Enclosure of the same moment, UTC ns. */
   readonly time: readonly [bigint, bigint];
   readonly patches: readonly PatchSamples[];
@@ -68,7 +68,7 @@ function frameOf(fields: Cbor): Frame {
     sequence: count(fields.get(3)),
     layout: octets(fields.get(4)),
     page: count(fields.get(5)),
-    ticks: count(fields.get(6)),
+    ticks: BigInt(integer(fields.get(6))),
     time: [BigInt(integer(earliest)), BigInt(integer(latest))],
     patches,
   };

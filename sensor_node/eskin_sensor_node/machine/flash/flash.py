@@ -187,6 +187,9 @@ class Partition:
     def store_descriptions(self, layout: bytes, descriptions: Mapping[bytes, bytes]) -> None:
         """Store descriptions by their hashes; while no message waits, all others are deleted.
 
+        Comes before messages are read: a record that does not open becomes a gap, which names the
+        layout.
+
         What is stored already is not written again: a node also starts on a full disk.
         """
         kept = {name: self.description(name) for name in self.descriptions()}
@@ -252,7 +255,16 @@ class Partition:
         return [self._sealing.open(row) or self._give_up(row) for row in rows]
 
     def _give_up(self, row: Row) -> StoredMessage:
-        """Replace a record that does not open by a gap that names it."""
+        """Replace a record that does not open by a gap that names it.
+
+        Raises:
+            FlashError: The layout is not known yet, by which a gap is read.
+        """
+        if not self._layout:
+            raise FlashError(
+                f"{self.file.path}: a record of {self._sealing} does not open; store the node's "
+                "descriptions before messages are read, as a gap needs its layout"
+            )
         gap = lost_record_gap(row, self._layout)
         body = self._sealing.seal(gap).body
         self._write(_GIVE_UP, gap.kind, body, self._member, *gap.position)

@@ -18,8 +18,7 @@ from cryptography.exceptions import InvalidTag
 from eskin.errors import FlashError
 from eskin.privacy.derivation import derive, nonce
 from eskin.privacy.sealed_message import SALT_BYTES, whole_minutes
-from eskin.wire import frames
-from eskin.wire.messages import Gap, Kind
+from eskin.wire.frames import Gap, Statements
 from eskin.wire.messages import Position as Place
 from eskin.wire.messages.cbor_map import MOST_COUNT
 from eskin.wire.timestamp import MOST_MOMENT
@@ -194,21 +193,20 @@ class Sealing:
         return b"%b message %d %d %d" % (self._node, *position, kind)
 
 
-def lost_record_gap(row: Row, layout: bytes = b"") -> StoredMessage:
+def lost_record_gap(row: Row, layout: bytes) -> StoredMessage:
     """The gap that replaces a record which does not open.
 
     It takes the record's number, so that the node's order does not change, and stands for as many
-    messages. It reports the clear columns as far as a gap can. A node that writes frames states it
-    with the hash of its ``layout``.
+    messages. It reports the clear columns as far as a gap can.
+
+    Args:
+        row: The record.
+        layout: Hash of the node's layout, by which statements are read.
     """
     position = row.boot, row.sequence
     earliest, latest = (max(-MOST_MOMENT, min(each, MOST_MOMENT)) for each in row[4:6])
     samples, messages = (max(0, min(each, MOST_COUNT)) for each in row[6:8])
     time = min(earliest, latest), max(earliest, latest)
-    lost = ((row.boot, row.sequence, row.sequence),)
-    if layout:
-        stated = frames.Gap(UNREADABLE, time, messages, samples, lost)
-        body = frames.Statements(Place(*position), layout, gaps=(stated,)).encode()
-        return StoredMessage(position, STATEMENTS, body, time, samples, messages)
-    gap = Gap(Place(*position), UNREADABLE, time, messages, samples, lost)
-    return StoredMessage(position, Kind.GAP, gap.encode(), time, samples, messages)
+    gap = Gap(UNREADABLE, time, messages, samples, ((row.boot, row.sequence, row.sequence),))
+    body = Statements(Place(*position), layout, gaps=(gap,)).encode()
+    return StoredMessage(position, STATEMENTS, body, time, samples, messages)

@@ -52,6 +52,10 @@ def read(folder: Path) -> dict[str, Any]:
         flash = open_flash(folder / _FLASH, key=key, epoch=_NOW)
         stack.callback(flash.close)
         found: dict[str, Any] = {"boot is new": flash.boot > max(_BOOTS)}
+        for name in flash.descriptions():
+            if body := flash.description(name):
+                found[f"description {name.hex()}"] = body
+        flash.store_descriptions(*DESCRIBED)
         lost: set[tuple[int, int]] = set()
         for kept in waiting(flash):
             gaps = stated_gaps(kept)
@@ -59,9 +63,6 @@ def read(folder: Path) -> dict[str, Any]:
                 lost |= {(b, n) for b, first, last in gap.lost for n in range(first, last + 1)}
             if not gaps:
                 found[f"message {kept.position}"] = (kept.body, kept.time, kept.samples)
-        for name in flash.descriptions():
-            if body := flash.description(name):
-                found[f"description {name.hex()}"] = body
         found["answer"] = flash.answer()
         found |= {f"end of {boot}": last for boot, last in flash.ended()}
         if charge := flash.charge():

@@ -83,6 +83,7 @@ def read(folder: Path) -> dict[str, Any]:
 def _read(chip: Partition) -> Iterator[tuple[str, Any]]:
     yield "gaps", chip.gaps()
     yield "boot is new", chip.boot > max(_BOOTS)
+    outbox = _outbox(chip)
     for kept in waiting(chip):
         if not stated_gaps(kept):
             yield f"message {kept.position}", (kept.body, kept.time, kept.samples)
@@ -91,7 +92,6 @@ def _read(chip: Partition) -> Iterator[tuple[str, Any]]:
         yield f"end of {boot}", last
     if charge := chip.charge():
         yield "charge", charge
-    outbox = _outbox(chip)
     outbox.connect(0)
     for kept in outbox.due(0, 100):
         outbox.mark_sent(kept.position, 1)

@@ -20,6 +20,7 @@ from eskin.wire.frames import (
     Contact,
     Controller,
     Frame,
+    FrameSummary,
     Gap,
     Grid,
     Layout,
@@ -31,7 +32,7 @@ from eskin.wire.frames import (
     Seam,
     Statements,
 )
-from eskin.wire.messages import Position
+from eskin.wire.messages import Position, Status
 from eskin.wire.messages.cbor_map import MOST_COUNT
 from eskin.wire.timestamp import MOST_MOMENT
 from tests.unit.eskin.wire.frames import examples
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 
 PLACE = Position(3, 17)
 HASH = examples.LAYOUT.content_hash
+DAY = 86_400 * 10**9
 COUNTS = st.integers(0, MOST_COUNT)
 MOMENTS = st.integers(-MOST_MOMENT, MOST_MOMENT)
 TIMES = st.tuples(MOMENTS, MOMENTS).map(lambda pair: (min(pair), max(pair)))
@@ -80,6 +82,15 @@ def written(frame: Frame) -> Record:
     return writer(frame.position, frame.layout).frame(
         frame.page, frame.ticks, frame.time, frame.grids, patches, samples=5, lasting=7
     )
+
+
+@pytest.mark.parametrize("ticks", [0, 104 * DAY, 105 * DAY, 400 * DAY, 2**63 - 1])
+def test_node_may_run_for_years(ticks: int) -> None:
+    body = written(replace(examples.FRAME, ticks=ticks)).body
+    assert Frame.decode(body).ticks == ticks
+    assert FrameSummary.decode(body).ticks == ticks
+    record = writer().status((1, 2), "hand", "a hand", ticks, (0, 0, 1, 0), 0)
+    assert Status.decode(record.body).uptime == ticks
 
 
 @pytest.mark.parametrize("frame", [examples.FRAME, examples.SMALL[3]])

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_cloud.store.damage import RowHeader
 from eskin_sensor_node.fleet.service import require_files
 from eskin_sensor_node.fleet.service import run as run_fleet
+from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.settings import FleetSection
 
 from eskin.demo.audit import audit
 from eskin.demo.layout import Layout
 from eskin.errors import SettingsError
 from eskin.identity import numbered
-from eskin.interval import Interval
-from eskin.runtime.digest import digest
-from eskin.tube import Tube
-from eskin.wire.messages import Block, Encoding
+from eskin.wire.messages import Position
 from tests.support.fleets import RunningFleet, enrol
 from tests.support.identities import Identities
 from tests.support.processes import wait_until
@@ -69,31 +67,27 @@ def reported_by(client: httpx.Client, node: str) -> Any:
     return client.get(f"/nodes/{node}/state").json()["reported"]
 
 
-def shift(stack: RealStack, node: str) -> None:
-    """Move one stored interval of a node past all that was true."""
-    with closing(sqlite3.connect(stack.store, timeout=60)) as db, db:
-        where = "WHERE node = ? AND channel = 't01.capacitance' LIMIT 1"
-        db.row_factory = sqlite3.Row
-        row = dict(db.execute(f"SELECT * FROM blocks {where}", (node,)).fetchone())  # noqa: S608
-        block = Block.decode(bytes(row["data"]))
-        tube = block.tube
-        lo, hi = tube.values.inf.copy(), tube.values.sup.copy()
-        lo[7] = hi[7] = np.max(hi)
-        moved = Tube(tube.time, tube.dt, Interval(lo, hi), tube.unit, tube.coverage)
-        data = Block.pack(block.position, block.channel, block.ticks, moved, Encoding.F64)
-        row["digest"] = digest(data.encode())
-        moved_row = data.encode(), row["digest"], RowHeader.of(row).checksum(), row["cursor"]
-        db.execute("UPDATE blocks SET data = ?, digest = ?, head = ? WHERE cursor = ?", moved_row)
-
-
-def blocks_of(stack: RealStack) -> dict[str, int]:
+def shift(stack: RealStack, fleet: RunningFleet, node: str) -> None:
+    """Move one true value of a node out of its stored interval."""
     with closing(sqlite3.connect(f"file:{stack.store}?mode=ro", uri=True)) as db:
-        return dict(db.execute("SELECT node, count(*) FROM blocks GROUP BY node").fetchall())
+        query = "SELECT boot, sequence FROM frames WHERE node = ? ORDER BY boot, sequence LIMIT 1"
+        place = Position(*db.execute(query, (node,)).fetchone())
+    true = GroundTruth.read_frames(fleet.truth, [place], node=node)[place]
+    values = true.values.copy()
+    values[np.flatnonzero(np.isfinite(values))[0]] = 1e9
+    truth = GroundTruth(fleet.truth, limit=2**40)
+    truth.store({node: [replace(true, values=values)]})
+    truth.close()
+
+
+def frames_of(stack: RealStack) -> dict[str, int]:
+    with closing(sqlite3.connect(f"file:{stack.store}?mode=ro", uri=True)) as db:
+        return dict(db.execute("SELECT node, count(*) FROM frames GROUP BY node").fetchall())
 
 
 def boots_stored(stack: RealStack) -> int:
     with closing(sqlite3.connect(f"file:{stack.store}?mode=ro", uri=True)) as db:
-        boots = "SELECT count(*) FROM (SELECT DISTINCT node, boot FROM blocks)"
+        boots = "SELECT count(*) FROM (SELECT DISTINCT node, boot FROM frames)"
         return int(db.execute(boots).fetchone()[0])
 
 
@@ -130,7 +124,7 @@ def test_everything_is_stored_once_and_encloses_the_truth(tmp_path: Path) -> Non
         assert sum(channel.samples for channel in found.channels) > 250 * 8 * len(found.channels)
         assert {each.node for each in found.deliveries if each.stored} == set(others)
         assert not found.letters
-        shift(stack, others[5])
+        shift(stack, fleet, others[5])
         broken = audit(layout)
         assert {e.node: e.violations for e in broken.channels if not e.passes} == {others[5]: 1}
 
@@ -140,15 +134,15 @@ def live_through_troubles(
 ) -> None:
     """The broker goes and comes, the fleet is killed; one member is set before, one meanwhile."""
     fleet.wait_for(
-        lambda: set(blocks_of(stack)) == set(names), "blocks of all nodes", seconds=PATIENCE
+        lambda: set(frames_of(stack)) == set(names), "frames of all nodes", seconds=PATIENCE
     )
     number = order(client, names[0], rate=500.0)
     fleet.wait_for(lambda: is_settled(client, names[0], number), "a member obeys", seconds=PATIENCE)
     stack.broker.stop()
     stack.broker.begin()
-    before = blocks_of(stack)
+    before = frames_of(stack)
     fleet.wait_for(
-        lambda: all(blocks_of(stack)[name] > before[name] + 8 for name in names),
+        lambda: all(frames_of(stack)[name] > before[name] + 8 for name in names),
         "more of all nodes after the broker came back",
         seconds=PATIENCE,
     )
@@ -156,7 +150,7 @@ def live_through_troubles(
     late = order(client, names[1], threshold=50e-12, channel="t01.capacitance")
     fleet.start()
     fleet.wait_for(
-        lambda: boots_stored(stack) == 2 * len(names), "blocks of a second boot", seconds=PATIENCE
+        lambda: boots_stored(stack) == 2 * len(names), "frames of a second boot", seconds=PATIENCE
     )
     fleet.wait_for(
         lambda: is_settled(client, names[1], late), "who was away obeys", seconds=PATIENCE

@@ -19,7 +19,6 @@ from eskin_sensor_node.machine.flash.sealing import UNREADABLE
 
 from eskin.errors import FlashError
 from eskin.wire.frames import Statements
-from eskin.wire.messages import Gap
 from tests.unit.sensor_node.flashes import KEY, change, on_disk
 
 if TYPE_CHECKING:
@@ -169,8 +168,11 @@ def test_records_exchanged_between_members_become_gaps(storage: FlashFile, tmp_p
         change(path, "UPDATE message SET body = ? WHERE sequence = 1 AND member = ?", body, member)
     for name, body in zip(NAMES, (b"one", b"other"), strict=True):
         partition = Partition(storage, name)
+        with pytest.raises(FlashError, match="descriptions"):
+            partition.after((-1, -1), 9)
+        partition.store_descriptions(LAYOUT, {})
         whole, lost = partition.after((-1, -1), 9)
-        gap = Gap.decode(lost.body)
+        (gap,) = Statements.decode(lost.body).gaps
         assert whole.body == body
         assert (gap.reason, gap.lost) == (UNREADABLE, ((7, 1, 1),))
         assert partition.gaps() == 1

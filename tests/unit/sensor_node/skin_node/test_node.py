@@ -65,11 +65,10 @@ def test_each_page_of_each_stretch_is_one_frame_that_encloses_the_truth(bench: S
     assert {len(frame.grids) for frame in frames} == {1, 2}
 
 
-def test_status_has_neither_channels_nor_places(bench: SkinBench) -> None:
+def test_status_names_the_profile(bench: SkinBench) -> None:
     bench.run_to(0.5)
     bench.node.record_status()
     status = Status.decode(bench.waiting()[-1].body)
-    assert (status.channels, status.places) == ((), ())
     assert status.profile == "paper-hand"
 
 
