@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.anyio
 
-BLOCKS = 400
+FRAMES = 500
 WINDOW = {"start": START - SECOND, "end": START + 3600 * SECOND}
 SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
 EXPORT = f"/api/v1/export?{urlencode({'channel': f'{NODE}/{CHANNEL}', **WINDOW})}"
@@ -102,8 +102,8 @@ async def ask(
 async def test_answer_under_way_ends_with_the_erasure(
     stand: Stand, site: Site, question: tuple[str, str], erase: Callable[[Stand, str], None]
 ) -> None:
-    first, second = range(1, BLOCKS + 1), range(BLOCKS + 1, 2 * BLOCKS + 1)
-    for k in range(0, BLOCKS, 100):
+    first, second = range(1, FRAMES + 1), range(FRAMES + 1, 2 * FRAMES + 1)
+    for k in range(0, FRAMES, 100):
         await stand.ingest(site.batch(*(wave(sequence) for sequence in first[k : k + 100])))
         await stand.ingest(site.batch(*(beat(sequence) for sequence in second[k : k + 100])))
     await stand.ingest(site.batch(declared()))

@@ -38,8 +38,8 @@ def introduce(inside: Inside, seal: Seal) -> None:
 
 def present(inside: Inside, seal: Seal) -> None:
     """Say a first status only."""
-    told = seal("fingertip", Stream.STATUS, status(0).encode(), introduce=True)
-    inside.arrive(Stream.STATUS, told)
+    introduced = seal("fingertip", Stream.STATUS, status(0).encode(), introduce=True)
+    inside.arrive(Stream.STATUS, introduced)
 
 
 def acknowledged(inside: Inside, identities: Identities) -> set[tuple[int, int]]:

@@ -234,7 +234,7 @@ def ingest_individually(
                 boot, sequence = item.message.position
                 record_lost(connection, item.node, [(boot, sequence, sequence)])
             return take(
-                ParsedMessage.unreadable(
+                ParsedMessage.rejected(
                     item.node, item.data, f"it cannot be stored: {_reason_of(error)}"
                 )
             )
