@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.routing import BaseRoute
 
+    Floats = NDArray[np.float64]
     Json = dict[str, Any]
 
 STRETCH_NS: Final = 250_000_000
@@ -93,6 +94,8 @@ class Replay(FrameServer):
             Route("/nodes/{node}/taxels", self._of_node("taxels", page_of)),
             Route("/nodes/{node}/state", self._of_node("states", JSONResponse)),
             Route("/events", self._events),
+            Route("/contacts", lambda _: page_of([])),
+            Route("/nodes/{node}/frames", self._frames),
             Route(series, self._one_series),
             Route(f"{series}/threshold", self._threshold),
             Route(f"{series}/time", self._time),
@@ -125,6 +128,14 @@ class Replay(FrameServer):
             stored = {"first": format_timestamp(first), "last": format_timestamp(last)}
             items.append({**item, **stored, "samples": samples})
         return page_of(items)
+
+    def _frames(self, request: Request) -> Response:
+        query = request.query_params
+        start, end = max(int(query["start"]), self.start), min(int(query["end"]), self.end)
+        skin = self._skins[request.path_params["node"]]
+        frames = skin.pictures(query["quantity"], start, end, int(query["points"]))
+        body = b"".join(frame.encode() for frame in frames)
+        return Response(body, media_type="application/cbor-seq")
 
     def _of_node(self, name: str, answer: Any) -> Any:
         return lambda request: answer(self._recording[name][request.path_params["node"]])
@@ -272,24 +283,53 @@ class _Skin:
                 for begin in range(0, len(run), MOST_ROWS):
                     part = run[begin : begin + MOST_ROWS]
                     window = int(t[part[0]]), int(t[part[-1]]) + 1
-                    yield self._frame(page, dt, window)
+                    values = {
+                        number: self._bounds(members, *window)
+                        for number, members in patches.items()
+                    }
+                    yield self._frame(page, window[0], dt, values)
 
-    def _frame(self, page: int, dt: int, window: tuple[int, int]) -> Frame:
-        patches = self._pages[dt]
-        first = next(iter(patches.values()))[0]
-        rows = (window[1] - window[0]) // dt + 1
-        grid = Grid(0, dt, 0, rows, first.coverage)
-        samples = []
-        for number, members in patches.items():
-            bounds = [one.between(*window)[1:] for one in members]
-            lo, hi = (np.stack([each[side] for each in bounds], axis=1) for side in (0, 1))
-            width = self.described.patches[number].least_width
-            samples.append(
-                PatchSamples.pack(Interval(lo, hi), width, patch=number, grid=0, first_row=0)
+    def _bounds(self, members: list[_Channel], start: int, end: int) -> tuple[Floats, Floats]:
+        _, lo, hi = zip(*(one.between(start, end) for one in members), strict=True)
+        return np.stack(lo, axis=1), np.stack(hi, axis=1)
+
+    def pictures(self, quantity: str, start: int, end: int, points: int) -> Iterator[Frame]:
+        """Frames with at most so many hulls of each channel of a quantity that never pauses."""
+        for page, (dt, patches) in enumerate(self._pages.items()):
+            for number, members in patches.items():
+                if self.described.patches[number].quantity != quantity:
+                    continue
+                bounds = [one.between(start, end) for one in members]
+                t = bounds[0][0]
+                each = max(1, math.ceil(len(t) / points))
+                firsts = np.arange(0, len(t), each)
+                lo = np.stack([np.minimum.reduceat(one[1], firsts) for one in bounds], axis=1)
+                hi = np.stack([np.maximum.reduceat(one[2], firsts) for one in bounds], axis=1)
+                for row in range(0, len(firsts), MOST_ROWS):
+                    part = slice(row, row + MOST_ROWS)
+                    begin = int(t[firsts[row]])
+                    yield self._frame(page, begin, each * dt, {number: (lo[part], hi[part])})
+
+    def _frame(
+        self, page: int, begin: int, period: int, values: dict[int, tuple[Floats, Floats]]
+    ) -> Frame:
+        """A frame with rows of bounds of patches."""
+        channel = next(iter(list(self._pages.values())[page].values()))[0]
+        rows = len(next(iter(values.values()))[0])
+        grid = Grid(0, period, 0, rows, channel.coverage)
+        samples = [
+            PatchSamples.pack(
+                Interval(lo, hi),
+                self.described.patches[number].least_width,
+                patch=number,
+                grid=0,
+                first_row=0,
             )
-        time_ns = window[0], window[0] + first.time_error
-        position = Position(1, window[0] // 1_000_000)
-        return Frame(position, self.described.hash, page, 0, time_ns, (grid,), tuple(samples))
+            for number, (lo, hi) in values.items()
+        ]
+        position = Position(1, begin // 1_000_000)
+        times = begin, begin + channel.time_error
+        return Frame(position, self.described.hash, page, 0, times, (grid,), tuple(samples))
 
 
 class _Channel:
