@@ -301,7 +301,7 @@ class _Skin:
                     continue
                 bounds = [one.between(start, end) for one in members]
                 t = bounds[0][0]
-                each = max(1, math.ceil(len(t) / points))
+                each = max(1, -(-(end - start) // (points * dt)))
                 firsts = np.arange(0, len(t), each)
                 lo = np.stack([np.minimum.reduceat(one[1], firsts) for one in bounds], axis=1)
                 hi = np.stack([np.maximum.reduceat(one[2], firsts) for one in bounds], axis=1)

@@ -60,8 +60,10 @@ DEAD: Final = 1777
 _COLUMNS: Final = 64
 _PATCHES_A_PAGE: Final = 33
 
-Mode = Literal["normal", "silent", "missing page", "lagging", "closed"]
+Mode = Literal["normal", "silent", "missing page", "lagging", "past", "closed"]
 """Whether live frames come, come all, and come in time; or the stream is refused."""
+OUTAGE_NS: Final = 60_000_000_000
+"""Live frames of the past hold what was measured so long ago."""
 
 
 @dataclass(frozen=True)
@@ -398,6 +400,8 @@ class SkinCloud(FrameServer):
     def messages_of(self, number: int) -> Iterator[LiveMessage]:
         if self.mode == "silent":
             return
+        if self.mode == "past":
+            number -= OUTAGE_NS // STRETCH_NS
         begin = number * STRETCH_NS
         for world in self.worlds.values():
             for frame in world.frames[number % STRETCHES]:
