@@ -251,7 +251,7 @@ def test_frames_of_the_past_are_not_shown_as_the_present(
 ) -> None:
     if drawn:
         visit.open("glove", shows=VIEW)
-        wait_until(lambda: visit.evaluate(COLOURS) > 20, "the skin is known")
+        wait_until(lambda: visit.evaluate(COLOURS) > 4, "the skin is known")
     skins.mode = "past"
     visit.open("glove", shows=VIEW)
     visit.page.get_by_test_id("notice-stale").wait_for()
@@ -265,7 +265,7 @@ def test_frames_of_the_past_are_not_shown_as_the_present(
     assert visit.evaluate(COLOURS) <= 4
     skins.mode = "normal"
     visit.page.get_by_test_id("notice-stale").wait_for(state="detached")
-    wait_until(lambda: visit.evaluate(COLOURS) > 20, "the skin is known again")
+    wait_until(lambda: visit.evaluate(COLOURS) > 4, "the skin is known again")
     wait_until(lambda: "Pa" in row.inner_text(), "the list of channels states a value again")
 
 
