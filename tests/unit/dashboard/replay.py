@@ -6,40 +6,46 @@ stream goes on with it. Only what the dashboard asks for is answered.
 
 from __future__ import annotations
 
-import asyncio
 import json
 import lzma
 import math
-import threading
 import time
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final
 
 import httpx
 import numpy as np
-import uvicorn
-from eskin_cloud.service import DASHBOARD
-from starlette.applications import Starlette
-from starlette.responses import JSONResponse, Response, StreamingResponse
-from starlette.routing import Mount, Route
-from starlette.staticfiles import StaticFiles
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
 
+from eskin.interval import Interval
+from eskin.wire.frames import DescribedLayout, Frame, Grid, Layout, Patch, PatchSamples
+from eskin.wire.frames.sample_codec import MOST_ROWS
+from eskin.wire.messages import Position
 from eskin.wire.timestamp import format_timestamp, parse_timestamp
-from tests.support.processes import PLAIN, free_port, wait_until
+from tests.support.processes import PLAIN
+from tests.unit.dashboard.frame_server import (
+    FrameServer,
+    LiveMessage,
+    event_message,
+    frame_message,
+    page_of,
+)
 from tests.unit.dashboard.record import LENGTH_NS, RECORDING
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Mapping
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
     from starlette.requests import Request
+    from starlette.routing import BaseRoute
 
+    Floats = NDArray[np.float64]
     Json = dict[str, Any]
 
-BLOCK_NS: Final = 250_000_000
-"""A live block has so much of each channel; all of them come at the same instant."""
+STRETCH_NS: Final = 250_000_000
+"""A live frame has so much of each channel; all of them come at the same instant."""
 PAST: Final = 5
 """So many repetitions are stored before the first one that is live."""
-_CSP: Final = {"Content-Security-Policy": "default-src 'self'"}
 _MISSING_PARAMETER: Final = {
     "title": "Invalid",
     "status": 422,
@@ -47,11 +53,10 @@ _MISSING_PARAMETER: Final = {
 }
 
 
-class Replay:
+class Replay(FrameServer):
     """A server on loopback with the recorded world.
 
     Attributes:
-        url: Where it listens.
         start: The instant (ns) of its first sample; each repetition begins ``LENGTH_NS`` later.
     """
 
@@ -62,22 +67,14 @@ class Replay:
             name: _Channel(series, self._recording["start"], self.start)
             for name, series in self._recording["series"].items()
         }
-        port = free_port()
-        self.url = f"http://127.0.0.1:{port}"
-        config = uvicorn.Config(
-            self._application(), port=port, log_level="warning", timeout_graceful_shutdown=1
-        )
-        self._server = uvicorn.Server(config)
-        self._thread = threading.Thread(target=self._server.run)
+        self._skins = {node: self._skin(node) for node in self._recording["channels"]}
+        super().__init__(STRETCH_NS, {node: one.described for node, one in self._skins.items()})
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        wait_until(lambda: self._server.started, "the recording is served")
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._server.should_exit = True
-        self._thread.join()
+    def _skin(self, node: str) -> _Skin:
+        channels = self._recording["channels"][node]
+        series = {one["id"]: self._series[f"{node}/{one['id']}"] for one in channels}
+        places = {one["id"]: one["position_m"] for one in self._recording["taxels"][node]}
+        return _Skin(channels, series, places)
 
     def get(self, path: str, **parameters: object) -> Any:
         """The JSON answer of the REST API."""
@@ -86,14 +83,9 @@ class Replay:
             answer.raise_for_status()
             return answer.json()
 
-    @property
-    def end(self) -> int:
-        """Up to this instant (ns) everything is stored."""
-        return time.time_ns() // BLOCK_NS * BLOCK_NS
-
-    def _application(self) -> Starlette:
+    def routes(self) -> list[BaseRoute]:
         series = "/series/{node}/{channel}"
-        api = [
+        return [
             Route("/nodes", self._nodes),
             Route("/gateways", self._gateways),
             Route("/storage", lambda _: JSONResponse(self._recording["storage"])),
@@ -102,7 +94,8 @@ class Replay:
             Route("/nodes/{node}/taxels", self._of_node("taxels", page_of)),
             Route("/nodes/{node}/state", self._of_node("states", JSONResponse)),
             Route("/events", self._events),
-            Route("/live", self._live),
+            Route("/contacts", lambda _: page_of([])),
+            Route("/nodes/{node}/frames", self._frames),
             Route(series, self._one_series),
             Route(f"{series}/threshold", self._threshold),
             Route(f"{series}/time", self._time),
@@ -110,16 +103,15 @@ class Replay:
             Route(f"{series}/anomalies", lambda _: page_of([])),
             Route(f"{series}/anomalies/time", self._time),
         ]
-        return Starlette(
-            routes=[
-                Mount("/api/v1", routes=api),
-                Mount("/", Files(directory=DASHBOARD, html=True)),
-            ]
-        )
 
     def _nodes(self, _: Request) -> Response:
         now = format_timestamp(time.time_ns())
-        return page_of([{**node, "last_seen": now} for node in self._recording["nodes"]])
+        return page_of(
+            [
+                {**node, "last_seen": now, "layout": self.layouts[node["id"]].hash.hex()}
+                for node in self._recording["nodes"]
+            ]
+        )
 
     def _gateways(self, _: Request) -> Response:
         now = format_timestamp(time.time_ns())
@@ -136,6 +128,14 @@ class Replay:
             stored = {"first": format_timestamp(first), "last": format_timestamp(last)}
             items.append({**item, **stored, "samples": samples})
         return page_of(items)
+
+    def _frames(self, request: Request) -> Response:
+        query = request.query_params
+        start, end = max(int(query["start"]), self.start), min(int(query["end"]), self.end)
+        skin = self._skins[request.path_params["node"]]
+        frames = skin.pictures(query["quantity"], start, end, int(query["points"]))
+        body = b"".join(frame.encode() for frame in frames)
+        return Response(body, media_type="application/cbor-seq")
 
     def _of_node(self, name: str, answer: Any) -> Any:
         return lambda request: answer(self._recording[name][request.path_params["node"]])
@@ -228,48 +228,108 @@ class Replay:
         more = parse_timestamp(found[limit - 1]["time"]["lo"]) if len(found) > limit else None
         return page_of(found[:limit], more)
 
-    def _live(self, request: Request) -> Response:
-        query = request.query_params
-        points = int(query["points"])
-        node, channel = query.get("node"), query.get("channel")
-        names = [
-            name
-            for name in self._series
-            if name == channel or (channel is None and node in (None, name.partition("/")[0]))
+    def messages_of(self, number: int) -> Iterator[LiveMessage]:
+        start, end = number * STRETCH_NS, (number + 1) * STRETCH_NS
+        for node, skin in self._skins.items():
+            for frame in skin.frames(start, end):
+                yield frame_message(node, frame)
+        for event in self._events_between(start, end, {}):
+            yield event_message(event)
+
+
+class _Skin:
+    """The channels of one node: those of a quantity and rate are a patch, those of a rate a page.
+
+    Args:
+        channels: As REST lists them.
+        series: Their samples; those of a page are of the same instants.
+        places: Where taxels are, in m.
+    """
+
+    def __init__(
+        self, channels: list[Json], series: dict[str, _Channel], places: dict[str, list[float]]
+    ) -> None:
+        patches: dict[tuple[int, str], list[Json]] = {}
+        for one in channels:
+            patches.setdefault((one["dt"], one["quantity"]), []).append(one)
+        described = []
+        self._pages: dict[int, dict[int, list[_Channel]]] = {}
+        for number, (dt, quantity) in enumerate(sorted(patches)):
+            members = patches[dt, quantity]
+            measured = [series[one["id"]] for one in members]
+            self._pages.setdefault(dt, {})[number] = measured
+            placed = [places.get(one["taxel"]) for one in members]
+            positions = np.rint(np.array(placed) * 1e6).astype(int).T if all(placed) else ()
+            patch = Patch(
+                f"{quantity}-{number}",
+                quantity,
+                members[0]["unit"],
+                tuple(one["taxel"] for one in members),
+                min(one.least_width for one in measured),
+                positions=tuple(tuple(map(int, axis)) for axis in positions),
+            )
+            described.append(patch)
+        hashes = tuple(patch.content_hash for patch in described)
+        layout = Layout(hashes, tuple(map(len, self._pages.values())))
+        self.described = DescribedLayout.of(layout, described)
+
+    def frames(self, start: int, end: int) -> Iterator[Frame]:
+        """A frame of each page and run of samples in [start, end)."""
+        for page, (dt, patches) in enumerate(self._pages.items()):
+            first = next(iter(patches.values()))[0]
+            t, lo, hi = first.between(start, end)
+            known = np.flatnonzero(~(np.isnan(lo) & np.isnan(hi)))
+            for run in np.split(known, np.flatnonzero(np.diff(t[known]) != dt) + 1):
+                for begin in range(0, len(run), MOST_ROWS):
+                    part = run[begin : begin + MOST_ROWS]
+                    window = int(t[part[0]]), int(t[part[-1]]) + 1
+                    values = {
+                        number: self._bounds(members, *window)
+                        for number, members in patches.items()
+                    }
+                    yield self._frame(page, window[0], dt, values)
+
+    def _bounds(self, members: list[_Channel], start: int, end: int) -> tuple[Floats, Floats]:
+        _, lo, hi = zip(*(one.between(start, end) for one in members), strict=True)
+        return np.stack(lo, axis=1), np.stack(hi, axis=1)
+
+    def pictures(self, quantity: str, start: int, end: int, points: int) -> Iterator[Frame]:
+        """Frames with at most so many hulls of each channel of a quantity that never pauses."""
+        for page, (dt, patches) in enumerate(self._pages.items()):
+            for number, members in patches.items():
+                if self.described.patches[number].quantity != quantity:
+                    continue
+                bounds = [one.between(start, end) for one in members]
+                t = bounds[0][0]
+                each = max(1, -(-(end - start) // (points * dt)))
+                firsts = np.arange(0, len(t), each)
+                lo = np.stack([np.minimum.reduceat(one[1], firsts) for one in bounds], axis=1)
+                hi = np.stack([np.maximum.reduceat(one[2], firsts) for one in bounds], axis=1)
+                for row in range(0, len(firsts), MOST_ROWS):
+                    part = slice(row, row + MOST_ROWS)
+                    begin = int(t[firsts[row]])
+                    yield self._frame(page, begin, each * dt, {number: (lo[part], hi[part])})
+
+    def _frame(
+        self, page: int, begin: int, period: int, values: dict[int, tuple[Floats, Floats]]
+    ) -> Frame:
+        """A frame with rows of bounds of patches."""
+        channel = next(iter(list(self._pages.values())[page].values()))[0]
+        rows = len(next(iter(values.values()))[0])
+        grid = Grid(0, period, 0, rows, channel.coverage)
+        samples = [
+            PatchSamples.pack(
+                Interval(lo, hi),
+                self.described.patches[number].least_width,
+                patch=number,
+                grid=0,
+                first_row=0,
+            )
+            for number, (lo, hi) in values.items()
         ]
-        resumed = request.headers.get("last-event-id")
-        number = self.end // BLOCK_NS if resumed is None else int(resumed) + 1
-        wanted = {} if node is None else {"node": node}
-        if channel is not None:
-            wanted = dict(zip(("node", "channel"), channel.split("/"), strict=True))
-
-        async def stream() -> AsyncIterator[str]:
-            yield "retry: 1000\n\n"
-            current = number
-            while True:
-                start, end = current * BLOCK_NS, (current + 1) * BLOCK_NS
-                await asyncio.sleep(max(0.0, (end - time.time_ns()) * 1e-9))
-                stored = format_timestamp(end)
-                for name in names:
-                    block = self._series[name].series(start, end, points=points, begin=start)
-                    if block["t"]:
-                        block["stored"] = stored
-                        yield f"event: block\ndata: {json.dumps(block)}\n\n"
-                for event in self._events_between(start, end, wanted):
-                    yield f"event: {event['kind']}\ndata: {json.dumps(event)}\n\n"
-                yield f"id: {current}\n\n"
-                current += 1
-
-        return StreamingResponse(stream(), media_type="text/event-stream")
-
-
-class Files(StaticFiles):
-    """The built dashboard, under the cloud's policy."""
-
-    async def get_response(self, path: str, scope: Any) -> Response:
-        answer = await super().get_response(path, scope)
-        answer.headers.update(_CSP)
-        return answer
+        position = Position(1, begin // 1_000_000)
+        times = begin, begin + channel.time_error
+        return Frame(position, self.described.hash, page, 0, times, (grid,), tuple(samples))
 
 
 class _Channel:
@@ -279,7 +339,7 @@ class _Channel:
         self.names = {key: series[key] for key in ("node", "channel", "unit")}
         self.dt: int = series["dt"]
         self.time_error: int = series["time_error"]
-        self._coverage = series["coverage"]
+        self.coverage = series["coverage"]
         self._origin = start
         begin = parse_timestamp(series["t0"]) - recorded
         self._t = np.array(series["t"], np.int64) + begin
@@ -288,6 +348,12 @@ class _Channel:
         missing = np.isnan(self._lo) & np.isnan(self._hi)
         self._lo[np.isnan(self._lo) & ~missing] = -np.inf
         self._hi[np.isnan(self._hi) & ~missing] = np.inf
+
+    @property
+    def least_width(self) -> float:
+        """So fine that frames make the bounds wider by less than a digit that is recorded."""
+        width = self._hi - self._lo
+        return float(np.min(width[width > 0.0])) / 16
 
     def first(self, start: int) -> int:
         """The instant of the first sample of a repetition."""
@@ -321,7 +387,7 @@ class _Channel:
             t = t0 + buckets[firsts] * step
         return {
             **self.names,
-            "coverage": self._coverage,
+            "coverage": self.coverage,
             "resolution": resolution,
             "t0": format_timestamp(t0),
             "t": (t - t0).tolist(),
@@ -331,7 +397,3 @@ class _Channel:
             "dt": step,
             "time_error": self.time_error,
         }
-
-
-def page_of(items: list[Any], following: int | None = None) -> Response:
-    return JSONResponse({"items": items, "next": None if following is None else str(following)})

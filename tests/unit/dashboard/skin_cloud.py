@@ -9,39 +9,37 @@ for is answered. `SkinCloud.mode` disturbs the live stream.
 from __future__ import annotations
 
 import argparse
-import asyncio
-import json
 import math
-import struct
 import sys
-import threading
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-import uvicorn
-from eskin_cloud.service import DASHBOARD
 from eskin_sensor_node.world.skin.shapes import HandShape
-from starlette.applications import Starlette
 from starlette.responses import JSONResponse, Response
-from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.websockets import WebSocketDisconnect
+from starlette.routing import Route
 
 from eskin.contacts import Skin as ContactSkin
 from eskin.contacts import find_contacts
 from eskin.interval import Interval
-from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples, Seam
+from eskin.wire.frames import DescribedLayout, Frame, Grid, Layout, Patch, PatchSamples, Seam
 from eskin.wire.messages import Position
-from eskin.wire.messages.cbor_map import dump
 from eskin.wire.timestamp import format_timestamp
-from tests.support.processes import free_port, wait_until
-from tests.unit.dashboard.replay import Files, page_of
+from tests.unit.dashboard.frame_server import (
+    FrameServer,
+    LiveMessage,
+    contacts_message,
+    frame_message,
+    page_of,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
     from starlette.requests import Request
-    from starlette.websockets import WebSocket
+    from starlette.routing import BaseRoute
 
     Floats = NDArray[np.float64]
     Json = dict[str, Any]
@@ -55,13 +53,17 @@ PAST: Final = 600
 """So many loops are stored when the cloud starts."""
 THRESHOLD: Final = 3000.0
 LEAST_WIDTH: Final = 64.0
+LATE_NS: Final = 2_000_000_000
+"""How much later live frames come where they lag."""
 DEAD: Final = 1777
 """A taxel of so many is broken: nothing is known of it."""
 _COLUMNS: Final = 64
 _PATCHES_A_PAGE: Final = 33
 
-Mode = Literal["normal", "silent", "missing page", "lagging", "closed"]
+Mode = Literal["normal", "silent", "missing page", "lagging", "past", "closed"]
 """Whether live frames come, come all, and come in time; or the stream is refused."""
+OUTAGE_NS: Final = 60_000_000_000
+"""Live frames of the past hold what was measured so long ago."""
 
 
 @dataclass(frozen=True)
@@ -126,33 +128,7 @@ class World:
         pages = (*counts, rest) if rest else tuple(counts)
         hashes = tuple(patch.content_hash for patch in self.patches)
         self.layout = Layout(hashes, pages, across)
-        self.hash = self.layout.content_hash
-
-    def document(self) -> Json:
-        """The layout as REST gives it."""
-        page = [n for n, count in enumerate(self.layout.pages) for _ in range(count)]
-        patches = [
-            {
-                "patch": patch.patch_id,
-                "hash": patch.content_hash.hex(),
-                "quantity": patch.quantity,
-                "unit": patch.unit,
-                "taxels": list(patch.taxels),
-                "positions": [[one * 1e-6 for one in axis] for axis in patch.positions],
-                "least_width": patch.least_width,
-                "threshold": patch.threshold,
-                "cell_area": patch.cell_area,
-                "neighbours": [list(pair) for pair in patch.neighbours],
-                "page": page[number],
-                "node": self.node,
-            }
-            for number, patch in enumerate(self.patches)
-        ]
-        seams = [
-            {"first": seam.first, "second": seam.second, "pairs": list(map(list, seam.pairs))}
-            for seam in self.layout.seams
-        ]
-        return {"layout": self.hash.hex(), "patches": patches, "seams": seams, "controllers": []}
+        self.described = DescribedLayout.of(self.layout, self.patches)
 
     def _pack(self, stretch: int) -> list[Frame]:
         rows = slice(stretch * ROWS, (stretch + 1) * ROWS)
@@ -179,7 +155,15 @@ class World:
                 samples.append(packed)
             if samples:
                 frames.append(
-                    Frame(Position(1, 0), self.hash, page, 0, (0, 1000), (grid,), tuple(samples))
+                    Frame(
+                        Position(1, 0),
+                        self.described.hash,
+                        page,
+                        0,
+                        (0, 1000),
+                        (grid,),
+                        tuple(samples),
+                    )
                 )
         return frames
 
@@ -225,11 +209,10 @@ class World:
         return lo, np.stack([recorded.hi[one].max(axis=0) for one in rows])
 
 
-class SkinCloud:
+class SkinCloud(FrameServer):
     """The server on loopback.
 
     Attributes:
-        url: Where it listens.
         mode: How the live stream is disturbed.
         worlds: The nodes.
         start: From which instant (ns) on data are stored.
@@ -242,31 +225,15 @@ class SkinCloud:
             "glove": World("glove", 20, widening=widening),
         }
         self.start = (time.time_ns() // LOOP_NS - PAST) * LOOP_NS
-        port = port or free_port()
-        self.url = f"http://127.0.0.1:{port}"
-        config = uvicorn.Config(
-            self._application(), port=port, log_level="warning", timeout_graceful_shutdown=1
-        )
-        self.server = uvicorn.Server(config)
-        self._thread = threading.Thread(target=self.server.run)
+        layouts = {node: world.described for node, world in self.worlds.items()}
+        super().__init__(STRETCH_NS, layouts, port)
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        wait_until(lambda: self.server.started, "the skins are served")
-        return self
+    def controls(self) -> list[BaseRoute]:
+        return [Route("/mode/{mode}", self._set_mode, methods=["POST"])]
 
-    def __exit__(self, *_: object) -> None:
-        self.server.should_exit = True
-        self._thread.join()
-
-    @property
-    def end(self) -> int:
-        """Up to this instant (ns) everything is stored."""
-        return time.time_ns() // STRETCH_NS * STRETCH_NS
-
-    def _application(self) -> Starlette:
+    def routes(self) -> list[BaseRoute]:
         node = "/nodes/{node}"
-        api = [
+        return [
             Route("/nodes", self._nodes),
             Route("/gateways", self._gateways),
             Route("/storage", lambda _: JSONResponse(_STORAGE)),
@@ -276,19 +243,9 @@ class SkinCloud:
             Route(f"{node}/channels", self._channels),
             Route(f"{node}/taxels", lambda _: page_of([])),
             Route(f"{node}/state", lambda _: JSONResponse(_STATE)),
-            Route(f"{node}/layout", self._layout),
-            Route(f"{node}/layouts/{{hash}}", self._layout),
             Route(f"{node}/frames", self._frames),
             Route("/series/{node}/{channel}", self._series),
-            WebSocketRoute("/live", self._live),
         ]
-        return Starlette(
-            routes=[
-                Route("/mode/{mode}", self._set_mode, methods=["POST"]),
-                Mount("/api/v1", routes=api),
-                Mount("/", Files(directory=DASHBOARD, html=True)),
-            ]
-        )
 
     def _set_mode(self, request: Request) -> Response:
         self.mode = request.path_params["mode"]
@@ -315,7 +272,7 @@ class SkinCloud:
                     "lag": {"lo_ns": 4_000_000, "hi_ns": 9_000_000},
                     "clock": None,
                     "missing": None,
-                    "layout": world.hash.hex(),
+                    "layout": world.described.hash.hex(),
                 }
                 for world in self.worlds.values()
             ]
@@ -348,9 +305,6 @@ class SkinCloud:
 
     def _world(self, request: Request) -> World:
         return self.worlds[request.path_params["node"]]
-
-    def _layout(self, request: Request) -> Response:
-        return JSONResponse(self._world(request).document())
 
     def _channels(self, request: Request) -> Response:
         world = self._world(request)
@@ -428,82 +382,40 @@ class SkinCloud:
             }
         )
 
-    def _refuses(self) -> bool:
+    @property
+    def refuses(self) -> bool:
         return self.mode == "closed"
 
-    async def _live(self, socket: WebSocket) -> None:
-        if self._refuses():
-            await socket.close(1013)
-            return
-        await socket.accept()
-        wanted = set(socket.query_params.getlist("node")) or set(self.worlds)
-        worlds = [world for world in self.worlds.values() if world.node in wanted]
-        listening = asyncio.create_task(_drain(socket))
-        try:
-            for world in worlds:
-                await socket.send_bytes(_message(["layout", world.node, world.hash]))
-            number = self.end // STRETCH_NS
-            while not listening.done():
-                number = await self._send_next(socket, worlds, number)
-                if self._refuses():
-                    break
-        except WebSocketDisconnect:
-            return
-        finally:
-            listening.cancel()
-        await socket.close(1013)
+    @property
+    def delay_ns(self) -> int:
+        return LATE_NS if self.mode == "lagging" else 0
 
-    async def _send_next(self, socket: WebSocket, worlds: list[World], number: int) -> int:
-        """Send a stretch when it is due; gives the number of the next one."""
+    def skipped_before(self, number: int) -> int:
+        return 7 if self.mode == "lagging" and number % 20 == 0 else 0
+
+    def following(self, number: int) -> int:
         late = self.mode == "lagging"
-        due = (number + 1) * STRETCH_NS + (2 * 10**9 if late else 0)
-        await asyncio.sleep(max(0.0, (due - time.time_ns()) * 1e-9))
-        if late and number % 20 == 0:
-            await socket.send_bytes(_message(["lagging", str(number), 7]))
-        if self.mode != "silent":
-            for world in worlds:
-                await self._send_stretch(socket, world, number)
         return number + 1 if late else max(number + 1, self.end // STRETCH_NS - 3)
 
-    async def _send_stretch(self, socket: WebSocket, world: World, number: int) -> None:
+    def messages_of(self, number: int) -> Iterator[LiveMessage]:
+        if self.mode == "silent":
+            return
+        if self.mode == "past":
+            number -= OUTAGE_NS // STRETCH_NS
         begin = number * STRETCH_NS
-        for frame in world.frames[number % STRETCHES]:
-            if self.mode == "missing page" and frame.page == 1:
-                continue
-            sequence = number * len(world.layout.pages) + frame.page
-            moved = replace(
-                frame,
-                position=Position(1, sequence),
-                ticks=begin - self.start,
-                time=(begin, begin + 1000),
-            )
-            now = time.time_ns()
-            await socket.send_bytes(
-                _message(["frame", str(number), world.node, now, moved.encode()])
-            )
-        found = json.dumps(world.contacts_at(number))
-        await socket.send_bytes(_message(["contacts", str(number), world.node, found]))
-
-
-async def _drain(socket: WebSocket) -> None:
-    try:
-        while True:
-            await socket.receive_text()
-    except WebSocketDisconnect:
-        return
-
-
-def _message(items: list[str | int | bytes]) -> bytes:
-    """An array of CBOR."""
-    head = b""
-    for one in items:
-        if isinstance(one, int):
-            head += dump({0: one})[2:]
-        else:
-            data = one.encode() if isinstance(one, str) else one
-            major = 0x60 if isinstance(one, str) else 0x40
-            head += bytes([major | 26]) + struct.pack(">I", len(data)) + data
-    return bytes([0x80 | len(items)]) + head
+        for world in self.worlds.values():
+            for frame in world.frames[number % STRETCHES]:
+                if self.mode == "missing page" and frame.page == 1:
+                    continue
+                sequence = number * len(world.layout.pages) + frame.page
+                moved = replace(
+                    frame,
+                    position=Position(1, sequence),
+                    ticks=begin - self.start,
+                    time=(begin, begin + 1000),
+                )
+                yield frame_message(world.node, moved)
+            yield contacts_message(world.node, world.contacts_at(number))
 
 
 def _edges(shape: Any) -> NDArray[np.int64]:

@@ -27,9 +27,9 @@ FOCUS = """
 () => {
   const focused = document.activeElement;
   const { outlineStyle, outlineWidth } = getComputedStyle(focused);
-  const { testid, taxel, node } = focused.dataset;
+  const { testid, node } = focused.dataset;
   const ring = outlineStyle !== "none" && parseFloat(outlineWidth) >= 1;
-  return { id: testid ?? focused.tagName, of: taxel ?? node ?? "", ring };
+  return { id: testid ?? focused.tagName, of: node ?? "", ring };
 }
 """
 """What has the focus, and whether that can be seen."""
@@ -40,7 +40,9 @@ SPOKEN = """
 
 def test_everything_in_the_overview_has_a_name(replay: Replay, visit: Visit) -> None:
     (gateway,) = replay.get("/gateways")["items"]
-    channels = [one for node in NODES for one in replay.get(f"/nodes/{node}/channels")["items"]]
+    # The fingertip is shown as a picture.
+    plain = [node for node in NODES if node != "fingertip"]
+    channels = [one for node in plain for one in replay.get(f"/nodes/{node}/channels")["items"]]
 
     def are_online(heard: list[Spoken]) -> bool:
         links = [one.name for one in heard if one.role == "link"]
@@ -50,7 +52,7 @@ def test_everything_in_the_overview_has_a_name(replay: Replay, visit: Visit) -> 
     visit.wait_for_chart(mode="live")
     visit.page.locator("[data-testid=gateway]").wait_for()
     visit.page.locator("[data-testid=event]").first.wait_for()
-    visit.page.locator("[data-testid=taxel][aria-label]").first.wait_for()
+    visit.page.locator("[data-node=fingertip] [data-testid=skin-stage]").wait_for()
     # One node after another lists its channels.
     wait_until(lambda: visit.page.locator(CHART).count() == len(channels), "all charts are there")
     heard = listen_until(visit, are_online, "the card of each node says that it is online")
@@ -66,15 +68,14 @@ def test_everything_in_the_overview_has_a_name(replay: Replay, visit: Visit) -> 
 def test_everything_on_a_node_has_a_name(visit: Visit) -> None:
     visit.open("fingertip")
     visit.wait_for_chart(mode="live")
-    contact = visit.page.locator("[data-taxel=t01]:not([data-contact=unknown])")
-    contact.wait_for()
+    row = visit.page.get_by_test_id("channel-row").first
+    wait_until(lambda: any(map(str.isdigit, row.inner_text()[3:])), "values are listed")
     heard = listen(visit)
     assert nameless(heard) == {}
-    taxels = [one.name.split(": ") for one in heard if one.role == "link" and ": " in one.name]
-    assert [name for name, *_ in taxels if name.startswith("t0")] == ["t01", "t02", "t03"]
-    words = {told.split(",")[0] for name, told, *_ in taxels if name.startswith("t0")}
-    assert words <= {"certain", "possible", "impossible", "unknown"}
-    assert any(one.name == "The skin of fingertip: 3 taxels" for one in heard)
+    assert any(one.role == "application" and "fingertip" in one.name for one in heard)
+    links = [one.name for one in heard if one.role == "link"]
+    for taxel in ("t01", "t02", "t03"):
+        assert any(name.startswith(f"{taxel}.capacitance") for name in links)
 
 
 def test_everything_on_a_channel_has_a_name(visit: Visit) -> None:
@@ -115,16 +116,14 @@ def tabs(visit: Visit, most: int) -> list[dict[str, str | bool]]:
     return found
 
 
-def test_tabulator_reaches_taxels_and_then_their_charts(visit: Visit, recorded: int) -> None:
+def test_tabulator_reaches_the_skin_and_then_the_charts(visit: Visit, recorded: int) -> None:
     visit.open(history("fingertip", recorded - 2 * SECOND, recorded))
     visit.wait_for_chart(mode="history")
-    visit.page.locator("[data-testid=taxel][href]").last.wait_for()
     visit.wait_for_answers()
     stops = tabs(visit, 40)
     order = [stop["id"] for stop in stops]
-    assert [stop["of"] for stop in stops if stop["id"] == "taxel"] == ["t01", "t02", "t03"]
     assert order.count("chart") >= 3
-    wanted = ("go-live", "logout", "node", "skin-level", "taxel", "channel-link", "chart")
+    wanted = ("go-live", "logout", "node", "skin-stage", "skin-level", "channel-link", "chart")
     assert [order.index(name) for name in wanted] == sorted(order.index(name) for name in wanted)
     assert [stop for stop in stops if stop["id"] != "BODY" and not stop["ring"]] == []
 
@@ -145,14 +144,15 @@ def test_tabulator_reaches_the_peaks_of_a_chart_and_the_questions_after_it(
     assert [stop for stop in stops if stop["id"] != "BODY" and not stop["ring"]] == []
 
 
-def test_taxel_and_peak_open_by_key_and_keep_the_focus_on_the_page(
+def test_channel_and_peak_open_by_key_and_keep_the_focus_on_the_page(
     visit: Visit, recorded: int
 ) -> None:
     visit.open(history("fingertip", recorded - 2 * SECOND, recorded))
     visit.wait_for_chart(mode="history")
-    visit.page.locator("[data-taxel=t02][href]").focus()
+    row = visit.page.locator("[data-testid=channel-row][data-channel='t02.capacitance']")
+    row.focus()
     visit.page.keyboard.press("Enter")
-    wait_until(lambda: "#/fingertip/t02." in visit.evaluate("location.hash"), "the taxel opens")
+    wait_until(lambda: "#/fingertip/t02." in visit.evaluate("location.hash"), "the channel opens")
     # A link changes the address before the page takes it over.
     wait_until(lambda: visit.evaluate(FOCUS)["id"] == "MAIN", "the focus is on the page")
     visit.open(history(CHANNEL, recorded - 3 * SECOND, recorded))

@@ -183,7 +183,7 @@ def test_both_axes_are_labelled(visit: Visit, recorded: int) -> None:
 @pytest.mark.nightly
 @pytest.mark.parametrize("options", [LIVELY])
 def test_pictures_of_a_live_page_leave_its_layout_and_styles_alone(visit: Visit) -> None:
-    visit.open("fingertip?live=10s")
+    visit.open("palm?live=10s")
     visit.wait_for_chart(mode="live")
     session = visit.page.context.new_cdp_session(visit.page)
     session.send("Performance.enable")

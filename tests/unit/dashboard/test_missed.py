@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
 from eskin.wire.timestamp import parse_timestamp
 from tests.support.processes import wait_until
 from tests.unit.dashboard.browsing import history
+from tests.unit.dashboard.frame_server import encode_message
 from tests.unit.dashboard.pixels import read_plot
+from tests.unit.dashboard.replay import STRETCH_NS
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Request, Route
+    from playwright.sync_api import Request, WebSocketRoute
 
     from tests.unit.dashboard.browsing import Visit
     from tests.unit.dashboard.replay import Replay
@@ -29,20 +32,34 @@ def newest(replay: Replay) -> int:
     return parse_timestamp(channel["last"])
 
 
-def test_stream_of_another_window_goes_on_after_the_one_before(visit: Visit) -> None:
-    sent: list[str | None] = []
+def watch(visit: Visit) -> list[WebSocketRoute]:
+    """All live streams of the page, which a test may close or send more by."""
+    streams: list[WebSocketRoute] = []
 
-    def remember(request: Request) -> None:
-        if "/api/v1/live" in request.url:
-            sent.append(request.headers.get("last-event-id"))
+    def connect(stream: WebSocketRoute) -> None:
+        stream.connect_to_server()
+        streams.append(stream)
 
-    visit.page.on("request", remember)
+    visit.page.route_web_socket("**/api/v1/live?*", connect)
+    return streams
+
+
+def lag(stream: WebSocketRoute) -> None:
+    """State that something was left out."""
+    stream.send(encode_message(["lagging", "9", 7]))
+
+
+def test_stream_goes_on_after_what_the_one_before_brought(visit: Visit) -> None:
+    streams = watch(visit)
     visit.open(f"{CHANNEL}?live=10s")
     visit.wait_for_chart(mode="live")
-    visit.page.get_by_test_id("live-span").select_option("300000000000")
-    wait_until(lambda: bool(visit.evaluate("1") and len(sent) > 1), "there is another stream")
-    assert sent[0] is None
-    assert sent[1]
+    begin = visit.newest()
+    wait_until(lambda: visit.newest() > begin, "frames come")
+    streams[0].close()
+    wait_until(lambda: bool(visit.evaluate("1") and len(streams) > 1), "there is another stream")
+    first, second = (parse_qs(urlsplit(each.url).query) for each in streams[:2])
+    assert "cursor" not in first
+    assert int(second["cursor"][0]) >= begin // STRETCH_NS - 1
 
 
 @pytest.mark.nightly
@@ -65,12 +82,6 @@ def test_window_that_was_not_over_shows_all_of_it_in_the_end(
     wait_until(is_whole, "the chart shows its end", seconds=20)
 
 
-def lag(route: Route) -> None:
-    """Tell that something was left out; then the stream is over for a while."""
-    said = 'retry: 60000\n\nid: 9\nevent: lagging\ndata: {"after": "1", "resumed": "9"}\n\n'
-    route.fulfill(body=said, content_type="text/event-stream")
-
-
 def test_events_are_listed_again_where_the_stream_left_some_out(visit: Visit) -> None:
     lists: list[str] = []
 
@@ -79,10 +90,15 @@ def test_events_are_listed_again_where_the_stream_left_some_out(visit: Visit) ->
             lists.append(request.url)
 
     visit.page.on("request", count)
-    visit.page.route("**/api/v1/live?*", lag)
+    streams = watch(visit)
     visit.open(f"{CHANNEL}?live=10s")
-    # Once as the stream began, and once more.
-    wait_until(lambda: bool(visit.evaluate("1") and len(lists) > 1), "they are asked for again")
+    visit.page.get_by_test_id("event").first.wait_for()
+    visit.wait_for_answers()
+    before = len(lists)
+    lag(streams[0])
+    wait_until(
+        lambda: bool(visit.evaluate("1") and len(lists) > before), "they are asked for again"
+    )
 
 
 @pytest.mark.nightly
@@ -90,16 +106,15 @@ def test_window_of_the_past_is_asked_for_again_where_the_stream_left_some_out(
     visit: Visit, recorded: int
 ) -> None:
     asked: list[str] = []
-    held: list[Route] = []
 
     def count(request: Request) -> None:
         if "/api/v1/series/" in request.url:
             asked.append(request.url)
 
     visit.page.on("request", count)
-    visit.page.route("**/api/v1/live?*", lambda route: held.append(route))  # noqa: PLW0108 -- Playwright marks what it is given
+    streams = watch(visit)
     visit.open(history(CHANNEL, recorded - SECOND, recorded))
     visit.wait_for_chart(mode="history")
     before = len(asked)
-    lag(held[0])
+    lag(streams[0])
     wait_until(lambda: bool(visit.evaluate("1") and len(asked) > before), "it is asked for again")

@@ -118,10 +118,13 @@ def test_card_of_a_node_tells_its_battery_and_its_gaps(visit: Visit) -> None:
 
 
 @pytest.mark.parametrize("options", [TALL])
-def test_every_channel_has_a_live_chart_that_moves(replay: Replay, visit: Visit) -> None:
+def test_every_channel_without_a_picture_has_a_live_chart_that_moves(
+    replay: Replay, visit: Visit
+) -> None:
     channels = [
         f"{node}/{channel['id']}"
         for node in NODES
+        if node != "fingertip"  # shown as a picture
         for channel in replay.get(f"/nodes/{node}/channels")["items"]
     ]
 

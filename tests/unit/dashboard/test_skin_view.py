@@ -245,6 +245,30 @@ def test_missing_page_is_unknown_while_the_others_go_on(skins: SkinCloud, visit:
     wait_until(lambda: fact(visit, "newest") > before, "the others are drawn")
 
 
+@pytest.mark.parametrize("drawn", [False, True])
+def test_frames_of_the_past_are_not_shown_as_the_present(
+    skins: SkinCloud, visit: Visit, *, drawn: bool
+) -> None:
+    if drawn:
+        visit.open("glove", shows=VIEW)
+        wait_until(lambda: visit.evaluate(COLOURS) > 4, "the skin is known")
+    skins.mode = "past"
+    visit.open("glove", shows=VIEW)
+    visit.page.get_by_test_id("notice-stale").wait_for()
+    row = visit.page.get_by_test_id("channel-row").first.locator(".channel-value")
+    browser = visit.page.get_by_test_id("channel-browser")
+    if browser.get_attribute("open") is None:
+        browser.locator("summary").first.click()
+    wait_until(lambda: row.inner_text() == "–", "the list of channels states no value, either")
+    assert visit.page.get_by_test_id("skin-total").inner_text() == "Contacts unknown"
+    assert "21 unknown" in visit.page.get_by_test_id("skin-summary").inner_text()
+    assert visit.evaluate(COLOURS) <= 4
+    skins.mode = "normal"
+    visit.page.get_by_test_id("notice-stale").wait_for(state="detached")
+    wait_until(lambda: visit.evaluate(COLOURS) > 4, "the skin is known again")
+    wait_until(lambda: "Pa" in row.inner_text(), "the list of channels states a value again")
+
+
 def test_late_and_left_out_frames_are_stated(skins: SkinCloud, visit: Visit) -> None:
     skins.mode = "lagging"
     visit.open("hand", shows=VIEW)

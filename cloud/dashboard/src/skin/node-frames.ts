@@ -2,6 +2,7 @@ import type { ContactsItem, LayoutItem } from "../api/contract";
 import type { Client } from "../api/client";
 import { isAbort, messageOf } from "../api/error";
 import { readFrame } from "../frames/frame";
+import { CloudClock } from "../live/cloud-clock";
 import { hex } from "../live/frame-feed";
 import type { Timeline } from "../time/timeline";
 import { ContactTrack, contactsAt, type ContactsAt } from "./contacts";
@@ -11,6 +12,8 @@ import { stretchOf, Stretches, type Stretch } from "./stretches";
 const MOST_STRETCHES = 24;
 const MOST_CONTACTS = 3_000;
 const RETRY_MS = 3_000;
+/** What was measured longer ago (ns) when it came is not the present. */
+const OLD_NS = 4e9;
 
 export interface NodeFramesOptions {
   readonly client: Client;
@@ -28,17 +31,23 @@ export class NodeFrames {
   layout: LayoutItem | null = null;
   readonly stretches = new Stretches(MOST_STRETCHES);
   readonly contacts = new ContactTrack(MOST_CONTACTS);
-  /** When the newest frame came, in ms of the page's clock. */
+  /** When the newest frame came, in ms of the page's clock; one that holds older samples does not count. */
   arrivedAt = -Infinity;
-  /** How long after the newest stretch had ended the cloud had it, in ns, by their clocks. */
+  /** How long after the newest stretch had ended it came at least, in ns, by the clocks of node and cloud. */
   late = 0;
   /** From sample to sample of what is sampled most often, in ns; null before the first frame. */
   period: number | null = null;
+  private readonly clock = new CloudClock();
   private hash: string | null = null;
   private loading = new AbortController();
   private timer: ReturnType<typeof setTimeout> | null = null;
 
   constructor(private readonly options: NodeFramesOptions) {}
+
+  /** Whether the newest frame held what was over when it came: a node that was cut off sends what waited. */
+  get isPast(): boolean {
+    return this.late > OLD_NS;
+  }
 
   /** Reads frames by this layout from now on; it is loaded unless it is there. */
   useLayout(hash: string): void {
@@ -55,8 +64,11 @@ export class NodeFrames {
     if (hash !== this.hash) this.useLayout(hash);
     if (hash !== this.layout?.layout) return;
     const stretch = stretchOf(frame, timeline);
-    this.arrivedAt = at;
-    this.late = received - Number(timeline.origin) - stretch.end;
+    this.clock.observe(Number(BigInt(received) - timeline.origin), at);
+    if (stretch.end >= (this.stretches.end ?? -Infinity)) {
+      this.arrivedAt = at;
+      this.late = this.clock.ageOf(stretch.end + stretch.error, at);
+    }
     this.stretches.put(stretch);
     this.period = Math.min(...frame.patches.map(({ grid }) => grid.period));
     onStretch(stretch, at);

@@ -32,7 +32,7 @@ class ChannelGroup {
     const name = group.quantity.replaceAll("_", " ");
     this.scroller = element("div", { class: "channel-scroller", role: "group", "aria-label": `channels of ${name}` }, this.rows);
     this.scroller.addEventListener("scroll", () => this.draw(), { passive: true });
-    this.root = element("details", { class: "channel-group", open, "data-testid": "channel-group", "data-quantity": group.quantity }, element("summary", {}, element("b", {}, name), this.count), this.scroller);
+    this.root = element("details", { class: "channel-group", open, "aria-label": name, "data-testid": "channel-group", "data-quantity": group.quantity }, element("summary", {}, element("b", {}, name), this.count), this.scroller);
     this.root.addEventListener("toggle", () => this.draw());
   }
 
@@ -98,7 +98,7 @@ export class ChannelBrowser {
 
   constructor(private readonly context: Context) {
     const body = element("div", { class: "channel-browser-body" }, this.input, this.list, this.none);
-    this.root = element("details", { class: "channel-browser", "data-testid": "channel-browser" }, element("summary", {}, this.title), body);
+    this.root = element("details", { class: "channel-browser", "aria-label": "channels", "data-testid": "channel-browser" }, element("summary", {}, this.title), body);
     this.root.addEventListener("toggle", () => this.filter());
     this.input.addEventListener("input", () => this.filter());
   }

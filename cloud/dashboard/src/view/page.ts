@@ -35,7 +35,7 @@ const DAY = 86_400e9;
 /** The overview shows so many nodes, and no more channels; the strip of nodes leads to all others. */
 const MOST_NODES = 12;
 const MOST_CHANNELS = 40_000;
-/** Events of nodes that are not shown are asked for so often, in ms. */
+/** Events that the stream does not bring are asked for so often, in ms. */
 const CATCH_UP_MS = 5_000;
 
 /** Everything below the nodes: the charts of one scope (all nodes, one node, one channel) and its events. */
@@ -51,6 +51,8 @@ export class Page {
   private known: ReadonlySet<string> = new Set();
   /** Whether the overview leaves nodes out. */
   private partial = false;
+  /** Whether the live stream left something out, events perhaps. */
+  private missed = false;
   private readonly column = element("div", { class: "column" });
   private readonly notices = new NoticeBoard(this.column);
   private readonly list: EventList;
@@ -122,7 +124,11 @@ export class Page {
     this.questions?.frame(at);
     this.settings?.frame(at);
     if (this.texts.due(at)) this.remark();
-    if (this.partial && this.catchUp.due(at)) void this.list.catchUp();
+    if ((this.partial || this.missed) && this.catchUp.due(at)) {
+      if (this.missed) void this.loadEvents();
+      this.missed = false;
+      void this.list.catchUp();
+    }
   }
 
   repaint(): void {
@@ -279,6 +285,7 @@ export class Page {
     else if (message.kind === "contacts") this.owners.get(message.node)?.takeContacts(message.json);
     else if (message.kind === "event") this.takeEvent(JSON.parse(message.json) as EventItem);
     else if (message.kind === "lagging" && message.skipped > 0) {
+      this.missed = true;
       for (const section of this.sections.values()) section.takeSkipped(message.skipped);
     }
   }

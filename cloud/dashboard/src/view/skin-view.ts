@@ -201,7 +201,8 @@ export class SkinView {
 
   /** Whether the newest frames say what is so now. */
   isPresent(at: number): boolean {
-    return this.view.kind === "live" && this.options.frames.arrivedAt > -Infinity && this.silentFor(at) === null;
+    const { arrivedAt, isPast } = this.options.frames;
+    return this.view.kind === "live" && arrivedAt > -Infinity && !isPast && this.silentFor(at) === null;
   }
 
   /** The window that the time line shows. */
@@ -583,7 +584,7 @@ export class SkinView {
     const taxels = this.skin?.taxels.length ?? 0;
     setText(this.counts, [`${taxels.toLocaleString("en")} taxels`, ...judged, `${counts[UNKNOWN]!.toLocaleString("en")} unknown`].join(" · "));
     if (this.skin === null) return;
-    const { arrivedAt, late } = this.options.frames;
+    const { arrivedAt, late, isPast } = this.options.frames;
     const slow = this.view.kind === "live" && at - this.skippedAt < SKIPPED_MS;
     if (!slow) this.skipped = 0;
     const behind = this.view.kind === "live" && late > LATE_NS;
@@ -601,6 +602,7 @@ export class SkinView {
     const silence = this.silentFor(at);
     if (arrivedAt === -Infinity) this.notices.show("empty", "No data yet", "The skin appears here with the node's next frame.");
     else if (silence !== null) this.notices.show("stale", "No data now", `The last frame came ${formatDuration(Math.floor(silence / 1000) * 1e9)} ago. What the skin feels now is unknown.`);
+    else if (isPast) this.notices.show("stale", "No data of now", `What comes was measured ${formatDuration(late, "down")} ago at least. What the skin feels now is unknown.`);
     else this.notices.clear();
   }
 
