@@ -57,6 +57,13 @@ def refuse(route: Route) -> None:
     route.fulfill(status=503, json=problem)
 
 
+def undescribe(route: Route) -> None:
+    """As of nodes that have sent no layout yet."""
+    answer = route.fetch()
+    items = [{**item, "layout": None} for item in answer.json()["items"]]
+    route.fulfill(response=answer, json={"items": items, "next": None})
+
+
 def refused(visit: Visit) -> None:
     """The browser itself complains of each refusal."""
     assert all("503" in trouble for trouble in visit.troubles)
@@ -149,13 +156,10 @@ def test_channels_that_cannot_be_loaded_can_be_asked_for_again(visit: Visit) -> 
 
 
 def test_node_without_channels_and_unknown_channel_are_said(visit: Visit) -> None:
+    visit.page.route("**/api/v1/nodes", undescribe)
     visit.open("palm/t01.taste?live=10s", shows=notice("empty", ".grid >"))
     said = visit.page.locator(notice("empty", ".grid >"))
     assert 'palm has no channel "t01.taste"' in said.inner_text()
-    visit.page.route(
-        "**/api/v1/nodes/palm/channels*",
-        lambda route: route.fulfill(json={"items": [], "next": None}),
-    )
     visit.open("palm?live=10s", shows=notice("empty", ".grid >"))
     said.get_by_text("palm has no channels yet").wait_for()
 
@@ -235,7 +239,14 @@ def test_channel_without_data_says_so_beside_others_that_have_some(visit: Visit)
         new = {**items[0], **nothing, "id": "t09.energy", "taxel": "t09"}
         route.fulfill(response=answer, json={"items": [*items, new], "next": None})
 
+    def describe(route: Route) -> None:
+        answer = route.fetch()
+        layout = answer.json()
+        new = {**layout["patches"][0], "patch": "new", "quantity": "energy", "taxels": ["t09"]}
+        route.fulfill(response=answer, json={**layout, "patches": [*layout["patches"], new]})
+
     visit.page.route("**/api/v1/nodes/palm/channels*", add)
+    visit.page.route("**/api/v1/nodes/palm/layouts/*", describe)
     mine = panel("t09.energy")
     visit.open("palm?live=10s", shows=mine)
     said = visit.page.locator(notice("empty", mine))

@@ -18,6 +18,7 @@ import { SkinView } from "./skin-view";
 
 /** So many taxels have charts at a time. */
 export const MOST_CHARTS = 12;
+const RETRY_MS = 5_000;
 
 export interface NodeSectionOptions {
   readonly context: Context;
@@ -53,6 +54,7 @@ export class NodeSection implements Section {
   private readonly watcher: IntersectionObserver;
   private visible = true;
   private readonly loading = new AbortController();
+  private retry: ReturnType<typeof setTimeout> | null = null;
   /** The channels whose charts are to be there, each with the node that sends it, and those of them that always are. */
   private wanted: ReadonlyMap<string, string> = new Map();
   private standing: ReadonlyMap<string, string> = new Map();
@@ -151,6 +153,7 @@ export class NodeSection implements Section {
 
   destroy(): void {
     this.loading.abort();
+    if (this.retry !== null) clearTimeout(this.retry);
     this.watcher.disconnect();
     this.frames.destroy();
     this.skin.destroy();
@@ -250,11 +253,25 @@ export class NodeSection implements Section {
       const grid = this.gridOf(channel);
       const after = [...grid.children].find((child) => order.indexOf(child.getAttribute("data-channel") ?? "") > order.indexOf(channel));
       grid.insertBefore(panel.root, after ?? null);
+      this.notices.clear();
       onPanels(true);
     } catch (error) {
       this.columns.delete(channel);
-      if (!isAbort(error)) setText(this.note, `The chart of ${channel} could not be opened: ${messageOf(error)}`);
+      if (!isAbort(error)) this.sayFailure(node, messageOf(error));
     }
+  }
+
+  /** Says that charts could not be opened, and opens them later. */
+  private sayFailure(node: string, message: string): void {
+    const act = (): void => {
+      this.notices.clear();
+      this.showPanels();
+    };
+    this.notices.show("error", `The channels of ${node} could not be loaded`, message, { label: "Try again", act });
+    this.retry ??= setTimeout(() => {
+      this.retry = null;
+      this.showPanels();
+    }, RETRY_MS);
   }
 }
 
