@@ -191,7 +191,7 @@ def test_live_view_resumes_without_a_break_when_the_cloud_restarts(
     streams: list[WebSocket] = []
 
     with visiting(browser, demo.access["url"], storage_state=session.state) as visit:
-        visit.page.on("websocket", streams.append)
+        visit.page.on("websocket", lambda stream: streams.append(stream))  # noqa: PLW0108 -- Playwright marks what it is given
         visit.open("fingertip/t01.capacitance?live=10s")
         status = visit.page.get_by_test_id("live-status")
         status.get_by_text("Receiving").wait_for()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from tests.support.processes import wait_until
-from tests.unit.dashboard.browsing import PHONE, visiting
+from tests.unit.dashboard.browsing import CHART, PHONE, visiting
 from tests.unit.dashboard.record import NODES
 
 if TYPE_CHECKING:
@@ -155,7 +155,9 @@ def test_every_channel_without_a_picture_has_a_live_chart_that_moves(
 @pytest.mark.parametrize("place", ["", "palm/t01.energy?live=10s&above=5e-12"])
 def test_phone_width_overflows_nowhere(visit: Visit, place: str) -> None:
     visit.open(place)
-    visit.wait_for_chart(mode="live")
+    # In the overview, charts are out of sight below the picture of a skin.
+    shown = f"{CHART}[data-mode=live]" if place else "[data-testid=skin-view][data-newest]"
+    visit.page.locator(shown).first.wait_for()
     visit.wait_for_answers()
     page, window = visit.evaluate("() => [document.documentElement.scrollWidth, innerWidth]")
     assert window == 390

@@ -141,7 +141,7 @@ def test_last_is_meant_of_the_data_and_not_of_our_clock(
 
 @pytest.mark.nightly
 def test_last_hour_ends_with_the_newest_data(visit: Visit, recorded: int) -> None:
-    visit.open("?live=10s")
+    visit.open("palm?live=10s")
     visit.wait_for_chart(mode="live")
     visit.page.get_by_test_id("times").click()
     visit.page.get_by_test_id("last-1h").click()
