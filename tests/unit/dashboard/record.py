@@ -40,7 +40,7 @@ def record(demo: RunningDemo) -> dict[str, Any]:
         "storage": demo.get("/storage"),
         "models": demo.get("/models")["items"],
         "channels": channels,
-        "taxels": {node: demo.get(f"/nodes/{node}/taxels")["items"] for node in NODES},
+        "places": {node: _places(demo.get(f"/nodes/{node}/layout")) for node in NODES},
         "states": {node: demo.get(f"/nodes/{node}/state") for node in NODES},
         "series": {
             f"{node}/{channel['id']}": _rounded(
@@ -50,6 +50,15 @@ def record(demo: RunningDemo) -> dict[str, Any]:
             for channel in channels[node]
         },
         "events": _events(demo, window),
+    }
+
+
+def _places(layout: dict[str, Any]) -> dict[str, list[float]]:
+    """Where taxels are, in m."""
+    return {
+        taxel: list(at[:2])
+        for patch in layout["patches"]
+        for taxel, *at in zip(patch["taxels"], *patch["positions"], strict=True)
     }
 
 

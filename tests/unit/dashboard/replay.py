@@ -73,8 +73,7 @@ class Replay(FrameServer):
     def _skin(self, node: str) -> _Skin:
         channels = self._recording["channels"][node]
         series = {one["id"]: self._series[f"{node}/{one['id']}"] for one in channels}
-        places = {one["id"]: one["position_m"] for one in self._recording["taxels"][node]}
-        return _Skin(channels, series, places)
+        return _Skin(channels, series, self._recording["places"][node])
 
     def get(self, path: str, **parameters: object) -> Any:
         """The JSON answer of the REST API."""
@@ -91,7 +90,6 @@ class Replay(FrameServer):
             Route("/storage", lambda _: JSONResponse(self._recording["storage"])),
             Route("/models", lambda _: page_of(self._recording["models"])),
             Route("/nodes/{node}/channels", self._channels),
-            Route("/nodes/{node}/taxels", self._of_node("taxels", page_of)),
             Route("/nodes/{node}/state", self._of_node("states", JSONResponse)),
             Route("/events", self._events),
             Route("/contacts", lambda _: page_of([])),
@@ -124,9 +122,8 @@ class Replay(FrameServer):
             channel = self._series[f"{node}/{item['id']}"]
             t, _, _ = channel.between(self.end - LENGTH_NS, self.end)
             first, last = channel.first(self.start), int(t[-1])
-            samples = len(t) * (self.end - self.start) // LENGTH_NS
             stored = {"first": format_timestamp(first), "last": format_timestamp(last)}
-            items.append({**item, **stored, "samples": samples})
+            items.append({**item, **stored})
         return page_of(items)
 
     def _frames(self, request: Request) -> Response:

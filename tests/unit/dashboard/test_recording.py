@@ -22,7 +22,6 @@ PLACES = {
     "/models": "/models",
     "/events": "/events",
     "/nodes/palm/channels": "/nodes/{node}/channels",
-    "/nodes/palm/taxels": "/nodes/{node}/taxels",
     "/nodes/palm/state": "/nodes/{node}/state",
     f"/series/{CHANNEL}": "/series/{node}/{channel}",
     f"/series/{CHANNEL}/threshold": "/series/{node}/{channel}/threshold",

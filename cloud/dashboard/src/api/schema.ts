@@ -23,14 +23,10 @@ export interface ChannelDocument {
   readonly unit: string;
   readonly coverage: number;
   readonly dt: number;
-  readonly blocks: number | null;
-  readonly samples: number | null;
-  readonly bytes: number | null;
   readonly first: string | null;
   readonly last: string | null;
-  readonly bounds: IntervalDocument | null;
   readonly biometric: boolean;
-  readonly patch: string | null;
+  readonly patch: string;
   readonly removed: RemovedDocument | null;
 }
 
@@ -363,11 +359,6 @@ export interface SubjectDocument {
   readonly nodes: readonly string[];
   readonly messages: number | null;
   readonly erased: string | null;
-}
-
-export interface TaxelDocument {
-  readonly id: string;
-  readonly position_m: readonly [number, number];
 }
 
 export interface TimeDocument {
