@@ -41,7 +41,7 @@ class Flood:
         self._sealer = Sealer(node, site.certificate)
         self._opener = Opener([node], sender={site.thumbprint: site.certificate}.get)
         self.boot = 0
-        self._told = threading.Semaphore(0)
+        self._puback = threading.Semaphore(0)
         self._acknowledged = SequenceRanges()
         self.finished = 0
         self._client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=NODE)
@@ -70,11 +70,11 @@ class Flood:
         sealed = self._sealer.seal(status.encode(), topic=topic, introduce=True)
         self._client.publish(topic, sealed, qos=1, retain=True)
         wait_until(lambda: self.durable >= 0, "the node is known", seconds=_PATIENCE_S)
-        self._told.acquire()
+        self._puback.acquire()
         topic = node_topic(NODE, Stream.LAYOUTS)
         for each in descriptions(FEW):
             self._client.publish(topic, self._sealer.seal(each, topic=topic), qos=1)
-            self._told.acquire()
+            self._puback.acquire()
 
     def seal(self, count: int) -> list[bytes]:
         """Envelopes of the next frames, from sequence 1."""
@@ -96,7 +96,7 @@ class Flood:
         for envelope in envelopes:
             self.send(envelope)
         for _ in envelopes:
-            assert self._told.acquire(timeout=_PATIENCE_S), "the broker takes no more"
+            assert self._puback.acquire(timeout=_PATIENCE_S), "the broker takes no more"
 
     def wait_for(self, count: int) -> None:
         """Wait until the gateway vouched for so many frames."""
@@ -122,4 +122,4 @@ class Flood:
         self.finished = time.time_ns()
 
     def _on_publish(self, *_: Any) -> None:
-        self._told.release()
+        self._puback.release()

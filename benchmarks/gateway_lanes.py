@@ -223,8 +223,8 @@ class Site:
             sealer = Sealer(self._identities.make(IdentityKind.NODE, name), site)
             topics = {stream: node_topic(name, stream) for stream in FROM_NODE}
             topic = topics[Stream.STATUS]
-            told = sealer.seal(status(0).encode(), topic=topic, introduce=True)
-            self._introductions.append((topic, told))
+            introduction = sealer.seal(status(0).encode(), topic=topic, introduce=True)
+            self._introductions.append((topic, introduction))
             topic = topics[Stream.LAYOUTS]
             self._introductions += [
                 (topic, sealer.seal(one, topic=topic)) for one in skin.descriptions

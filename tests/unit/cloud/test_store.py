@@ -113,10 +113,10 @@ def left_by(place: StoreLocation, batches: list[list[ParsedMessage]]) -> list[An
             put(store, stretch(99, channel="t01.a"), node=node)
         store.write(lambda connection: connection.execute(update(pages), late)).result()
         store.cache.clear()
-        told = [result for each in batches for result in put_items(store, each).results]
+        results = [result for each in batches for result in put_items(store, each).results]
         tables = (frames, nodes, pages, events, sequences, dead_letters, stale_patch_chunks)
         kept = [[row | {"mark": None} for row in rows(store, table)] for table in tables]
-        return [told, *(sorted(map(repr, each)) for each in kept)]
+        return [results, *(sorted(map(repr, each)) for each in kept)]
 
 
 def test_invalid_message_becomes_a_dead_letter_alone(store: Store) -> None:
@@ -200,12 +200,12 @@ def test_silence_and_return_are_events(store: Store, clock: Clock) -> None:
     assert store.write(judge).result(120) == 1
     assert store.write(judge).result(120) == 0
     put(store, stretch(1))
-    told = rows(store, events)
-    assert [(row["kind"], row["detail"]) for row in told] == [
+    stored = rows(store, events)
+    assert [(row["kind"], row["detail"]) for row in stored] == [
         ("status", "offline"),
         ("status", "online again"),
     ]
-    assert told[0]["t_lo"] == START
+    assert stored[0]["t_lo"] == START
 
 
 def test_clock_of_another_cloud_marks_no_node_silent(store: Store, clock: Clock) -> None:

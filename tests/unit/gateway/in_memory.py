@@ -187,8 +187,8 @@ class Inside:
 
     def introduce(self, seal: Seal, *, node: str = "fingertip") -> None:
         """Receive a node's first status, and what describes its skin of one channel."""
-        told = seal(node, Stream.STATUS, status(0).encode(), introduce=True)
-        self.arrive(Stream.STATUS, told, node=node)
+        introduction = seal(node, Stream.STATUS, status(0).encode(), introduce=True)
+        self.arrive(Stream.STATUS, introduction, node=node)
         self.describe(seal, node=node)
 
     def describe(self, seal: Seal, *, node: str = "fingertip") -> None:
