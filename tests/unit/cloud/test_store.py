@@ -137,7 +137,7 @@ def test_invalid_message_becomes_a_dead_letter_alone(store: Store) -> None:
     outcome = put_items(store, items)
     assert results(outcome) == ["stored", *["rejected"] * 8, "stored"]
     letters = rows(store, dead_letters)
-    # Only what is known to be of nobody is kept.
+    # The cloud keeps the bytes of a dead letter only if no person can be their subject.
     assert {letter["data"] for letter in letters} == {b"", items[5].data, items[7].data}
     reasons = [str(result.reason) for result in outcome.results]
     assert "keeps its unit" in reasons[4]
