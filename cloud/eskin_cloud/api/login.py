@@ -17,7 +17,7 @@ from eskin_cloud.api.dependencies import (
     cookie_name,
     require_same_site,
 )
-from eskin_cloud.api.login_page import login_page, login_script, login_style
+from eskin_cloud.api.login_page import login_page, login_style
 from eskin_cloud.app_state import AppState
 
 router = APIRouter(include_in_schema=False)
@@ -82,13 +82,6 @@ async def get_style() -> Response:
     """The page's style sheet."""
     headers = {"Cache-Control": "no-cache"}
     return Response(login_style(), media_type="text/css", headers=headers)
-
-
-@router.get("/login.js")
-async def get_script() -> Response:
-    """The page's script."""
-    headers = {"Cache-Control": "no-cache"}
-    return Response(login_script(), media_type="text/javascript", headers=headers)
 
 
 async def _read_token(request: Request) -> str:

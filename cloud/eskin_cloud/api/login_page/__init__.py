@@ -21,7 +21,3 @@ def login_style() -> bytes:
     """The page's style sheet."""
     return (files(__package__) / "login.css").read_bytes()
 
-
-def login_script() -> bytes:
-    """The page's script: it keeps the view that the visitor wanted."""
-    return (files(__package__) / "login.js").read_bytes()
