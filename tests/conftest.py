@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 # A run says something of the change alone: properties try the same inputs each time. The hunt
-# tries others: ARGS="--hypothesis-profile=hunt". The machine's pauses are nobody's failure.
+# tries others: ARGS="--hypothesis-profile=hunt". A pause of the machine fails no test.
 PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("steady", PATIENT, derandomize=True)
 settings.register_profile("hunt", PATIENT)
@@ -27,7 +27,7 @@ settings.load_profile("steady")
 
 HERE = Path(__file__).parent
 FIRST = ("system", "unit/dashboard")
-"""Rooms that share what takes long to start; they begin first, so that nobody waits for them."""
+"""Rooms that share what takes long to start; they begin first, so that no other test waits for them."""
 LAST = ("unit/eskin", "unit/sensor_node")
 """Rooms of many short files, which fill what is left of the time evenly."""
 

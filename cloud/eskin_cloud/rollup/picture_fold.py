@@ -358,12 +358,16 @@ def _mark(
 
 @kernel
 def close_gaps(grid: tuple[int, int], out: PictureHulls) -> None:
-    """Mark what lies after the last sample of each channel, once all are added."""
+    """Mark what lies after the last sample of each channel, once all are added.
+
+    Nothing follows it, so that it holds for one period, and its time may be the earliest one. A
+    sample that follows at or after the pictures' end must be among those that were added.
+    """
     latest, periods, errors, gap = out.last, out.dt, out.error, out.gap
     end = grid[0] + grid[1] * len(gap)
     for channel in range(latest.size):
         before, last = periods[channel], latest[channel] - errors[channel]
         if not before:
             _mark(grid[0], end, channel, grid, gap)
-        elif end - last > before + before // 2:
+        elif end > last + before:
             _mark(last + before, end, channel, grid, gap)
