@@ -27,7 +27,7 @@ settings.load_profile("steady")
 
 HERE = Path(__file__).parent
 FIRST = ("system", "unit/dashboard")
-"""Rooms that share what takes long to start; they begin first, so that no other test waits for them."""
+"""Rooms that share what takes long to start; they begin first, so that no test waits for them."""
 LAST = ("unit/eskin", "unit/sensor_node")
 """Rooms of many short files, which fill what is left of the time evenly."""
 
