@@ -2,7 +2,7 @@
 #include "message.h"
 
 enum { UNSIGNED = 0x00, NEGATIVE = 0x20, BYTES = 0x40, ARRAY = 0x80, MAP = 0xA0 };
-enum { STATEMENTS = 8, LAYOUT_BYTES = 32, OF_PEAK = 8, CASE_PATCH = 3, CASE_COLUMN = 1 };
+enum { STATEMENTS = 2, LAYOUT_BYTES = 32, OF_PEAK = 8, CASE_PATCH = 3, CASE_COLUMN = 1 };
 
 static uint8_t *head_of(uint8_t *out, int major, uint64_t value)
 {

@@ -19,7 +19,7 @@ function inHex(byte: number): string {
 function sparse(patches: number): Uint8Array {
   const strides = `a1015840${"10".repeat(64)}`;
   const items = Array.from({ length: patches }, (_, number) => `88${inHex(number)}000018400000420000${strides}`);
-  const head = `a9010702010302045820${"00".repeat(32)}0500060007820001`;
+  const head = `a9010102010302045820${"00".repeat(32)}0500060007820001`;
   const grids = "088185001903e8001903e8fb3ff0000000000000";
   return bytes(`${head}${grids}09${inHex(0x80 + patches)}${items.join("")}`);
 }

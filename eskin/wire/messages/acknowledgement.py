@@ -49,7 +49,9 @@ class Acknowledgement:
         fields.only(_FIELDS)
         kind = fields.integer(1, 0, 255)
         if kind != Kind.ACKNOWLEDGEMENT:
-            raise MessageError(f"field 1 is {kind}; expected an acknowledgement (16)")
+            raise MessageError(
+                f"field 1 is {kind}; expected an acknowledgement ({Kind.ACKNOWLEDGEMENT:d})"
+            )
         return cls(
             time=fields.integer(2, -MOST_MOMENT, MOST_MOMENT),
             spans=tuple(read_span(span, "field 3") for span in fields.items(3, MOST_SPANS)),

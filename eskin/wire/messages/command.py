@@ -59,7 +59,7 @@ class Command:
         fields.only(_FIELDS)
         kind = fields.integer(1, 0, 255)
         if kind != Kind.COMMAND:
-            raise MessageError(f"field 1 is {kind}; expected a command (17)")
+            raise MessageError(f"field 1 is {kind}; expected a command ({Kind.COMMAND:d})")
         try:
             node = IdentityKind.NODE.require_name(fields.text(3, 63))
             name = _name(fields.text(6, 16))

@@ -18,15 +18,15 @@ CHANNEL = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}\.[a-z][a-z0-9_]{0,30}")
 class Kind(IntEnum):
     """What a message is (field 1)."""
 
-    STATUS = 4
-    RESULT = 5
-    ENCRYPTED = 6
-    FRAME = 7
-    STATEMENTS = 8
-    PATCH = 9
-    LAYOUT = 10
-    ACKNOWLEDGEMENT = 16
-    COMMAND = 17
+    FRAME = 1
+    STATEMENTS = 2
+    PATCH = 3
+    LAYOUT = 4
+    STATUS = 5
+    RESULT = 6
+    ENCRYPTED = 7
+    ACKNOWLEDGEMENT = 8
+    COMMAND = 9
 
 
 class Position(NamedTuple):

@@ -16,7 +16,7 @@ from eskin.wire.timestamp import MOST_MOMENT
 if TYPE_CHECKING:
     from eskin.wire.messages.cbor_map import Fields
 
-_FIELDS: Final = frozenset((*range(1, 12), 13, 16, 17, 20, 21, 22))
+_FIELDS: Final = frozenset(range(1, 18))
 _MOST_TAXELS: Final = 100
 _MOST_BOOTS: Final = 8
 
@@ -123,17 +123,17 @@ class Status:
 
     def encode(self) -> bytes:
         """Write as CBOR."""
-        cause = {} if self.cause is None else {13: int(self.cause)}
+        cause = {} if self.cause is None else {12: int(self.cause)}
         return dump(
             position_fields(Kind.STATUS, self.position)
             | {4: list(self.time), 5: self.profile, 6: self.description, 7: self.uptime}
             | {8: self.messages, 9: self.used, 10: self.capacity, 11: self.gaps}
             | cause
-            | ({} if self.energy is None else {16: self.energy.encode()})
-            | ({} if self.faults is None else {17: [_encoded(each) for each in self.faults]})
-            | ({} if self.gateway_time is None else {20: self.gateway_time})
-            | ({} if self.held is None else {21: list(self.held)})
-            | ({} if self.ended is None else {22: [list(each) for each in self.ended]})
+            | ({} if self.energy is None else {13: self.energy.encode()})
+            | ({} if self.faults is None else {14: [_encoded(each) for each in self.faults]})
+            | ({} if self.gateway_time is None else {15: self.gateway_time})
+            | ({} if self.held is None else {16: list(self.held)})
+            | ({} if self.ended is None else {17: [list(each) for each in self.ended]})
         )
 
     @classmethod
@@ -160,34 +160,34 @@ class Status:
             capacity=fields.integer(10, 0, MOST_COUNT),
             gaps=fields.integer(11, 0, MOST_COUNT),
             cause=_cause(fields),
-            energy=_energy(fields) if fields.has(16) else None,
-            faults=_faults(fields) if fields.has(17) else None,
+            energy=_energy(fields) if fields.has(13) else None,
+            faults=_faults(fields) if fields.has(14) else None,
             gateway_time=(
-                fields.integer(20, -MOST_MOMENT, MOST_MOMENT) if fields.has(20) else None
+                fields.integer(15, -MOST_MOMENT, MOST_MOMENT) if fields.has(15) else None
             ),
-            held=_held(fields) if fields.has(21) else None,
-            ended=_ended(fields) if fields.has(22) else None,
+            held=_held(fields) if fields.has(16) else None,
+            ended=_ended(fields) if fields.has(17) else None,
         )
 
 
 def _cause(fields: Fields) -> ResetCause | None:
-    return ResetCause(fields.integer(13, 0, max(ResetCause))) if fields.has(13) else None
+    return ResetCause(fields.integer(12, 0, max(ResetCause))) if fields.has(12) else None
 
 
 def _energy(fields: Fields) -> Energy:
-    found = fields.items(16, 6)
+    found = fields.items(13, 6)
     if len(found) != 6:
-        raise MessageError(f"field 16 holds {len(found)} items; expected 6")
+        raise MessageError(f"field 13 holds {len(found)} items; expected 6")
     least, most, low, high = (
-        real(found[k], "field 16", 0.0, math.inf if k < 2 else 1.0) for k in range(4)
+        real(found[k], "field 13", 0.0, math.inf if k < 2 else 1.0) for k in range(4)
     )
     if least > most or low > high:
-        raise MessageError("field 16: a lower bound is above its upper bound")
+        raise MessageError("field 13: a lower bound is above its upper bound")
     return Energy(
         (least, most),
         (low, high),
-        _verdict(found[4], "field 16, verdict"),
-        Shedding(integer(found[5], "field 16, shedding", 0, max(Shedding))),
+        _verdict(found[4], "field 13, verdict"),
+        Shedding(integer(found[5], "field 13, shedding", 0, max(Shedding))),
     )
 
 
@@ -196,11 +196,11 @@ def _verdict(value: object, what: str) -> Verdict:
 
 
 def _held(fields: Fields) -> Position:
-    return Position(*_numbers(fields.raw(21), "field 21"))
+    return Position(*_numbers(fields.raw(16), "field 16"))
 
 
 def _ended(fields: Fields) -> tuple[tuple[int, int], ...]:
-    return tuple(_numbers(each, "field 22") for each in fields.items(22, _MOST_BOOTS))
+    return tuple(_numbers(each, "field 17") for each in fields.items(17, _MOST_BOOTS))
 
 
 def _numbers(value: object, what: str) -> tuple[int, int]:
@@ -214,14 +214,14 @@ def _encoded(faults: TaxelFaults) -> list[str | int]:
 
 
 def _faults(fields: Fields) -> tuple[TaxelFaults, ...]:
-    return tuple(_fault(value) for value in fields.items(17, _MOST_TAXELS))
+    return tuple(_fault(value) for value in fields.items(14, _MOST_TAXELS))
 
 
 def _fault(value: object) -> TaxelFaults:
-    found = items(value, "field 17", 3)
+    found = items(value, "field 14", 3)
     if len(found) != 3:
-        raise MessageError(f"field 17 holds {len(found)} items a taxel; expected 3")
-    dead, stuck = (_verdict(each, "field 17, fault") for each in found[1:])
+        raise MessageError(f"field 14 holds {len(found)} items a taxel; expected 3")
+    dead, stuck = (_verdict(each, "field 14, fault") for each in found[1:])
     if dead is stuck is Verdict.IMPOSSIBLE:
-        raise MessageError("field 17 names a taxel that cannot be broken")
-    return TaxelFaults(text(found[0], "field 17, taxel", 31), dead, stuck)
+        raise MessageError("field 14 names a taxel that cannot be broken")
+    return TaxelFaults(text(found[0], "field 14, taxel", 31), dead, stuck)

@@ -4,6 +4,7 @@ A modem or a secure element verifies the signature before, and hands over what w
 """
 
 from eskin_sensor_node.firmware.cbor import read_map
+from eskin_sensor_node.firmware.message_writer import COMMAND
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -31,7 +32,6 @@ EXPIRED = 2
 """What became of a command."""
 MOST_REASON = 200
 """Letters of the reason why it was not done."""
-_COMMAND = 17
 _KINDS = {1: int, 2: int, 3: str, 4: int, 5: int, 6: str, 7: dict}
 """Fields of a command: kind, id, node, when it was issued, when it expires, name, arguments."""
 _SECOND = 1000000000
@@ -131,6 +131,6 @@ def _fields(plaintext: bytes) -> "dict[int, Any]":
     for key, kind in _KINDS.items():
         if not isinstance(fields[key], kind):
             raise ValueError("no command: field " + str(key) + " is of another kind")  # noqa: TRY004
-    if fields[1] != _COMMAND or fields[2] < 1:
+    if fields[1] != COMMAND or fields[2] < 1:
         raise ValueError("no command: its kind or its id is another one")
     return fields

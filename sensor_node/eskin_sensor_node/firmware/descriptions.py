@@ -1,6 +1,7 @@
 """Describes patches and layouts as bytes, for `eskin.wire.frames` to read."""
 
 from eskin_sensor_node.firmware.cbor import Writer
+from eskin_sensor_node.firmware.message_writer import LAYOUT, PATCH
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -9,14 +10,11 @@ if TYPE_CHECKING:
 
     from eskin.wire.frames import Layout, Patch
 
-_PATCH = 9
-_LAYOUT = 10
-
 
 def describe_patch(patch: "Patch") -> bytes:
     """The description of a patch; it is named by its SHA-256."""
     fields: dict[int, Any] = {
-        1: _PATCH,
+        1: PATCH,
         2: patch.patch_id,
         3: patch.quantity,
         4: patch.unit,
@@ -41,7 +39,7 @@ def describe_patch(patch: "Patch") -> bytes:
 
 def describe_layout(layout: "Layout") -> bytes:
     """The description of a layout; it is named by its SHA-256."""
-    fields: dict[int, Any] = {1: _LAYOUT, 2: b"".join(layout.patches), 3: layout.pages}
+    fields: dict[int, Any] = {1: LAYOUT, 2: b"".join(layout.patches), 3: layout.pages}
     if layout.seams:
         fields[4] = [(first, second, _pairs(pairs)) for first, second, pairs in layout.seams]
     if layout.controllers:

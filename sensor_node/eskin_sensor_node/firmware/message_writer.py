@@ -32,17 +32,21 @@ if TYPE_CHECKING:
             """The next number; never given out again."""
 
 
-STATUS = 4
-RESULT = 5
-FRAME = 7
-STATEMENTS = 8
+FRAME = 1
+STATEMENTS = 2
+PATCH = 3
+LAYOUT = 4
+STATUS = 5
+RESULT = 6
+COMMAND = 9
+"""Kinds of messages, as in `eskin.wire.messages.Kind`."""
 
 
 class Record:
     """A message with what flash must know of it.
 
     Attributes:
-        kind: `STATUS`, `RESULT`, `FRAME` or `STATEMENTS`.
+        kind: `FRAME`, `STATEMENTS`, `STATUS` or `RESULT`.
         sequence: Its number in this boot.
         body: Its bytes.
         earliest: UTC ns of its begin.
@@ -228,10 +232,10 @@ class MessageWriter:
         put_integer(out, 7, uptime)
         for key in (8, 9, 10, 11):
             put_integer(out, key, storage[key - 8])
-        put_integer(out, 13, cause)
+        put_integer(out, 12, cause)
         if energy is not None:
             stored, charge, verdict, stage = energy
-            out.integer(16)
+            out.integer(13)
             out.array(6)
             for bound in stored + charge:
                 out.real(bound)
@@ -240,11 +244,11 @@ class MessageWriter:
         if faults is not None:
             _faults(out, faults)
         if gateway_time is not None:
-            put_integer(out, 20, gateway_time)
+            put_integer(out, 15, gateway_time)
         if held is not None:
-            put_integers(out, 21, held)
+            put_integers(out, 16, held)
         if ended is not None:
-            out.integer(22)
+            out.integer(17)
             out.array(len(ended))
             for boot, last in ended:
                 out.array(2)
@@ -283,7 +287,7 @@ class MessageWriter:
 
 
 def _faults(out: Writer, faults: "Sequence[tuple[str, int, int]]") -> None:
-    out.integer(17)
+    out.integer(14)
     out.array(len(faults))
     for name, dead, stuck in faults:
         out.array(3)

@@ -27,6 +27,7 @@ from eskin.wire.frames import (
     Statements,
     content_hash,
 )
+from eskin.wire.messages import Kind
 from eskin.wire.messages.cbor_map import MOST_BYTES, dump
 from eskin.wire.timestamp import MOST_MOMENT
 from tests.unit.cloud.clouds import batch, put
@@ -127,7 +128,9 @@ HOSTILE: Final = {
     "indefinite length": frame(1).encode()[:-1] + b"\x5f\xff",
     "another order": cbor2.dumps(dict(reversed(GOOD.items()))),
     "unknown field": cbor2.dumps(GOOD | {10: 0}),
-    "statements without any": cbor2.dumps({1: 8, 2: 1, 3: 1, 4: HAND.content_hash}),
+    "statements without any": cbor2.dumps(
+        {1: int(Kind.STATEMENTS), 2: 1, 3: 1, 4: HAND.content_hash}
+    ),
     "longer than a message": frame(1).encode() + bytes(MOST_BYTES),
     "a description": PALM.encode(),
 }

@@ -10,6 +10,7 @@ import pytest
 from eskin_cloud.store.schema.tables import dead_letters
 from sqlalchemy import select
 
+from eskin.wire.messages import Kind
 from tests.unit.cloud.messages import stretch
 from tests.unit.cloud.sealing import CHANNEL, NODE, declared, pulse, remains
 
@@ -37,7 +38,7 @@ def spoiled(channel: str, more: bytes = b"") -> bytes:
         [NODE, SECRET],
         [NODE, cbor2.dumps(SECRET.decode())],
         [NODE, cbor2.dumps({1: SECRET.decode(), 4: CHANNEL})],
-        [NODE, cbor2.dumps({1: 4, 2: SECRET.decode()})],
+        [NODE, cbor2.dumps({1: int(Kind.STATUS), 2: SECRET.decode()})],
         ["No Such Name", pulse(1).encode() + SECRET],
         [NODE, spoiled(CHANNEL), 1],
         [SECRET],

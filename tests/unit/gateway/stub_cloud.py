@@ -10,6 +10,7 @@ import cbor2
 import orjson
 
 from eskin.wire.frames import Layout, content_hash
+from eskin.wire.messages import Kind
 from tests.support.processes import free_port
 from tests.unit.gateway.https_server import HttpsServer
 
@@ -133,7 +134,8 @@ class StubCloud:
 
     def _lacking(self, node: str, data: bytes) -> list[bytes]:
         """Hashes of descriptions by which a message is read, and which were not posted."""
-        fields = cbor2.loads(data) if data[1:3] in {b"\x01\x07", b"\x01\x08"} else {}
+        described = {bytes((1, Kind.FRAME)), bytes((1, Kind.STATEMENTS))}
+        fields = cbor2.loads(data) if data[1:3] in described else {}
         if 4 not in fields:
             return []
         layout = self.descriptions.get((node, fields[4]))

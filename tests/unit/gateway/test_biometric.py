@@ -14,7 +14,7 @@ from eskin_gateway.spool.subject_assignments import SubjectAssignments
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind
 from eskin.privacy import Decryptor, FileMasterKey, KeyStore, SealedMessage
-from eskin.wire.messages import Position
+from eskin.wire.messages import Kind, Position
 from eskin.wire.topics import Stream, node_topic
 from tests.unit.gateway.messages import EPOCH, frame
 from tests.unit.gateway.skins import MIXED, TOUCHED, SkinOf
@@ -78,7 +78,9 @@ def test_biometric_dead_letter_is_encrypted_and_not_logged(
 ) -> None:
     introduce(inside, seal)
     secret = 0.123456789
-    poison = cbor2.dumps({1: 8, 2: 1, 3: 1, 4: bytes(32), 5: [[0, 0, [secret, secret], "x"]]})
+    poison = cbor2.dumps(
+        {1: int(Kind.STATEMENTS), 2: 1, 3: 1, 4: bytes(32), 5: [[0, 0, [secret, secret], "x"]]}
+    )
     with caplog.at_level(logging.DEBUG):
         inside.arrive(Stream.EVENTS, seal("fingertip", Stream.EVENTS, poison))
     (letter,) = inside.spool.dead_letters()
@@ -101,8 +103,8 @@ def test_sealed_message_from_a_node_is_rejected(inside: Inside, seal: Seal) -> N
 def forged(subject: str) -> bytes:
     return SealedMessage.decode(
         cbor2.dumps(
-            {1: 6, 2: 1, 3: 1, 4: [bytes(32), 0], 5: 7, 6: subject, 7: [0, 0], 8: bytes(16), 9: 0}
-            | {10: bytes(16), 11: bytes(8)}
+            {1: int(Kind.ENCRYPTED), 2: 1, 3: 1, 4: [bytes(32), 0], 5: int(Kind.FRAME)}
+            | {6: subject, 7: [0, 0], 8: bytes(16), 9: 0, 10: bytes(16), 11: bytes(8)}
         )
     ).encode()
 
@@ -114,7 +116,7 @@ def site(tmp_path: Path) -> KeyStore:
 
 @pytest.mark.parametrize(
     "said",
-    [MIXED.frame(1, page=1).encode(), cbor2.dumps({1: 7, 2: 1, 3: 1, 4: bytes(32)})],
+    [MIXED.frame(1, page=1).encode(), cbor2.dumps({1: int(Kind.FRAME), 2: 1, 3: 1, 4: bytes(32)})],
     ids=["frame", "poison"],
 )
 def test_missing_key_rejects_messages_of_one_node_only(

@@ -26,7 +26,7 @@ from eskin.wire.frames import (
     MonitorVerdict,
     content_hash,
 )
-from eskin.wire.messages import Acknowledgement
+from eskin.wire.messages import Acknowledgement, Kind
 from eskin.wire.messages.cbor_map import dump
 from eskin.wire.topics import PUBLIC, Stream, live_topic, node_topic
 from tests.unit.gateway.in_memory import LAYOUT_WAIT_S, Inside
@@ -361,7 +361,7 @@ def test_frame_on_another_stream_is_a_dead_letter(inside: Inside, node: Node) ->
 
 def test_description_in_another_encoding_is_a_dead_letter(inside: Inside, node: Node) -> None:
     node.send(Stream.LAYOUTS, SMALL.layout.encode() + b"\x00")
-    node.send(Stream.LAYOUTS, dump({1: 10, 2: b"short", 3: [1]}))
+    node.send(Stream.LAYOUTS, dump({1: int(Kind.LAYOUT), 2: b"short", 3: [1]}))
     assert len(inside.spool.dead_letters()) == 2
     assert inside.rejected() == {"unreadable": 2}
 

@@ -14,7 +14,7 @@ from eskin.errors import SpoolError
 from eskin.identity import IdentityKind, new_key
 from eskin.privacy import Decryptor, SealedMessage
 from eskin.wire.envelope import MOST_ENVELOPE, Opener
-from eskin.wire.messages import Acknowledgement, Position
+from eskin.wire.messages import Acknowledgement, Kind, Position
 from eskin.wire.topics import Stream, node_topic
 from tests.support.identities import SITE, Identities
 from tests.unit.gateway.in_memory import Inside
@@ -229,13 +229,13 @@ def test_status_of_an_old_boot_is_not_published(inside: Inside, seal: Seal) -> N
         (Stream.FRAMES, peak(1).encode(), (1, 1)),
         (Stream.EVENTS, frame(1).encode(), (1, 1)),
         (Stream.STATUS, gap(1).encode(), (1, 1)),
-        (Stream.FRAMES, cbor2.dumps({1: 9, 2: 4, 3: 2}), (4, 2)),
+        (Stream.FRAMES, cbor2.dumps({1: int(Kind.PATCH), 2: 4, 3: 2}), (4, 2)),
         (Stream.FRAMES, cbor2.dumps({1: 99, 2: 4, 3: 2}), (4, 2)),
-        (Stream.FRAMES, cbor2.dumps({3: 2, 1: 7, 2: 4}), (4, 2)),
+        (Stream.FRAMES, cbor2.dumps({3: 2, 1: int(Kind.FRAME), 2: 4}), (4, 2)),
         (Stream.FRAMES, cbor2.dumps({**cbor2.loads(frame(1).encode()), 14: [0.0, 1.0]}), (1, 1)),
         (Stream.FRAMES, b"no cbor at all", None),
         (Stream.FRAMES, cbor2.dumps([1, 2, 3]), None),
-        (Stream.FRAMES, cbor2.dumps({1: 7, 2: -4, 3: "x"}), None),
+        (Stream.FRAMES, cbor2.dumps({1: int(Kind.FRAME), 2: -4, 3: "x"}), None),
     ],
 )
 def test_unreadable_message_becomes_one_dead_letter_and_is_acknowledged(

@@ -35,7 +35,7 @@ export interface Frame {
   readonly patches: readonly PatchSamples[];
 }
 
-const KIND = 7;
+const KIND = 1;
 const STRIDES = 1;
 const MOST_CELLS = 2 ** 18;
 

@@ -110,7 +110,8 @@ def _decode(data: bytes) -> FrameSummary | Statements | Status | Result:
     if kind == Kind.RESULT:
         return Result.read(fields)
     raise MessageError(
-        f"field 1 is {kind}; a node sends statuses (4), results (5), frames (7) and statements (8)"
+        f"field 1 is {kind}; a node sends frames ({Kind.FRAME:d}), statements "
+        f"({Kind.STATEMENTS:d}), statuses ({Kind.STATUS:d}) and results ({Kind.RESULT:d})"
     )
 
 

@@ -180,7 +180,7 @@ def test_erased_key_reads_nothing_from_that_moment(keystore: KeyStore) -> None:
     "data",
     [
         STATEMENTS.encode(),
-        b"\xa1\x01\x06",
+        cbor2.dumps({1: int(Kind.ENCRYPTED)}),
         replace(EMPTY, ciphertext=b"").encode(),
         replace(EMPTY, kind=Kind.STATUS).encode(),
         replace(EMPTY, subject="Ada").encode(),

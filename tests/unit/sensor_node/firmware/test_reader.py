@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.wire.frames import Statements
-from eskin.wire.messages import Command, CommandName, ResetCause
+from eskin.wire.messages import Command, CommandName, Kind, ResetCause
 
 VALUES = st.recursive(
     st.integers(-(2**64), 2**64 - 1) | st.text("aé€", max_size=30) | st.floats(allow_nan=False),
@@ -47,7 +47,10 @@ def test_what_cbor2_writes_is_read(value: dict[int, Any]) -> None:
         assert read_map(written) == value
 
 
-@given(st.binary(max_size=40) | st.binary(max_size=40).map(lambda data: b"\xa7\x01\x11" + data))
+@given(
+    st.binary(max_size=40)
+    | st.binary(max_size=40).map(lambda data: bytes([0xA7, 1, Kind.COMMAND]) + data)
+)
 def test_bytes_that_are_no_command_are_refused_in_one_way(data: bytes) -> None:
     nothing: Any = Nothing()
     with pytest.raises(ValueError, match=r"."):
@@ -57,7 +60,17 @@ def test_bytes_that_are_no_command_are_refused_in_one_way(data: bytes) -> None:
 def test_command_of_another_shape_is_none() -> None:
     nothing: Any = Nothing()
     fields = cbor2.loads(Command(1, "palm", 0, 9, CommandName.RESET, {}).encode())
-    changed = [{1: 4}, {2: 0}, {2: "1"}, {3: 7}, {5: 1.5}, {6: 1}, {7: [1]}, {8: 1}, {3: "sole"}]
+    changed = [
+        {1: int(Kind.FRAME)},
+        {2: 0},
+        {2: "1"},
+        {3: 7},
+        {5: 1.5},
+        {6: 1},
+        {7: [1]},
+        {8: 1},
+        {3: "sole"},
+    ]
     for change in changed:
         with pytest.raises(ValueError, match=r"no command|it is for sole"):
             Commander("palm", nothing, nothing).take(cbor2.dumps(fields | change), (0, 0))
