@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+import time
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -31,6 +34,9 @@ from benchmarks.skin_reads import measure_skin_reads
 from benchmarks.storage import measure_storage
 from tests.support.processes import unwound_by_signals
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 
 def main() -> None:
     """Measure what is asked for, everything by default."""
@@ -44,28 +50,28 @@ def main() -> None:
     if not console.is_terminal:
         console = Console(width=140)
     rows: list[Row] = []
-    with console.status("models against plain numpy and other interval libraries …"):
+    with _step(console, "models against plain numpy and other interval libraries"):
         rows += measure_models()
         rows += measure_icm()
-    with console.status("peaks of a tube against scipy's find_peaks …"):
+    with _step(console, "peaks of a tube against scipy's find_peaks"):
         rows += measure_peaks()
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
         data = Path(folder)
-        with console.status("sealing and opening envelopes …"):
+        with _step(console, "sealing and opening envelopes"):
             rows += measure_envelope()
-        with console.status(f"{options.frames} frames through broker, gateway and cloud …"):
+        with _step(console, f"{options.frames} frames through broker, gateway and cloud"):
             rows += measure_pipeline(data / "pipeline", frames=options.frames)
-        with console.status("the gateway beside a plain paho relay …"):
+        with _step(console, "the gateway beside a plain paho relay"):
             rows += measure_gateway(data / "gateway", frames=6000)
-        with console.status("frames into both stores and over HTTPS …"):
+        with _step(console, "frames into both stores and over HTTPS"):
             rows += measure_ingest(data / "ingest")
-        with console.status(f"{options.nodes} nodes of a fleet over the network …"):
+        with _step(console, f"{options.nodes} nodes of a fleet over the network"):
             rows += measure_fleet(data / "fleet", nodes=options.nodes, seconds=15.0)
-        with console.status("physics and firmware of 10000 nodes …"):
+        with _step(console, "physics and firmware of 10000 nodes"):
             rows += measure_emulation(data, nodes=10_000)
-        with console.status(f"latency in a demo of {options.seconds:g} s …"):
+        with _step(console, f"latency in a demo of {options.seconds:g} s"):
             rows += measure_latency(data / "demo", seconds=options.seconds)
-        with console.status("from the sample to the pixel in a browser …"):
+        with _step(console, "from the sample to the pixel in a browser"):
             rows += measure_pixels(data / "pixels", seconds=options.seconds)
         rows += _measure_skin(data, console, reads=options.skin_seconds, seconds=options.seconds)
         # It shows its own progress.
@@ -74,28 +80,37 @@ def main() -> None:
             data / "asked",
             questions=300,
         )
-        with console.status("what the demo's samples take of the disk …"):
+        with _step(console, "what the demo's samples take of the disk"):
             rows += measure_storage(data / "disk", seconds=2 * options.seconds)
-        with console.status("the dashboard's frames, and its pictures of months …"):
+        with _step(console, "the dashboard's frames, and its pictures of months"):
             rows += measure_dashboard(data / "stage", seconds=20.0, samples=30_000_000)
     console.print(as_table(rows))
     write_json(rows, Path("build/bench.json"))
 
 
+@contextmanager
+def _step(console: Console, what: str) -> Iterator[None]:
+    """Print what is measured, and how long it took: also to a file, where no spinner turns."""
+    console.print(f"{what} …")
+    begun = time.monotonic()
+    yield
+    console.print(f"  {time.monotonic() - begun:.0f} s")
+
+
 def _measure_skin(folder: Path, console: Console, *, reads: int, seconds: float) -> list[Row]:
     """A large skin: each of its parts, then all of them in real time."""
     rows: list[Row] = []
-    with console.status("a large skin in columns …"):
+    with _step(console, "a large skin in columns"):
         rows += measure_columns()
-    with console.status("contacts of a large skin …"):
+    with _step(console, "contacts of a large skin"):
         rows += measure_contacts()
-    with console.status("bytes of the hand's samples …"):
+    with _step(console, "bytes of the hand's samples"):
         rows += measure_bytes(folder / "hand")
-    with console.status("CPU of the gateway a frame …"):
+    with _step(console, "CPU of the gateway a frame"):
         rows += measure_gateway_frames()
-    with console.status(f"one channel and pictures of {reads} s of a large skin …"):
+    with _step(console, f"one channel and pictures of {reads} s of a large skin"):
         rows += measure_skin_reads(folder / "reads", seconds=reads)
-    with console.status("frames of 8,400 taxels to 50 viewers …"):
+    with _step(console, "frames of 8,400 taxels to 50 viewers"):
         rows += measure_frame_viewers(folder / "watched", seconds=seconds)
     for rate in (50.0, 100.0):
         say = console.print

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from tests.support.processes import Running
 
 _SAMPLING_HZ: Final = 128.0
-"""A frame of 250 samples each 1.95 s, two channels: a little more than a frame a second."""
+_STRETCH_MS: Final = 1000.0
+"""A frame of 128 samples each second, and the peaks: a little more than a message a second."""
 _IDLE_HZ: Final = 0.01
 _STATUS_S: Final = 30.0
 _SETTLE_S: Final = 6.0
@@ -56,6 +57,7 @@ def measure_fleet(folder: Path, *, nodes: int, seconds: float) -> list[Row]:
             count=nodes,
             sampling=_SAMPLING_HZ,
             stimulus=0.2,
+            stretch_ms=_STRETCH_MS,
             status=_STATUS_S,
         )
         with fleet:
@@ -86,6 +88,7 @@ def _idle_memory(stack: RealStack, folder: Path, nodes: int) -> float:
         count=nodes,
         sampling=_IDLE_HZ,
         stimulus=_IDLE_HZ,
+        stretch_ms=_STRETCH_MS,
         status=_STATUS_S,
     )
     with fleet:

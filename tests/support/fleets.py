@@ -59,6 +59,7 @@ class RunningFleet(Running):
         count: int,
         sampling: float = 1000.0,
         stimulus: float = 2.0,
+        stretch_ms: float = 100.0,
         status: float = 5.0,
         site: Path | None = None,
         **sections: dict[str, object],
@@ -68,7 +69,7 @@ class RunningFleet(Running):
         self.flash, self.truth = folder / "flash.sqlite", folder / "truth.sqlite"
         config = write_settings(folder / "fleet.toml", {
             "node": {"name": "skin", "profile": "patch", "seed": 11},
-            "sampling": {"overrun_s": 30.0},
+            "sampling": {"overrun_s": 30.0, "stretch_ms": stretch_ms},
             "broker": {"port": port, "status_s": status, "keepalive_s": 60, "drain_s": 60.0},
             "identity": {"directory": pki, "site": site or pki / "site.main" / "chain.pem"},
             "flash": {"path": self.flash},
