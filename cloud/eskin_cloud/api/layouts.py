@@ -11,7 +11,7 @@ from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.schemas.base import NoQuery
 from eskin_cloud.schemas.frames import LayoutDocument, describe_layout
-from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout, require_stated
+from eskin_cloud.store.descriptions import UnknownDescriptionError, find_stated_layout
 from eskin_cloud.store.read.lookup import UnknownChannelError, find_node
 from eskin_cloud.store.read.patch_runs import find_layouts
 
@@ -57,8 +57,7 @@ def get_layout_by_hash(
     with cloud.store.read() as connection:
         find_node(connection, node)
         try:
-            described = find_layout(connection, node, name)
-            require_stated(connection, node, described)
+            described = find_stated_layout(connection, node, name)
         except UnknownDescriptionError as error:
             raise UnknownChannelError(
                 "layout",

@@ -7,10 +7,10 @@ readers and nodes of a process.
 from __future__ import annotations
 
 from threading import Lock
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from cachetools import FIFOCache, LRUCache
-from sqlalchemy import and_, delete, func, insert, select
+from sqlalchemy import and_, delete, func, insert, select, tuple_
 
 from eskin.errors import MessageError, StoreError
 from eskin.wire.frames import (
@@ -24,6 +24,7 @@ from eskin.wire.frames import (
 from eskin.wire.messages.cbor_map import load
 from eskin.wire.messages.header import Kind
 from eskin_cloud.store.damage import report_damaged
+from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import descriptions
 from eskin_cloud.store.slot import slot_of
@@ -37,6 +38,7 @@ MOST_DESCRIPTIONS: Final = 20_000
 """Of a node: each costs a row that is never deleted."""
 _CACHE_BYTES: Final = 128 << 20
 _MOST_REFUSED: Final = 10_000
+_READ_AT_ONCE: Final = 1000
 _DECODED: Final = 32
 """Bytes of memory that a byte of a description takes when it is decoded, at most."""
 
@@ -54,6 +56,12 @@ class UnknownDescriptionError(StoreError):
             f"{node}: the cloud lacks {len(self.want)} of the descriptions by which this is read, "
             f"first {self.want[0].hex()}; present them, then send the message again"
         )
+
+
+Name: TypeAlias = tuple[str, bytes]
+"""A node, and the hash of a description that it stated."""
+Found: TypeAlias = DescribedLayout | UnknownDescriptionError | MessageError
+"""A layout, or why there is none."""
 
 
 class Description(NamedTuple):
@@ -150,19 +158,28 @@ def find_descriptions(
     Args:
         connection: Any.
         node: The node that stated them.
-        hashes: At most those of a layout.
+        hashes: Their hashes.
     """
-    d, named = descriptions.c, set(hashes)
-    if not named:
-        return {}
-    query = select(descriptions).where(d.slot == slot_of(node), d.node == node, d.hash.in_(named))
-    rows = connection.execute(query).mappings()
-    found: dict[bytes, bytes] = {}
-    for row in intact_rows(connection, descriptions, rows):
-        if content_hash(row["data"]) == row["hash"]:
-            found[row["hash"]] = row["data"]
-        else:
-            report_damaged(descriptions.name, f"{node} {row['hash'].hex()}")
+    found = _find_stated(connection, ((node, name) for name in hashes))
+    return {name: data for (_, name), data in found.items()}
+
+
+def _find_stated(connection: Connection, named: Iterable[Name]) -> dict[Name, bytes]:
+    """The bytes of descriptions by node and hash, in few statements.
+
+    Missing and damaged ones are left out. Nodes that state the same share the bytes.
+    """
+    d, whole = descriptions.c, dict[bytes, bytes]()
+    key, found = tuple_(d.slot, d.node, d.hash), dict[Name, bytes]()
+    keys = [(slot_of(node), node, name) for node, name in dict.fromkeys(named)]
+    for part in key_batches(keys, _READ_AT_ONCE):
+        rows = connection.execute(select(descriptions).where(key.in_(part))).mappings()
+        for row in intact_rows(connection, descriptions, rows):
+            if content_hash(row["data"]) == row["hash"]:
+                data = whole.setdefault(row["hash"], row["data"])
+                found[row["node"], row["hash"]] = data
+            else:
+                report_damaged(descriptions.name, f"{row['node']} {row['hash'].hex()}")
     return found
 
 
@@ -198,32 +215,65 @@ def find_layout(connection: Connection, node: str, name: bytes) -> DescribedLayo
         UnknownDescriptionError: The node did not state all of them.
         MessageError: The patches do not fit the layout.
     """
-    with _lock:
-        cached = _layouts.get(name)
-    if cached is None:
+    described = _cached_layout(name)
+    if described is None:
         data = find_descriptions(connection, node, [name]).get(name)
         if data is None:
             raise UnknownDescriptionError(node, [name])
         layout = Layout.decode(data)
-        patches = _find_patches(connection, node, layout.patches)
-        size = _DECODED * len(data) + sum(each.size for each in patches)
-        cached = _Decoded(DescribedLayout.of(layout, [each.value for each in patches]), size)
-        _keep(_layouts, name, cached)
-    described: DescribedLayout = cached.value
+        described = _describe(layout, data, _find_patches(connection, node, layout.patches))
     return described
 
 
-def require_stated(connection: Connection, node: str, described: DescribedLayout) -> None:
-    """Check that this node stated a layout and its patches.
+def find_stated_layout(connection: Connection, node: str, name: bytes) -> DescribedLayout:
+    """A layout of which this node itself stated each part, by its hash.
 
     Raises:
-        UnknownDescriptionError: It did not.
+        UnknownDescriptionError: The node did not state all of them.
+        MessageError: The patches do not fit the layout.
     """
-    names = (described.hash, *described.layout.patches)
-    found = find_descriptions(connection, node, names)
-    want = [name for name in names if name not in found]
-    if want:
-        raise UnknownDescriptionError(node, want)
+    found = find_stated_layouts(connection, [(node, name)])[node, name]
+    if isinstance(found, Exception):
+        raise found
+    return found
+
+
+def find_stated_layouts(connection: Connection, named: Iterable[Name]) -> dict[Name, Found]:
+    """Layouts of which the nodes themselves stated each part, in few statements.
+
+    Args:
+        connection: Any.
+        named: Nodes with the hashes of their layouts.
+
+    Returns:
+        Each with its patches, or the error that `find_stated_layout` raises.
+    """
+    keys = list(dict.fromkeys(named))
+    stated = _find_stated(connection, keys)
+    known = {name: each for _, name in keys if (each := _cached_layout(name)) is not None}
+    layouts = {name: described.layout for name, described in known.items()}
+    for (_, name), data in stated.items():
+        if name not in layouts:
+            layouts[name] = Layout.decode(data)
+    parts = [
+        (node, part) for node, name in keys if name in layouts for part in layouts[name].patches
+    ]
+    stated |= _find_stated(connection, parts)
+    found: dict[Name, Found] = {}
+    for node, name in keys:
+        names = (name, *layouts[name].patches) if name in layouts else (name,)
+        want = [each for each in names if (node, each) not in stated]
+        if want:
+            found[node, name] = UnknownDescriptionError(node, want)
+            continue
+        try:
+            if name not in known:
+                patches = [_decode_patch(each, stated[node, each]) for each in names[1:]]
+                known[name] = _describe(layouts[name], stated[node, name], patches)
+            found[node, name] = known[name]
+        except MessageError as error:
+            found[node, name] = error
+    return found
 
 
 def find_shares(connection: Connection, node: str, described: DescribedLayout) -> list[Share]:
@@ -245,17 +295,45 @@ def find_shares(connection: Connection, node: str, described: DescribedLayout) -
     return found
 
 
+def _cached_layout(name: bytes) -> DescribedLayout | None:
+    cached = _cached(_layouts, name)
+    return None if cached is None else cached.value
+
+
+def _describe(layout: Layout, data: bytes, patches: Sequence[_Decoded]) -> DescribedLayout:
+    """A layout with its patches, kept for later.
+
+    Raises:
+        MessageError: The patches do not fit the layout.
+    """
+    described = DescribedLayout.of(layout, [each.value for each in patches])
+    size = _DECODED * len(data) + sum(each.size for each in patches)
+    _keep(_layouts, described.hash, _Decoded(described, size))
+    return described
+
+
 def _find_patches(connection: Connection, node: str, names: Sequence[bytes]) -> list[_Decoded]:
     with _lock:
         found = {name: _patches[name] for name in names if name in _patches}
     rows = find_descriptions(connection, node, [name for name in names if name not in found])
-    for name, data in rows.items():
-        found[name] = _Decoded(Patch.decode(data), _DECODED * len(data))
-        _keep(_patches, name, found[name])
+    found |= {name: _decode_patch(name, data) for name, data in rows.items()}
     want = [name for name in names if name not in found]
     if want:
         raise UnknownDescriptionError(node, want)
     return [found[name] for name in names]
+
+
+def _decode_patch(name: bytes, data: bytes) -> _Decoded:
+    decoded = _cached(_patches, name)
+    if decoded is None:
+        decoded = _Decoded(Patch.decode(data), _DECODED * len(data))
+        _keep(_patches, name, decoded)
+    return decoded
+
+
+def _cached(cache: LRUCache[bytes, _Decoded], name: bytes) -> _Decoded | None:
+    with _lock:
+        return cache.get(name)
 
 
 def _keep(cache: LRUCache[bytes, _Decoded], name: bytes, decoded: _Decoded) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from random import Random
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
     from eskin_cloud.store.location import StoreLocation
     from sqlalchemy import Connection, Table
+
+    from tests.unit.cloud.clouds import Said
 
 
 def rows(store: Store, table: Table) -> list[dict[str, Any]]:
@@ -231,17 +233,46 @@ def test_gap_and_peak_are_events(store: Store) -> None:
     assert second["data"] == peak(1).encode()
 
 
-def test_batch_of_many_nodes_needs_few_queries(store: Store) -> None:
-    nodes = [f"node{number}" for number in range(100)]
-    for node in nodes:
-        describe(store, *skin_of(), node=node)
-    first = [(node, each) for node in nodes for each in (status(0), stretch(1), peak(2))]
-    assert results(bring_all(store, *first)) == ["stored"] * 300
+@contextmanager
+def statements_of(store: Store) -> Iterator[list[str]]:
+    """The statements that the writer executes meanwhile."""
     asked: list[str] = []
-    event.listen(
-        store._writing, "before_cursor_execute", lambda *words: asked.append(str(words[2]))
-    )
-    more = [(node, each) for node in nodes for each in (status(3), stretch(4), peak(5))]
-    assert results(bring_all(store, *more)) == ["stored"] * 300
-    assert results(bring_all(store, *first, *more)) == ["duplicate"] * 600
+
+    def look(*words: object) -> None:
+        asked.append(str(words[2]))
+
+    event.listen(store._writing, "before_cursor_execute", look)
+    try:
+        yield asked
+    finally:
+        event.remove(store._writing, "before_cursor_execute", look)
+
+
+def test_batch_of_many_nodes_needs_few_queries(store: Store) -> None:
+    channels = {f"node{number}": f"t{number % 50}.capacitance" for number in range(100)}
+    for node, channel in channels.items():
+        describe(store, *skin_of(channel), node=node)
+
+    def batch(begin: int) -> list[tuple[str, Said]]:
+        return [
+            (node, each)
+            for node, channel in channels.items()
+            for each in (
+                status(begin),
+                stretch(begin + 1, channel=channel),
+                peak(begin + 2, channel=channel),
+            )
+        ]
+
+    first, more, last = batch(0), batch(3), batch(6)
+    with statements_of(store) as asked:  # nothing of these layouts is decoded yet
+        assert results(bring_all(store, *first)) == ["stored"] * 300
+    assert len(asked) < 50, asked
+    with statements_of(store) as asked:
+        assert results(bring_all(store, *more)) == ["stored"] * 300
+        assert results(bring_all(store, *first, *more)) == ["duplicate"] * 600
+    assert len(asked) < 50, asked
+    store.cache.clear()  # as by a restart, and by a write of another cloud
+    with statements_of(store) as asked:
+        assert results(bring_all(store, *last)) == ["stored"] * 300
     assert len(asked) < 50, asked

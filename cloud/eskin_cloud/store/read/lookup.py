@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from sqlalchemy import select
 
@@ -13,24 +13,14 @@ from eskin_cloud.store.row_digests import require_intact_row
 from eskin_cloud.store.schema.tables import nodes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
     from sqlalchemy import Connection, RowMapping
 
-T = TypeVar("T")
-KEYS_PER_STATEMENT: Final = 4000
-"""Some builds of SQLite accept 32,766 parameters, PostgreSQL 65,535."""
 Channel: TypeAlias = dict[str, Any]
 """A channel, as `describe_columns` gives it."""
 
 
 class UnknownChannelError(QueryError):
     """The node or channel is unknown."""
-
-
-def key_batches(keys: Sequence[T], size: int = KEYS_PER_STATEMENT) -> Iterator[Sequence[T]]:
-    """Split keys into batches that fit one statement."""
-    return (keys[begin : begin + size] for begin in range(0, len(keys), size))
 
 
 def find_node(connection: Connection, node: str) -> RowMapping:

@@ -15,7 +15,7 @@ from sqlalchemy import and_, func, or_, select, text
 
 from eskin.runtime.digest import DIGEST_BYTES
 from eskin.wire.sequence_set import SequenceRanges
-from eskin_cloud.store.read.lookup import key_batches
+from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.schema.tables import digests
 
 if TYPE_CHECKING:

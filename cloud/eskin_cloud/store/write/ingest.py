@@ -30,7 +30,7 @@ from eskin_cloud.store.write.bulk_insert import bulk_insert
 from eskin_cloud.store.write.commands import store_result
 from eskin_cloud.store.write.duplicates import MAX_RANGES
 from eskin_cloud.store.write.events import event_row, status_row
-from eskin_cloud.store.write.layouts import layout_of
+from eskin_cloud.store.write.layouts import accept_layouts
 from eskin_cloud.store.write.missing_messages import (
     describe_flash_rollback,
     record_boot_ends,
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
+    from eskin_cloud.store.descriptions import Found, Name
     from eskin_cloud.store.write.write_cache import Key, Row, WriteCache
 
 log = logging.getLogger(__name__)
@@ -128,9 +129,7 @@ class _Batch:
     cache: WriteCache
     now: int
     frames: list[FrameRow] = field(default_factory=list)
-    layouts: dict[tuple[str, bytes], DescribedLayout | UnknownDescriptionError | MessageError] = (
-        field(default_factory=dict)
-    )
+    layouts: dict[Name, Found] = field(default_factory=dict)
     events: list[Row] = field(default_factory=list)
     sealed: list[Row] = field(default_factory=list)
     dead: list[Row] = field(default_factory=list)
@@ -255,16 +254,20 @@ def ingest_individually(
 def _prepare(batch: _Batch, items: Sequence[ParsedMessage]) -> None:
     boots: dict[tuple[str, int], None] = {}
     of_pages: dict[Key, None] = {}
+    of_layouts: dict[Name, None] = {}
     for item in items:
         node, message = item.node, item.message
         if message is None:
             continue
         boots[node, message.position.boot] = None
+        if not isinstance(message, Status | Result) and message.layout is not None:
+            of_layouts[node, message.layout] = None
         if isinstance(message, FrameSummary):
             of_pages[slot_of(node), node, message.layout, message.page] = None
         elif isinstance(message, SealedMessage) and isinstance(message.place, tuple):
             of_pages[slot_of(node), node, *message.place] = None
     batch.cache.prepare(batch.connection, boots=boots, of_pages=of_pages)
+    batch.layouts = accept_layouts(batch.connection, batch.cache, of_layouts)
 
 
 def _finish_frames(batch: _Batch) -> tuple[int, int] | None:
@@ -320,7 +323,7 @@ def _ingest_placed(batch: _Batch, item: ParsedMessage, message: _Placed, gateway
     """Store a frame or statements; `_finish_frames` does what frames share."""
     node, place, layout = item.node, message.position, message.layout
     assert layout is not None  # noqa: S101 - `ParsedMessage.parse` refuses others
-    described = _find_layout(batch, node, layout)
+    described = batch.layouts[node, layout]
     if isinstance(described, UnknownDescriptionError):
         return _ask_for_descriptions(batch, item, place, described, gateway)
     data = item.data
@@ -437,20 +440,6 @@ def _add_sealed(batch: _Batch, node: str, message: SealedMessage, data: bytes) -
 def _record_layout(batch: _Batch, node: str, place: Position, layout: bytes) -> None:
     batch.add_event(mark_online(batch.connection, batch.cache, node, place, now=batch.now))
     record_layout(batch.connection, batch.cache, node, place, layout)
-
-
-def _find_layout(
-    batch: _Batch, node: str, name: bytes
-) -> DescribedLayout | UnknownDescriptionError | MessageError:
-    """A layout, or why there is none; looked for once a batch."""
-    found = batch.layouts.get((node, name))
-    if found is None:
-        try:
-            found = layout_of(batch.connection, batch.cache, node, name)
-        except (UnknownDescriptionError, MessageError) as error:
-            found = error
-        batch.layouts[node, name] = found
-    return found
 
 
 def _check_duplicate(

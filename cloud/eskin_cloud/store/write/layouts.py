@@ -4,60 +4,112 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import select
+from sqlalchemy import select, tuple_
 
 from eskin.errors import MessageError
-from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout, require_stated
+from eskin_cloud.store.descriptions import (
+    UnknownDescriptionError,
+    find_layout,
+    find_stated_layouts,
+)
+from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.schema.frame_tables import pages
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Set as AbstractSet
 
     from sqlalchemy import Connection
 
     from eskin.wire.frames import DescribedLayout
+    from eskin_cloud.store.descriptions import Found, Name
     from eskin_cloud.store.write.write_cache import WriteCache
 
 MOST_CHANNELS: Final = 20_000
 """Of a node: a hand of 8,400 taxels has as many channels of each quantity."""
 
 
-def layout_of(connection: Connection, cache: WriteCache, node: str, name: bytes) -> DescribedLayout:
-    """The layout by which a node's messages are read.
+def accept_layouts(
+    connection: Connection, cache: WriteCache, named: Iterable[Name]
+) -> dict[Name, Found]:
+    """The layouts by which messages are read, in few statements.
 
     Args:
         connection: The writer's, in a transaction.
         cache: The writer's.
-        node: The node.
-        name: The layout's hash.
+        named: Nodes with the hashes of their layouts.
 
-    Raises:
-        UnknownDescriptionError: The node did not state it, or one of its patches.
-        MessageError: The patches do not fit it, a channel has another unit already, or the node
-            would have too many channels.
+    Returns:
+        Each layout, or the error: the node did not state all of it; or its patches do not fit it, a
+        channel has another unit already, or the node would have too many channels.
     """
-    described = find_layout(connection, node, name)
-    if not cache.is_accepted(node, name):
-        require_stated(connection, node, described)
-        cache.accept(node, name, _acceptable_units(connection, cache, node, described))
-    return described
+    accepted: dict[Name, Found] = {}
+    fresh: list[Name] = []
+    for node, name in named:
+        if cache.is_accepted(node, name):
+            accepted[node, name] = _find(connection, node, name)
+        else:
+            fresh.append((node, name))
+    stated = find_stated_layouts(connection, fresh)
+    used = _used_layouts(connection, list(dict.fromkeys(node for node, _ in fresh)))
+    _read_units(connection, cache, used, stated)
+    for (node, name), described in stated.items():
+        accepted[node, name] = described
+        if isinstance(described, Exception):
+            continue
+        units = cache.units[node]
+        if name not in used[node]:  # else it was accepted by an earlier process
+            try:
+                units = _acceptable_units(units, node, described)
+            except MessageError as error:
+                accepted[node, name] = error
+                continue
+        cache.accept(node, name, units)
+    return accepted
+
+
+def _find(connection: Connection, node: str, name: bytes) -> Found:
+    try:
+        return find_layout(connection, node, name)
+    except (UnknownDescriptionError, MessageError) as error:
+        return error
+
+
+def _used_layouts(connection: Connection, nodes: Sequence[str]) -> dict[str, set[bytes]]:
+    """The layouts of the frames that each node has stored."""
+    p, used = pages.c, {node: set[bytes]() for node in nodes}
+    for part in key_batches([(slot_of(node), node) for node in nodes]):
+        query = select(p.node, p.layout).where(tuple_(p.slot, p.node).in_(part)).distinct()
+        for node, layout in connection.execute(query):
+            used[node].add(layout)
+    return used
+
+
+def _read_units(
+    connection: Connection,
+    cache: WriteCache,
+    used: Mapping[str, AbstractSet[bytes]],
+    stated: Mapping[Name, Found],
+) -> None:
+    """Read the units of the channels in the layouts that nodes have used."""
+    unread = [(node, name) for node in used if node not in cache.units for name in used[node]]
+    cache.units |= {node: {} for node in used if node not in cache.units}
+    found = {**stated, **find_stated_layouts(connection, set(unread) - stated.keys())}
+    for node, name in unread:
+        described = found[node, name]
+        if not isinstance(described, Exception):  # else damaged, and reported
+            cache.units[node] = cache.units[node] | described.units
 
 
 def _acceptable_units(
-    connection: Connection, cache: WriteCache, node: str, described: DescribedLayout
+    known: Mapping[str, str], node: str, described: DescribedLayout
 ) -> dict[str, str]:
-    """The units of the channels in all layouts of a node, with a new one.
+    """The units of a node's channels, with those of a new layout.
 
     Raises:
         MessageError: A channel has another unit already, or there are too many.
     """
-    used = _used_layouts(connection, node)
-    known = cache.units.get(node)
-    if known is None:
-        known = _units_of(connection, node, used)
-    if described.hash in used:  # accepted by an earlier process
-        return known
     for channel, unit in described.units.items():
         own = known.get(channel, unit)
         if own != unit:
@@ -65,28 +117,10 @@ def _acceptable_units(
                 f"channel {channel} of {node} is in {own!r}, and its layout states {unit!r}; a "
                 "channel keeps its unit; give the new quantity another name"
             )
-    units = known | described.units
+    units = {**known, **described.units}
     if len(units) > MOST_CHANNELS:
         raise MessageError(
             f"{node} would have {len(units)} channels with this layout; at most {MOST_CHANNELS} "
             "are allowed; reuse the names that it has, or use another node"
         )
-    return units
-
-
-def _used_layouts(connection: Connection, node: str) -> set[bytes]:
-    """The layouts of the frames that a node has stored."""
-    p = pages.c
-    query = select(p.layout).where(p.slot == slot_of(node), p.node == node).distinct()
-    return set(connection.execute(query).scalars())
-
-
-def _units_of(connection: Connection, node: str, layouts: Iterable[bytes]) -> dict[str, str]:
-    """The units of the channels in layouts."""
-    units: dict[str, str] = {}
-    for name in layouts:
-        try:
-            units |= find_layout(connection, node, name).units
-        except UnknownDescriptionError:  # damaged, and reported
-            continue
     return units

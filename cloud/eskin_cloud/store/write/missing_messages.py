@@ -25,7 +25,7 @@ from sqlalchemy import (
 )
 
 from eskin.wire.messages import Position
-from eskin_cloud.store.read.lookup import key_batches
+from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.schema.tables import (
     boot_ends,
     lost_ranges,

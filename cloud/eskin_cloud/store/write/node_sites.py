@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy import delete, insert, select
 
-from eskin_cloud.store.read.lookup import key_batches
+from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.tables import node_sites
 

@@ -10,8 +10,8 @@ from sqlalchemy import and_, bindparam, delete, insert, select, tuple_, update
 
 from eskin.errors import StoreError
 from eskin_cloud.store.damage import damaged_rows
+from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.notify import FEED, notify
-from eskin_cloud.store.read.lookup import key_batches
 from eskin_cloud.store.row_digests import intact_rows, without_digest
 from eskin_cloud.store.schema.frame_tables import pages
 from eskin_cloud.store.schema.tables import feed, nodes, sequences
