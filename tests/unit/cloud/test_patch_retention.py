@@ -101,13 +101,14 @@ async def test_fresh_frames_stay_frames(
         assert min(t for page, t in left if page == 0) >= START + 2 * DAY
 
 
+@pytest.mark.parametrize("framed", [True, False])
 async def test_events_go_with_their_patch(
-    tmp_path: Path, identities: Identities, place: StoreLocation
+    tmp_path: Path, identities: Identities, place: StoreLocation, *, framed: bool
 ) -> None:
     with standing(tmp_path, identities, place=place, retention=RULES) as stand:
         store = stand.cloud.store
         describe(store, HAND, *PATCHES)
-        put(store, frame(0), statements(1))
+        put(store, *([frame(0)] if framed else []), statements(1))
         with store.read() as connection:
             kinds = connection.execute(select(events.c.kind)).scalars().all()
         assert "peak" in kinds

@@ -264,6 +264,8 @@ def _prepare(batch: _Batch, items: Sequence[ParsedMessage]) -> None:
             of_layouts[node, message.layout] = None
         if isinstance(message, FrameSummary):
             of_pages[slot_of(node), node, message.layout, message.page] = None
+        elif isinstance(message, Statements):
+            of_pages[slot_of(node), node, message.layout, 0] = None
         elif isinstance(message, SealedMessage) and isinstance(message.place, tuple):
             of_pages[slot_of(node), node, *message.place] = None
     batch.cache.prepare(batch.connection, boots=boots, of_pages=of_pages)
@@ -399,6 +401,8 @@ def _store_statements(
     """
     if described.require_statements(said) is Privacy.BIOMETRIC:
         raise MessageError(UNSEALED)
+    # So retention finds the layout, also if the node has sent no frame.
+    ensure_page(batch.connection, batch.cache, (slot_of(item.node), item.node, said.layout, 0))
     _record_layout(batch, item.node, said.position, said.layout)
     for row in statement_rows(item.node, said, described, item.data):
         batch.add_event(row)
