@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from contextlib import ExitStack
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from eskin.privacy import KeyStore, Subject
 
 _FRESH: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+_DAMAGED: Final = b'{"damaged":'
+_MOST_NAMED: Final = 20
 
 subjects = typer.Typer()
 
@@ -130,7 +133,10 @@ def export(
         str | None, typer.Option(help="The site, where another one has that pseudonym, too.")
     ] = None,
 ) -> None:
-    """Fetch all that the cloud holds of a person, for the person."""
+    """Fetch all that the cloud holds of a person, for the person.
+
+    The exit status is 1 if messages are damaged at the cloud: they are named, and left out.
+    """
     import httpx
 
     from eskin.identity import client_context
@@ -157,10 +163,20 @@ def export(
                 answers.append(asked.enter_context(question))
                 if answers[-1].status_code != httpx.codes.OK:
                     raise SettingsError("--url", f"{each} answered {answers[-1].status_code}")
-            lines = _write(out, chain.from_iterable(answer.iter_bytes() for answer in answers))
+            _write(out, chain.from_iterable(answer.iter_bytes() for answer in answers))
     except httpx.HTTPError as error:
         raise SettingsError("--url", f"{place}: {error}") from error
-    typer.echo(f"{out}: {lines} messages of {', '.join(known)}")
+    lines, damaged = _count(out)
+    typer.echo(f"{out}: {lines - len(damaged)} lines of {', '.join(known)}")
+    if damaged:
+        for place in damaged[:_MOST_NAMED]:
+            typer.echo(f"damaged in the store of the cloud, and left out: {place}", err=True)
+        typer.echo(
+            f"{len(damaged)} messages are left out; each has a line with `damaged` in {out}; "
+            "restore a copy of the store from a backup, then export again",
+            err=True,
+        )
+        raise typer.Exit(1)
 
 
 def _secret(token: Path) -> str:
@@ -170,20 +186,29 @@ def _secret(token: Path) -> str:
         raise SettingsError("--token", f"{token} cannot be read: {error}") from error
 
 
-def _write(out: Path, parts: Iterator[bytes]) -> int:
-    """Write a new file, whole or not at all; gives the number of its lines."""
-    lines = 0
+def _count(out: Path) -> tuple[int, list[str]]:
+    """The number of lines, and the places of the damaged messages that some stand for."""
+    lines, damaged = 0, []
+    with out.open("rb") as file:
+        for line in file:
+            lines += 1
+            if line.startswith(_DAMAGED):
+                at = json.loads(line)
+                damaged.append(f"{at['node']} boot {at['boot']} sequence {at['sequence']}")
+    return lines, damaged
+
+
+def _write(out: Path, parts: Iterator[bytes]) -> None:
+    """Write a new file, whole or not at all."""
     try:
         with os.fdopen(os.open(out, _FRESH, 0o600), "wb") as file, ExitStack() as cut_off:
             cut_off.callback(out.unlink)
             for part in parts:
-                lines += part.count(b"\n")
                 file.write(part)
             file.flush()
             cut_off.pop_all()
     except OSError as error:
         raise SettingsError("--out", f"{out} cannot be written: {error.strerror}") from error
-    return lines
 
 
 def _open(config: Path) -> tuple[KeyStore, SubjectAssignments]:

@@ -114,7 +114,9 @@ def test_nobody_is_asked_for_a_name_before_the_settings_are_read(words: tuple[st
 
 
 @contextmanager
-def answering(own: Identity | None = None) -> Iterator[tuple[str, list[tuple[str, str | None]]]]:
+def answering(
+    own: Identity | None = None, lines: bytes = LINES
+) -> Iterator[tuple[str, list[tuple[str, str | None]]]]:
     """A cloud that answers exports; over TLS if it has an identity."""
     asked: list[tuple[str, str | None]] = []
 
@@ -123,9 +125,9 @@ def answering(own: Identity | None = None) -> Iterator[tuple[str, list[tuple[str
             asked.append((self.path, self.headers["Authorization"]))
             allowed = self.headers["Authorization"] == "Bearer eskin_abc"
             self.send_response(200 if allowed else 403)
-            self.send_header("Content-Length", str(len(LINES) + CUT_OFF * (len(asked) == 3)))
+            self.send_header("Content-Length", str(len(lines) + CUT_OFF * (len(asked) == 3)))
             self.end_headers()
-            self.wfile.write(LINES)
+            self.wfile.write(lines)
 
         def log_message(self, *_: object) -> None:
             return
@@ -175,6 +177,19 @@ def test_cloud_of_our_own_ca_is_trusted_where_its_root_is_named(
         assert asked == []
         site.run(*words, "--root", str(own.directory / ROOT_FILE))
     assert out.read_bytes() == LINES
+
+
+def test_export_names_what_is_damaged(site: Site) -> None:
+    site.run("assign", "--node", "hand", "--name", NAME)
+    token, out = site.folder / "token", site.folder / "out.jsonl"
+    token.write_text("eskin_abc\n")
+    lines = LINES + b'{"damaged":true,"node":"hand","boot":3,"sequence":7}\n' + LINES
+    with answering(lines=lines) as (url, _):
+        words = ["export", "--url", url, "--token", str(token), "--name", NAME, "--out", str(out)]
+        said = site.run(*words, status=1)
+    assert "hand boot 3 sequence 7" in said
+    assert "4 lines" in said
+    assert out.read_bytes() == lines
 
 
 def test_all_of_a_name_are_exported(

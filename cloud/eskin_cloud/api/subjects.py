@@ -109,6 +109,7 @@ async def get_export(
     """Export all that is stored about a subject.
 
     Each line is the samples of a channel in a frame, or an event in JSON, in the order of storing.
+    A line with `damaged` stands for a message that is damaged in the store.
     """
     reader = Reader(cloud.key_access.require(access.holder.scopes), access.opened)
     site = await asyncio.to_thread(_require_site, cloud, subject, query.site)
@@ -171,11 +172,12 @@ def stream_lines(
 
 
 def _lines(cloud: AppState, reader: Reader, row: dict[str, Any]) -> list[Mapping[str, object]]:
+    node = row["node"]
     opened = open_row(reader, row)
     if opened is None:
-        return []
+        place = {"node": node, "boot": row["boot"], "sequence": row["sequence"]}
+        return [{"damaged": True, **place}]
     message, data = opened
-    node = row["node"]
     with cloud.store.read() as connection:
         described = find_layout(connection, node, message.layout)
     if isinstance(message, FrameSummary):
