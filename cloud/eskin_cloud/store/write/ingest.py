@@ -232,11 +232,9 @@ def ingest_individually(
             if item.message is not None:
                 boot, sequence = item.message.position
                 record_lost(connection, item.node, [(boot, sequence, sequence)])
-            return take(
-                ParsedMessage.rejected(
-                    item.node, item.data, f"it cannot be stored: {_reason_of(error)}"
-                )
-            )
+            reason = f"it cannot be stored: {_reason_of(error)}"
+            # What failed may have been to find out whether its layout is biometric.
+            return take(ParsedMessage.unreadable(item.node, item.data, reason))
         savepoint.commit()
         return outcome
 
