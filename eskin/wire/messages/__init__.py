@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 from eskin.errors import MessageError
 from eskin.wire.messages.acknowledgement import Acknowledgement
-from eskin.wire.messages.cbor_map import load
+from eskin.wire.messages.cbor_map import Fields, load
 from eskin.wire.messages.command import Command
 from eskin.wire.messages.command_schema import CommandName, Mode
 from eskin.wire.messages.header import Kind, Position
@@ -35,6 +35,7 @@ __all__ = [
     "Status",
     "TaxelFaults",
     "decode_message",
+    "read_message",
 ]
 
 Message: TypeAlias = Status | Result
@@ -50,7 +51,15 @@ def decode_message(data: bytes) -> Message:
     Raises:
         MessageError: It is neither.
     """
-    fields = load(data)
+    return read_message(load(data))
+
+
+def read_message(fields: Fields) -> Message:
+    """Read a status or a result from its decoded fields.
+
+    Raises:
+        MessageError: It is neither.
+    """
     kind = fields.integer(1, 0, 255)
     if kind == Kind.STATUS:
         return Status.read(fields)

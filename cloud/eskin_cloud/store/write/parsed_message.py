@@ -10,7 +10,7 @@ from eskin.identity import IdentityKind
 from eskin.privacy import SealedMessage, is_not_biometric, is_sealed
 from eskin.runtime.digest import digest
 from eskin.wire.frames import FrameSummary, Statements
-from eskin.wire.messages import Result, Status
+from eskin.wire.messages import Result, Status, read_message
 from eskin.wire.messages.cbor_map import MOST_BYTES, load
 from eskin.wire.messages.header import Kind
 from eskin_cloud.store.schema.tables import NODE_LENGTH
@@ -102,17 +102,9 @@ def _decode(data: bytes) -> FrameSummary | Statements | Status | Result:
     if data[1:3] == _FRAME:
         return FrameSummary.decode(data)
     fields = load(data)
-    kind = fields.integer(1, 0, 255)
-    if kind == Kind.STATEMENTS:
+    if fields.integer(1, 0, 255) == Kind.STATEMENTS:
         return Statements.read(fields)
-    if kind == Kind.STATUS:
-        return Status.read(fields)
-    if kind == Kind.RESULT:
-        return Result.read(fields)
-    raise MessageError(
-        f"field 1 is {kind}; a node sends frames ({Kind.FRAME:d}), statements "
-        f"({Kind.STATEMENTS:d}), statuses ({Kind.STATUS:d}) and results ({Kind.RESULT:d})"
-    )
+    return read_message(fields)
 
 
 def _require_placed(message: SealedMessage) -> SealedMessage:
