@@ -20,6 +20,8 @@ from tests.unit.cloud.skins import FAST, HAND, PALM, PATCHES, describe, frame
 from tests.unit.cloud.streams import events_of, listen, take
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from tests.unit.cloud.clouds import Stand
 
 pytestmark = pytest.mark.anyio
@@ -83,14 +85,19 @@ async def test_rows_become_as_many_hulls_as_are_asked_for(stand: Stand) -> None:
         assert each["hi"] == values.sup[rows].max(axis=0).tolist()
 
 
-async def test_a_hull_without_a_sample_has_no_bounds(stand: Stand) -> None:
-    described(stand)
-    lo = np.arange(15.0).reshape(5, 3) * 100
-    seldom = PatchSamples.pack(
+def frame_with_strides(lo: NDArray[np.float64]) -> Frame:
+    """A frame whose second and third column are sampled at each fourth and each eighth row."""
+    packed = PatchSamples.pack(
         Interval(lo, lo + 64.0), 64.0, patch=0, grid=0, first_row=FAST.first_row,
         strides=bytes((0, 2, 3)),
     )  # fmt: skip
-    await stand.ingest(batch(replace(frame(0), grids=(FAST,), patches=(seldom,))))
+    return replace(frame(0), grids=(FAST,), patches=(packed,))
+
+
+async def test_a_hull_without_a_sample_has_no_bounds(stand: Stand) -> None:
+    described(stand)
+    lo = np.arange(15.0).reshape(5, 3) * 100
+    await stand.ingest(batch(frame_with_strides(lo)))
     chosen = Subscription(frozenset({NODE}), frozenset(), 5)
     ((_, _, third, fourth, _),) = (
         each["data"]["patches"] for each in await frames_of(stand, 1, selection=chosen)
@@ -103,12 +110,7 @@ async def test_a_hull_without_a_sample_has_no_bounds(stand: Stand) -> None:
 async def test_hull_leaves_out_cells_that_are_not_sampled(stand: Stand) -> None:
     described(stand)
     lo = np.arange(15.0).reshape(5, 3) * 100
-    seldom = PatchSamples.pack(
-        Interval(lo, lo + 64.0), 64.0, patch=0, grid=0, first_row=FAST.first_row,
-        strides=bytes((0, 2, 3)),
-    )  # fmt: skip
-    said = replace(frame(0), grids=(FAST,), patches=(seldom,))
-    await stand.ingest(batch(said))
+    await stand.ingest(batch(frame_with_strides(lo)))
     ((only,),) = (each["data"]["patches"] for each in await frames_of(stand, 1))
     # Row 750 + 2 is a multiple of four; none from 750 to 754 but 752 is one of eight.
     assert only["lo"] == [0.0, lo[2, 1], lo[2, 2]]
