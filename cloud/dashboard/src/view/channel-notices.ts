@@ -41,9 +41,9 @@ export class ChannelNotices {
     this.board.clear();
   }
 
-  /** Live samples came in. */
+  /** Live samples came in. Only `silent` removes a notice of silence: these may be as late as those before. */
   arrived(): void {
-    if (this.state === "empty" || this.state === "shown") this.shown();
+    if (this.state === "empty") this.shown();
   }
 
   /** The channel has no data at all. */
