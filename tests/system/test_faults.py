@@ -12,7 +12,6 @@ import httpx
 import psutil
 import pytest
 from eskin_cloud.store.damage import FrameHeader
-from eskin_cloud.store.frame_row import read_patch_bounds
 
 from tests.support.demos import RunningDemo
 from tests.support.processes import ESKIN, wait_until
@@ -89,11 +88,9 @@ def test_audit_sees_a_store_that_was_tampered_with(data: Path) -> None:
     with closing(sqlite3.connect(data / "cloud" / "store.sqlite")) as db:
         db.row_factory = sqlite3.Row
         for row in db.execute("SELECT * FROM frames WHERE node = 'palm' LIMIT 9").fetchall():
-            bounds = read_patch_bounds(row["bounds"]).copy()
-            bounds["lo"] *= 1.01
-            moved = dict(row) | {"bounds": bounds.tobytes()}
-            said = moved["bounds"], FrameHeader.of(moved).checksum(), row["cursor"]
-            db.execute("UPDATE frames SET bounds = ?, head = ? WHERE cursor = ?", said)
+            moved = dict(row) | {"samples": row["samples"] + 1}
+            said = moved["samples"], FrameHeader.of(moved).checksum(), row["cursor"]
+            db.execute("UPDATE frames SET samples = ?, head = ? WHERE cursor = ?", said)
         db.commit()
     done = subprocess.run(audit, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1

@@ -50,7 +50,6 @@ class FrameHeader(NamedTuple):
     t_lo: int
     t_hi: int
     samples: int
-    bounds: bytes
     digest: bytes
 
     @property
@@ -72,7 +71,7 @@ class FrameHeader(NamedTuple):
         """The value of column ``head``; ``None`` if a damaged column has another type."""
         try:
             packed = _FRAME_HEADER.pack(*self[1:3], *self[4:11], self.digest)
-            return checksum(b"".join((f"{self.node} ".encode(), packed, self.layout, self.bounds)))
+            return checksum(b"".join((f"{self.node} ".encode(), packed, self.layout)))
         except (StructError, TypeError):
             return None
 

@@ -1,8 +1,8 @@
-"""Rows of frames: their columns, and how one patch is read without the others."""
+"""Rows of frames: their columns, and whether a frame fits its layout."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Self
 
 import cbor2
 import numpy as np
@@ -19,12 +19,6 @@ if TYPE_CHECKING:
 
     from eskin.wire.frames import DescribedLayout, FrameSummary
 
-PATCH_BOUNDS: Final = np.dtype(
-    [("patch", "<u2"), ("offset", "<u4"), ("length", "<u4"), ("lo", "<f8"), ("hi", "<f8")]
-)
-"""An item of column ``bounds``: a patch's number in the layout, where its CBOR item stands in
-``data``, and the hull of its samples; infinite where a sample is unknown on that side."""
-
 
 class FittingFrame(NamedTuple):
     """What is known of a frame once it was compared with its layout.
@@ -33,13 +27,11 @@ class FittingFrame(NamedTuple):
         first: From its first moment to its first sample, ns.
         last: The same to its last sample.
         samples: How many it has.
-        bounds: Column ``bounds``.
     """
 
     first: int
     last: int
     samples: int
-    bounds: bytes
 
 
 class FrameRow(NamedTuple):
@@ -60,7 +52,6 @@ class FrameRow(NamedTuple):
     samples: int
     received: int
     data: bytes
-    bounds: bytes
     digest: bytes
     head: int | None
 
@@ -88,38 +79,19 @@ class FrameRow(NamedTuple):
             now: UTC ns.
         """
         (boot, sequence), layout, page, _, (t_lo, t_hi), _, _ = frame
-        first, last, samples, bounds = fitting
+        first, last, samples = fitting
         middle, error = (t_lo + t_hi) // 2, (t_hi - t_lo + 1) // 2
         t, t_end = middle + first, middle + last
         head = FrameHeader(node, boot, sequence, layout, page, t, t_end, error, t_lo, t_hi,
-                           samples, bounds, digest)  # fmt: skip
+                           samples, digest)  # fmt: skip
         return cls(slot_of(node), node, boot, sequence, cursor, layout, page, t, t_end, error,
-                   t_lo, t_hi, samples, now, data, bounds, digest, head.checksum())  # fmt: skip
+                   t_lo, t_hi, samples, now, data, digest, head.checksum())  # fmt: skip
 
     @property
     def last_time(self) -> tuple[int, int]:
         """Enclosure of the last sample's time, UTC ns."""
         after = self.t_end - (self.t_lo + self.t_hi) // 2
         return self.t_lo + after, self.t_hi + after
-
-
-def read_patch_bounds(data: bytes) -> NDArray[Any]:
-    """The items of column ``bounds``: a `PATCH_BOUNDS` for each patch, patches ascending."""
-    return np.frombuffer(data, PATCH_BOUNDS)
-
-
-def patch_record(data: bytes, bounds: NDArray[Any], patch: int) -> PatchSamples | None:
-    """The samples of one patch, which stay encoded; ``None`` if the frame has none of it.
-
-    Args:
-        data: Column ``data`` of an intact row.
-        bounds: As `read_patch_bounds` gives them.
-        patch: Its number in the layout.
-    """
-    at = int(np.searchsorted(bounds["patch"], patch))
-    if at == len(bounds) or bounds["patch"][at] != patch:
-        return None
-    return _read_item(data, bounds[at])
 
 
 def fit_frame(frame: FrameSummary, described: DescribedLayout, data: bytes) -> FittingFrame:
@@ -137,10 +109,7 @@ def fit_frame(frame: FrameSummary, described: DescribedLayout, data: bytes) -> F
         raise MessageError(f"page is {frame.page}; the layout has {len(described.page_ranges)}")
     records, page = frame.records, described.page_ranges[frame.page]
     times = np.array([(g.delay, g.delay + g.period * (g.rows - 1)) for g in frame.grids])
-    bounds = np.empty(len(records), PATCH_BOUNDS)
-    at, first, last, samples = _fit(
-        records, described.facts, (page.start, page.stop), times, bounds
-    )
+    at, first, last, samples = _fit(records, described.facts, (page.start, page.stop), times)
     if at >= 0:
         _refuse_patch(records[at], page, described)
     if records["strided"].any():
@@ -158,7 +127,7 @@ def fit_frame(frame: FrameSummary, described: DescribedLayout, data: bytes) -> F
             f"field 6 is {frame.ticks}; the node's clock at the last sample, or its start in UTC, "
             "does not fit into 64 bit"
         )
-    return FittingFrame(first, last, samples, bounds.tobytes())
+    return FittingFrame(first, last, samples)
 
 
 @kernel
@@ -167,23 +136,20 @@ def _fit(
     facts: NDArray[np.int64],
     page: tuple[int, int],
     times: NDArray[np.int64],
-    bounds: NDArray[Any],
 ) -> tuple[int, int, int, int]:
     """The first patch that does not fit, or -1; first and last sample of patches without strides.
 
-    Fills ``bounds``. The last number is how many samples there are.
+    The last number is how many samples there are.
     """
     first, last, samples = np.int64(2**62), np.int64(-1), np.int64(0)
     for k in range(len(records)):
-        record, bound = records[k], bounds[k]
+        record = records[k]
         patch = record.patch
         if not page[0] <= patch < page[1]:
             return k, 0, 0, 0
         columns, shares_errors, least_skew, most_skew = facts[patch]
         if record.columns != columns or (record.epoch > 0 and shares_errors == 0):
             return k, 0, 0, 0
-        bound.patch, bound.offset, bound.length = patch, record.offset, record.length
-        bound.lo, bound.hi = record.lo, record.hi
         samples += record.samples
         if record.strided == 0:
             first = min(first, times[record.grid, 0] + least_skew)
@@ -208,15 +174,10 @@ def _strided_span(
     frame: FrameSummary, described: DescribedLayout, data: bytes, record: Any
 ) -> tuple[int, int]:
     """The same for a patch of which not every row has a sample of each column."""
-    samples = _read_item(data, record)
+    begin = int(record["offset"])
+    samples = PatchSamples.read(cbor2.loads(data[begin : begin + int(record["length"])]))
     grid, skew = frame.grids[samples.grid], described.patches[samples.patch].skew
     mask = samples.sampling(grid).mask
     rows = grid.delay + np.arange(grid.rows, dtype=np.int64)[:, np.newaxis] * grid.period
     times = (rows + np.array(skew or (0,) * samples.columns, np.int64))[mask]
     return int(times.min()), int(times.max())
-
-
-def _read_item(data: bytes, place: Any) -> PatchSamples:
-    """The samples whose item stands at the ``offset`` and has the ``length`` of a place."""
-    begin = int(place["offset"])
-    return PatchSamples.read(cbor2.loads(data[begin : begin + int(place["length"])]))

@@ -16,8 +16,8 @@ import numpy as np
 from eskin_cloud.query.series import read_series
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.store import Store
-from eskin_cloud.store.frame_row import patch_record, read_patch_bounds
 from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.patch_runs import read_runs
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.write.parsed_message import ParsedMessage
@@ -25,12 +25,10 @@ from eskin_cloud.warm_up import warm_up
 from numba.core.caching import Cache
 from sqlalchemy import select
 
-from eskin.wire.frames import decode_samples
-from eskin.wire.frames.frame_parts import read_head
 from tests.unit.cloud.brute_force import compact_all
 from tests.unit.cloud.clouds import put_items
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
-from tests.unit.cloud.skins import HAND, PATCHES, describe, frame
+from tests.unit.cloud.skins import HAND, PALM, PATCHES, describe, frame
 
 _SPAN = 100 * DT
 _MANY = 40
@@ -78,11 +76,7 @@ def _store_frame(store: Store, data: bytes) -> None:
     put_items(store, [ParsedMessage.parse(NODE, data)])
     with store.read() as connection:
         row = connection.execute(select(frames)).mappings().one()
-    bounds = read_patch_bounds(row["bounds"])
-    of_patch = patch_record(row["data"], bounds, 0)
-    assert of_patch is not None
-    grids = read_head(row["data"]).grids
-    decode_samples(of_patch.samples, of_patch.sampling(grids[of_patch.grid]))
+        read_runs(connection, NODE, PALM.patch_id, Window(row["t"], row["t_end"] + 1))
 
 
 if __name__ == "__main__":

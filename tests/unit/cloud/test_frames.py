@@ -5,15 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pytest
 from eskin_cloud.store.damage import DamagedRowError, FrameHeader, require_intact
 from eskin_cloud.store.descriptions import find_layout
-from eskin_cloud.store.frame_row import (
-    fit_frame,
-    patch_record,
-    read_patch_bounds,
-)
+from eskin_cloud.store.frame_row import fit_frame
 from eskin_cloud.store.read.patch_runs import read_runs
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.frame_tables import descriptions, frames, pages
@@ -30,9 +25,7 @@ from eskin.wire.frames import (
     FrameSummary,
     Grid,
     PatchSamples,
-    decode_samples,
 )
-from eskin.wire.frames.frame_parts import read_head
 from eskin.wire.messages import Position
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.brute_force import compact_all
@@ -65,25 +58,14 @@ def rows(store: Store, table: Table) -> list[dict[str, Any]]:
         return [dict(row) for row in connection.execute(query).mappings()]
 
 
-def test_frame_is_kept_byte_for_byte_and_each_patch_is_read_alone(store: Store) -> None:
+def test_frame_is_kept_byte_for_byte(store: Store) -> None:
     describe(store, HAND, *PATCHES)
     said = frame(0, at=SECOND)
     assert results(put(store, said)) == [STORED]
     (row,) = rows(store, frames)
     require_intact(FrameHeader, row)
     assert row["data"] == said.encode()
-    bounds = read_patch_bounds(row["bounds"])
-    head = read_head(row["data"])
-    assert (head.ticks, head.time, head.grids) == (said.ticks, said.time, said.grids)
-    assert bounds["patch"].tolist() == [0, 1]
-    for each, values, bound in zip(said.patches, said.values, bounds, strict=True):
-        record = patch_record(row["data"], bounds, each.patch)
-        assert record == each
-        decoded = decode_samples(record.samples, record.sampling(head.grids[record.grid]))
-        assert np.array_equal(decoded.inf, values.inf)
-        assert np.array_equal(decoded.sup, values.sup)
-        assert (bound["lo"], bound["hi"]) == (values.inf.min(), values.sup.max())
-    assert patch_record(row["data"], bounds, 2) is None
+    assert row["samples"] == sum(values.inf.size for values in said.values)
 
 
 @pytest.mark.parametrize("compacted", [False, True])
@@ -204,7 +186,7 @@ def test_statements_become_events_with_cursors_of_their_own(store: Store) -> Non
     assert [entry.cursor for entry in outcome.entries] == [1, 2, 3]
 
 
-@pytest.mark.parametrize("column", ["data", "bounds", "t", "layout", "samples", "head"])
+@pytest.mark.parametrize("column", ["data", "t", "layout", "samples", "head"])
 def test_damaged_row_is_found(store: Store, column: str) -> None:
     describe(store, HAND, *PATCHES)
     put(store, frame(0))

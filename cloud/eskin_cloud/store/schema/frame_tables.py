@@ -86,7 +86,6 @@ frames = Table(
     Column("samples", Integer, nullable=False),
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary, nullable=False),
-    Column("bounds", LargeBinary, nullable=False),
     Column("digest", LargeBinary, nullable=False),
     Column("head", BigInteger, nullable=False),
     Index("frames_by_cursor", "cursor"),
@@ -96,8 +95,7 @@ frames = Table(
 
 ``t`` and ``t_end`` are the middles of the first and the last sample's time, skews included;
 ``t_lo`` and ``t_hi`` enclose the first moment; ``error`` is the greatest distance of a sample's
-time from its middle; ``bounds`` has for each patch where its record stands in ``data``, and the
-hull of its samples; ``digest`` is that of ``data`` (`runtime.digest`), and ``head`` that of the
+time from its middle; ``digest`` is that of ``data`` (`runtime.digest`), and ``head`` that of the
 other columns (`store.damage`). Every reader of ``data`` checks both.
 """
 
