@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from eskin_cloud.query.comparison import find_comparison_segments
 from eskin_cloud.query.comparison_segments import merge, total_comparison
 from eskin_cloud.query.neighbourhood import ChannelSource, look_around
+from eskin_cloud.query.predicate import Predicate
+from eskin_cloud.query.segments import find_segments
 from eskin_cloud.rollup.patch_tile_builder import build
+from eskin_cloud.store.patch_rows import decode_runs
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.schema.frame_tables import patch_rows
+from sqlalchemy import func, select
 
 from eskin.interval import Verdict
+from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.brute_force import compact_all
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
@@ -113,3 +119,41 @@ def test_decided_tiles_read_no_sample(store: Store, monkeypatch: pytest.MonkeyPa
     ]
     near = [w for w in asked if w.start < START + 190_000 and w.end > START + 40_000]
     assert near == []
+
+
+@pytest.fixture
+def decoded(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
+    """The compacted rows that are decoded."""
+    found: list[bytes] = []
+
+    def look(data: bytes, *rest: Any) -> Any:
+        found.append(data)
+        return decode_runs(data, *rest)
+
+    monkeypatch.setattr("eskin_cloud.store.read.patch_runs.decode_runs", look)
+    return found
+
+
+def hump() -> list[Frame]:
+    """Frames of 10 s each; number 500 of 1000 is higher than all others."""
+    dt = SECOND // 10
+    return [
+        stretch(k, [level] * 100, [level + 0.5] * 100, time=(t, t), dt=dt)
+        for k, t in enumerate(range(START, START + 100_000 * dt, 100 * dt))
+        for level in [5.0 if k == 500 else 1.0]
+    ]
+
+
+def test_only_undecided_rows_are_decoded(store: Store, decoded: list[bytes]) -> None:
+    put(store, *hump())
+    compact_all(store)
+    build(store)
+    window = Window(START, START + 9000 * SECOND)  # the last rows are not in tiles yet
+    with store.read() as connection:
+        rows = connection.execute(select(func.count()).select_from(patch_rows)).scalar_one()
+        channel = find_channel(connection, NODE, CHANNEL)
+        decoded.clear()
+        (found,) = find_segments(connection, channel, window, Predicate(3.0, None, strict=True))
+    assert (found.start, found.n, found.answer) == (START + 5000 * SECOND, 100, Verdict.CERTAIN)
+    assert rows >= 15
+    assert 0 < len(set(decoded)) <= 4  # one at each end, too: they share a tile with others

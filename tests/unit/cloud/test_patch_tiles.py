@@ -16,13 +16,16 @@ from eskin_cloud.rollup.aggregates import Aggregates
 from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.column_aggregates import ColumnAggregates, pack, unpack
 from eskin_cloud.rollup.patch_tile_builder import build
+from eskin_cloud.rollup.patch_tiles import fold_chunk
 from eskin_cloud.rollup.reading import TileRange, read_range
 from eskin_cloud.rollup.samples import read_buckets
+from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import PATCH_CHUNK, STEP
 from eskin_cloud.store.schema.frame_tables import patch_tiles, patches, stale_patch_chunks
+from eskin_cloud.store.write.ingest import STORED
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import func, select, update
@@ -37,7 +40,7 @@ from tests.unit.cloud.skins import describe
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from eskin_cloud.store import Store
+    from eskin_cloud.store.location import StoreLocation
 
 TILED: Final = "tiled"
 PLAIN: Final = "plain"
@@ -322,6 +325,29 @@ def test_chunk_that_changed_meanwhile_is_built_again(store: Store) -> None:
     assert not store.write(lambda c: patch_tile_builder._write(c, made)).result(120)
     require_all_true(store, brought)
     build(store)
+    require_all_true(store, brought)
+
+
+def test_building_holds_up_no_writer(
+    store: Store, place: StoreLocation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    brought, late = steady(0, 100), iter(steady(100, 100))
+    carry_out(store, [brought, "compact"])
+    results: list[str] = []
+
+    def fold_between_writes(*arguments: Any) -> Any:
+        for writer in (store, other):
+            frame = next(late)
+            brought.append(frame)
+            results.extend(each.result for each in put(writer, frame, node=TILED).results)
+        return fold_chunk(*arguments)
+
+    with Store(place, clock=store.clock) as other, monkeypatch.context() as patch:
+        patch.setattr(patch_tile_builder, "fold_chunk", fold_between_writes)
+        build(store)
+    assert len(results) > 2
+    assert set(results) == {STORED}
+    assert tiles_of(store)
     require_all_true(store, brought)
 
 
