@@ -107,6 +107,7 @@ clean: ## Remove what was built (data folders stay)
 $(VENV)/bin/pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 		|| { echo "eskin needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version)" >&2; exit 1; }
+	@echo "Making a virtual environment …"
 	@$(PYTHON) -m venv $(VENV) \
 		|| { echo "no virtual environment could be made; on Debian: apt-get install python3-venv" >&2; exit 1; }
 

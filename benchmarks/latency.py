@@ -27,7 +27,7 @@ _NODES = ("fingertip", "palm", "forearm")
 
 def measure_latency(data: Path, *, seconds: float) -> list[Row]:
     """p50 and p99, in ms, over all samples and over the last sample of each frame."""
-    with RunningDemo(data) as demo:
+    with RunningDemo(data, "--nodes", "3") as demo:
         demo.wait_for_more(_NODES)
         begin = time.time_ns()
         received_messages = _listen(demo, seconds)

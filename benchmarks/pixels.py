@@ -53,7 +53,7 @@ _WATCH: Final = """
 
 def measure_pixels(data: Path, *, seconds: float) -> list[Row]:
     """p50 and p99 over all samples of all channels that are seen."""
-    with RunningDemo(data) as demo, sync_playwright() as playwright:
+    with RunningDemo(data, "--nodes", "3") as demo, sync_playwright() as playwright:
         demo.wait_for_more(_NODES)
         browser = launch(playwright)
         size = {"width": 1280, "height": 900}

@@ -27,7 +27,7 @@ _DUE: Final = Due(2**62, 2**62)
 
 def measure_storage(data: Path, *, seconds: float) -> list[Row]:
     """What a demo leaves in its store that ran for so many seconds, at four times the pace."""
-    with RunningDemo(data, "--speed", str(_SPEED)):
+    with RunningDemo(data, "--nodes", "3", "--speed", str(_SPEED)):
         time.sleep(seconds)
     with Store(data / "cloud" / "store.sqlite") as store:
         came = measure_disk(store)

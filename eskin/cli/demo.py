@@ -31,7 +31,7 @@ def demo(
     data: Data = _DATA,
     nodes: Annotated[
         int | None,
-        typer.Option(min=1, max=100, help="Sensor nodes to run; else 3, or 1 with --skin."),
+        typer.Option(min=1, max=100, help="Sensor nodes to run; else 4, or 1 with --skin."),
     ] = None,
     skin: Annotated[
         str | None,
@@ -50,7 +50,7 @@ def demo(
     ] = 90.0,
     embedded_broker: Annotated[
         bool,
-        typer.Option("--embedded-broker", help="Leave Mosquitto alone where it is installed."),
+        typer.Option("--embedded-broker", help="Use the embedded broker, also where Mosquitto is installed."),
     ] = False,
 ) -> None:
     """Run the whole stack on this machine and print a URL that logs in."""

@@ -18,7 +18,7 @@ from eskin.demo.access import write_access
 from eskin.demo.identities import NEEDED, prepare_identities, renew_identities
 from eskin.demo.layout import Layout
 from eskin.demo.ports import LOOPBACK, free_ports, require_free
-from eskin.demo.settings_files import Ports, node_profiles
+from eskin.demo.settings_files import PROFILES, Ports, node_profiles
 from eskin.demo.stack import Stack
 from eskin.errors import IdentityError, LockedError, SettingsError
 from eskin.mosquitto import BrokerPorts, find_mosquitto
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_NODES: Final = 3
 _WATCH_S: Final = 0.2
 _RENEW_S: Final = 2.0
 TOKEN_LIFETIME: Final = timedelta(days=30)
@@ -45,7 +44,7 @@ class Options:
     """What the user chooses.
 
     Attributes:
-        nodes: How many sensor nodes; ``None``: three, or one of a skin.
+        nodes: How many sensor nodes; ``None``: one of each small profile, or one of a skin.
         skin: Profile of large skins that the nodes have; ``None``: small ones.
         port: Port of the dashboard.
         speed: Emulated seconds per second; ``None`` leaves it to each node's file.
@@ -96,11 +95,13 @@ def run_demo(
 def _run(layout: Layout, options: Options, *, command: str, console: Console) -> None:
     mosquitto = None if options.embedded_broker else find_mosquitto()
     ports = _ports(options.port, one_for_all_parties=mosquitto is None)
-    count = options.nodes or (_NODES if options.skin is None else 1)
+    count = options.nodes or (len(PROFILES) if options.skin is None else 1)
     profiles = node_profiles(count, options.skin)
     names = list(profiles)
     lifetime = options.lifetime
     stack: Stack | None = None
+    if not layout.store.exists():
+        console.print("The first start compiles kernels, which takes about a minute.")
     try:
         with _progress(console) as progress:
             task = progress.add_task("identities", total=6)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="package")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDemo]:
-    """A demo of three nodes with some data."""
+    """A demo as ``make demo`` starts it, with some data."""
     with RunningDemo(tmp_path_factory.mktemp("demo") / "data") as running:
-        running.wait_for_more(["fingertip", "palm", "forearm"])
+        running.wait_for_more(["fingertip", "palm", "forearm", "hand"])
         yield running

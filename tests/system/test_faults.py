@@ -19,7 +19,7 @@ from tests.support.processes import ESKIN, wait_until
 pytestmark = pytest.mark.nightly
 
 NODES = ["fingertip", "palm", "forearm"]
-SLOWLY = ("--speed", "0.25")
+SLOWLY = ("--nodes", "3", "--speed", "0.25")
 """What is lost or not is no question of speed, and beside these demos others run."""
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from tests.support.demos import RunningDemo
 
-NODES = {"fingertip", "palm", "forearm"}
+NODES = {"fingertip", "palm", "forearm", "hand"}
 
 
 def test_nodes_report_and_their_channels_fill(demo: RunningDemo) -> None:

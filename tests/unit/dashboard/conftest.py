@@ -50,7 +50,7 @@ class Session:
 @pytest.fixture(scope="package")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDemo]:
     """A demo of three nodes with some data."""
-    with RunningDemo(tmp_path_factory.mktemp("demo") / "data") as running:
+    with RunningDemo(tmp_path_factory.mktemp("demo") / "data", "--nodes", "3") as running:
         running.wait_for_more(NODES)
         yield running
 

@@ -87,7 +87,7 @@ def main() -> None:
     """Write the recording."""
     with (
         tempfile.TemporaryDirectory() as folder,
-        RunningDemo(Path(folder) / "data") as demo,
+        RunningDemo(Path(folder) / "data", "--nodes", "3") as demo,
     ):
         demo.wait_for_more(NODES)
         text = json.dumps(record(demo), separators=(",", ":"))
