@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from eskin.demo.layout import Layout
 
-_PATIENCE_S: Final = 180.0
+_PATIENCE_S: Final = 600.0
 _POLL_S: Final = 0.05
 _DRAIN_S: Final = 10.0
 
@@ -120,7 +120,7 @@ class Stack:
         """Start a stage and wait until it is up.
 
         Raises:
-            ChildError: A process died, or the stage is not up after three minutes.
+            ChildError: A process died, or the stage is not up after ten minutes.
         """
         for child in stage.children:
             child.start()
