@@ -50,7 +50,7 @@ def demo(
     ] = 90.0,
     embedded_broker: Annotated[
         bool,
-        typer.Option("--embedded-broker", help="Use the embedded broker, also where Mosquitto is installed."),
+        typer.Option("--embedded-broker", help="Use no Mosquitto, also where it is installed."),
     ] = False,
 ) -> None:
     """Run the whole stack on this machine and print a URL that logs in."""

@@ -38,6 +38,11 @@ const MOST_CHANNELS = 40_000;
 /** Events that the stream does not bring are asked for so often, in ms. */
 const CATCH_UP_MS = 5_000;
 
+/** The largest skin is what an overview begins with. */
+function largestFirst(nodes: readonly NodeItem[]): NodeItem[] {
+  return nodes.toSorted((a, b) => (b.channels ?? 0) - (a.channels ?? 0));
+}
+
 /** Everything below the nodes: the charts of one scope (all nodes, one node, one channel) and its events. */
 export class Page {
   readonly root = element("main", { class: "page", tabindex: -1 });
@@ -173,7 +178,7 @@ export class Page {
     }
     this.notices.clear();
     this.partial = false;
-    for (const { id, channels } of nodes) {
+    for (const { id, channels } of largestFirst(nodes)) {
       if (this.sections.has(id) || this.shared.has(id)) continue;
       if (this.sections.size < MOST_NODES && this.channels + (channels ?? 0) <= MOST_CHANNELS) {
         this.channels += channels ?? 0;
