@@ -50,6 +50,20 @@ def patches(taxels: Sequence[TaxelSection]) -> dict[int, Patch]:
     return found
 
 
+def touching(scenario: str, places: Sequence[str]) -> tuple[tuple[int, int], ...]:
+    """Which of some places of a scenario's skin touch: pairs of their numbers, ascending."""
+    skin = read_scenario(scenario).skin.build()
+    number_of = {skin.numbers[place]: number for number, place in enumerate(places)}
+    return tuple(
+        sorted(
+            (number, number_of[other])
+            for place, number in number_of.items()
+            for other in skin.neighbours[place].tolist()
+            if other in number_of and number < number_of[other]
+        )
+    )
+
+
 def measured_around(taxels: Sequence[TaxelSection]) -> dict[int, int]:
     """Of each pad of a node, by its number, how many of its neighbours the node measures."""
     return {number: len(patch.around) for number, patch in patches(taxels).items()}

@@ -16,10 +16,13 @@ from eskin_sensor_node.firmware.assembler import Patch as PlannedPatch
 from eskin_sensor_node.firmware.descriptions import describe_layout, describe_patch
 from eskin_sensor_node.firmware.sample_codec import finest_exponent
 from eskin_sensor_node.firmware.schedule import MOST_ROWS
+from eskin_sensor_node.kinds.neighbours import touching
+from eskin_sensor_node.kinds.pad.settings import PadSection
 from eskin_sensor_node.kinds.skin_map import skin_map
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.schedule import build_schedule
+from eskin_sensor_node.world.scenario import read_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -31,6 +34,7 @@ MOST_COLUMNS: Final = 64
 WEARER: Final = "wearer"
 """The subject of biometric patches; the gateway maps it to a pseudonym."""
 _MICRO: Final = 1e6
+_PRESSURE: Final = "pressure"
 _NAME: Final = 31
 """Characters of a patch's name, at most."""
 _CODES: Final = 4096
@@ -92,6 +96,18 @@ def describe(layout: Layout, patches: Sequence[Patch]) -> Described:
     return Described(hashes[0], dict(zip(hashes, messages, strict=True)))
 
 
+class _Contact(NamedTuple):
+    """What pads have in common whose pressures show contacts.
+
+    Attributes:
+        scenario: Whose skin they are of.
+        threshold: Pressure from which on there is a contact, Pa.
+    """
+
+    scenario: str
+    threshold: float
+
+
 class _Kind(NamedTuple):
     """What channels of a patch have in common."""
 
@@ -101,6 +117,7 @@ class _Kind(NamedTuple):
     biometric: bool
     sampling: float
     burst: tuple[float, float] | None
+    contact: _Contact | None
 
 
 def plan_layout(settings: NodeSettings) -> NodeLayout:
@@ -113,7 +130,10 @@ def plan_layout(settings: NodeSettings) -> NodeLayout:
     for number, taxel in enumerate(settings.taxel):
         for quantity, unit in taxel.units.items():
             biometric = is_biometric(f"{taxel.id}.{quantity}")
-            key = _Kind(taxel.kind, quantity, unit, biometric, taxel.sampling, taxel.burst)
+            contact = None
+            if isinstance(taxel, PadSection) and quantity == _PRESSURE:
+                contact = _Contact(taxel.scenario, taxel.contact_pressure)
+            key = _Kind(taxel.kind, quantity, unit, biometric, taxel.sampling, taxel.burst, contact)
             groups.setdefault(key, []).append(number)
     ordered = sorted(groups.items(), key=lambda group: group[0].biometric)
     parts = [
@@ -193,6 +213,13 @@ def _describe(
         widths = [
             least_widths(taxel, settings.companions(taxel, 0))[key.quantity] for taxel in taxels
         ]
+        neighbours: tuple[tuple[int, int], ...] = ()
+        threshold, cell_area = None, None
+        if key.contact is not None:
+            scenario, threshold = key.contact
+            cell_area = read_scenario(scenario).skin.build().cell_area
+            pads = [taxel for taxel in taxels if isinstance(taxel, PadSection)]
+            neighbours = touching(scenario, [pad.place for pad in pads])
         patches.append(
             Patch(
                 patch_id=_numbered(name, twin + 1) if twin else name,
@@ -203,6 +230,9 @@ def _describe(
                 privacy=Privacy.BIOMETRIC if key.biometric else Privacy.PUBLIC,
                 subject=WEARER if key.biometric else None,
                 positions=positions,
+                neighbours=neighbours,
+                threshold=threshold,
+                cell_area=cell_area,
             )
         )
     return tuple(patches)

@@ -19,7 +19,7 @@ from tests.unit.dashboard.skin_vectors import FILE, document
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from playwright.sync_api import Browser, Locator
+    from playwright.sync_api import Browser, Locator, Route
 
     from tests.unit.dashboard.browsing import Visit
 
@@ -338,3 +338,16 @@ def test_phone_shows_the_whole_hand_and_overflows_nowhere(visit: Visit, place: s
     assert box["x"] >= 0
     assert box["x"] + box["width"] <= 390
     assert box["y"] + box["height"] <= 844
+
+
+def test_overview_begins_with_the_largest_skin(visit: Visit) -> None:
+    def turn(route: Route) -> None:
+        answer = route.fetch()
+        items = sorted(answer.json()["items"], key=lambda item: str(item["id"]))
+        route.fulfill(response=answer, json={"items": items, "next": None})
+
+    visit.page.route("**/api/v1/nodes", turn)
+    visit.open("", shows=VIEW)
+    view(visit, "glove").wait_for(state="attached")
+    shown = visit.page.locator(VIEW).evaluate_all("(all) => all.map((one) => one.dataset.node)")
+    assert shown == ["hand", "glove"]

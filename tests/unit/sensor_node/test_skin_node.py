@@ -59,3 +59,23 @@ def test_layout_has_the_positions_of_taxels(
     assert found[taxel] == place  # µm
     assert len(found) == number
     bench.close()
+
+
+def test_hand_states_what_its_contacts_are(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "hand")
+    patches = {patch.quantity: patch for patch in bench.node.layout.patches}
+    bench.close()
+    pads = patches.pop("pressure")
+    assert pads.threshold == 3e3
+    assert pads.cell_area == pytest.approx(20e-3**2)
+    assert all(patch.threshold is None for patch in patches.values())
+    at = np.transpose(pads.positions)
+    touching = {
+        (i, j)
+        for i in range(len(at))
+        for j in range(i + 1, len(at))
+        if np.abs(at[i] - at[j]).sum() == 20_000  # µm: side by side
+    }
+    assert {pair for pair in pads.neighbours if max(pair) < 12} == {
+        pair for pair in touching if max(pair) < 12
+    }, "of the palm, which is a grid"

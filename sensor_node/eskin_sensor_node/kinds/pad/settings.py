@@ -43,6 +43,9 @@ class PadSection(Staged, Actuated, CapacitanceSection):
     elasticity_Pa: Positive = Field(default=1e5, description="pressure that halves the distance")
     elasticity_tolerance: Tolerance = 0.02
     pressure_max_Pa: Positive = Field(default=5e4, description="greatest pressure of a contact")
+    contact_pressure: Positive = unit(
+        "contact_pressure_Pa", 3e3, description="from which on there is a contact"
+    )
     crosstalk: float = Field(
         default=0.1, ge=0, le=0.5, description="share of its neighbours' pressure that it feels"
     )
