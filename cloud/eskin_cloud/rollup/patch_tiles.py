@@ -16,7 +16,13 @@ from eskin.errors import MessageError
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates
 from eskin_cloud.rollup.buckets import Buckets
-from eskin_cloud.rollup.column_aggregates import PackedAggregates, pack, read_columns, united, unpack
+from eskin_cloud.rollup.column_aggregates import (
+    PackedAggregates,
+    pack,
+    read_columns,
+    united,
+    unpack,
+)
 from eskin_cloud.rollup.patch_folding import fold_runs
 from eskin_cloud.rollup.ranges import Range, coarsened, merged
 from eskin_cloud.store.damage import is_intact_tile

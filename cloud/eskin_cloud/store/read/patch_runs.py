@@ -245,12 +245,7 @@ def read_compacted(
     key = {"slot": slot_of(node), "node": node, "patch": patch_id}
     are_countable(patch_rows.name)
     rows = connection.execute(_ROWS, key | _bounds(window, totals["longest"])).mappings()
-    return [
-        run
-        for row in rows
-        if is_intact_row(PatchRowHeader, row)
-        for run in decode(row)
-    ]
+    return [run for row in rows if is_intact_row(PatchRowHeader, row) for run in decode(row)]
 
 
 def read_described_runs(
