@@ -232,10 +232,10 @@ def _repeat(
     for k in range(kinds.size):
         begin, end = begins[kinds[k]], begins[kinds[k] + 1]
         size = end - begin
-        for row in range(8):
-            start = starts[k] if row < 2 else np.int64(0)
+        for part in range(8):
+            start = starts[k] if part < 2 else np.int64(0)
             for at in range(size):
-                whole[row, place + at] = times[row, begin + at] + start
+                whole[part, place + at] = times[part, begin + at] + start
         column[place : place + size] = k
         place += size
 
