@@ -1,8 +1,9 @@
 """Questions to a store of very many samples: 1000 hulls of any window, as quick as of a few.
 
 ``python -m benchmarks.pyramid --samples 1e9`` builds a channel of 1 kHz, compacted as in an old
-store, and a hundredth of it in another. It asks both in turns for windows of every length at
-any place, in the store, and over HTTP with a token. The disk must hold 3 bytes a sample.
+store by what repeats (`benchmarks.long_store`), and a hundredth of it in another. It asks both in
+turns for windows of every length at any place, in the store, and over HTTP with a token. The disk
+must hold 3 bytes a sample.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ def _grow(store: Store, size: int) -> None:
         begun = time.perf_counter()
         long.grow(size)
         filled = time.perf_counter()
-        long.build()
+        long.repeat_tiles()
         built = time.perf_counter()
     print(f"{size:.0e}: filled {filled - begun:.0f} s, built {built - filled:.0f} s")
 

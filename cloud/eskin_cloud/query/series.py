@@ -9,7 +9,7 @@ import numpy as np
 
 from eskin.union_bound import union_coverage
 from eskin_cloud.rollup.aggregates import longest_step
-from eskin_cloud.rollup.hulls import EXACT, read_hulls
+from eskin_cloud.rollup.hulls import EXACT, is_tiled, read_hulls
 from eskin_cloud.rollup.samples import read_few
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin_cloud.rollup.aggregates import Aggregates
+    from eskin_cloud.rollup.buckets import Buckets
     from eskin_cloud.store.read.lookup import Channel
     from eskin_cloud.store.read.window import Window
 
@@ -65,10 +66,19 @@ def read_series(connection: Connection, channel: Channel, window: Window, *, poi
         window: The window.
         points: Most samples; beyond, most buckets.
     """
+    if is_tiled(channel, window, points):
+        hulls = read_hulls(connection, channel, window, points)
+        if _count_within(hulls[0], window) > points:
+            return _as_hull(channel, *hulls)
     samples = read_few(connection, channel, window, points)
     if samples is not None and len(samples) <= points and _is_exact(samples.first):
         return _as_samples(channel, window, samples)
-    return _as_hull(connection, channel, window, points)
+    return _as_hull(channel, *read_hulls(connection, channel, window, points))
+
+
+def _count_within(pieces: Aggregates, window: Window) -> int:
+    """At least so many samples are in a window."""
+    return int(pieces.n[(pieces.first >= window.start) & (pieces.last < window.end)].sum())
 
 
 def _is_exact(t: NDArray[np.int64]) -> bool:
@@ -94,8 +104,7 @@ def _as_samples(channel: Channel, window: Window, samples: Aggregates) -> Series
     )
 
 
-def _as_hull(connection: Connection, channel: Channel, window: Window, points: int) -> Series:
-    pieces, buckets = read_hulls(connection, channel, window, points)
+def _as_hull(channel: Channel, pieces: Aggregates, buckets: Buckets) -> Series:
     t = buckets.width * np.arange(buckets.count, dtype=np.int64)
     lo, hi, mean = np.full(t.size, -np.inf), np.full(t.size, np.inf), np.full((2, t.size), np.inf)
     mean[0] = -np.inf

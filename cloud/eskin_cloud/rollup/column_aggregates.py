@@ -8,13 +8,20 @@ the samples' are; sums are kept as means, rounded outward to a sixteenth of the 
 from __future__ import annotations
 
 from dataclasses import fields
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import cbor2
 import numpy as np
 
 from eskin.errors import MessageError
-from eskin.wire.frames.column_codec import ColumnCodes, decode_columns, encode_columns
+from eskin.kernels.jit import kernel
+from eskin.wire.frames.column_codec import (
+    ColumnCodes,
+    columns_of,
+    decode_columns,
+    encode_columns,
+)
 from eskin.wire.frames.sample_codec import COARSEST, FINEST
 from eskin.wire.messages.cbor_map import integer, items, load_any, octets, row
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates
@@ -31,6 +38,8 @@ if TYPE_CHECKING:
 
 _NAMES: Final = tuple(field.name for field in fields(Aggregates))
 _WHOLE: Final = _NAMES[:7]
+_HEADS: Final = 8
+"""Integers of a column: kind, start, and exponent, offset and size of hulls and of means."""
 _MEAN_BITS: Final = 4
 _MOST_BYTES: Final = 2**24
 _HASH_BYTES: Final = 64
@@ -107,7 +116,7 @@ def unpack(data: bytes) -> PackedAggregates:
     Raises:
         MessageError: The bytes are something else.
     """
-    names, *parts = row(load_any(decompress(data, _MOST_BYTES), "tiles"), "tiles", 8)
+    names, *parts = row(load_any(decompress(data, _MOST_BYTES), "tiles"), "tiles", 7)
     listed = [octets(each, "hash", 1, _HASH_BYTES) for each in items(names, "hashes", _COLUMNS)]
     return _unpacked(tuple(listed), parts)
 
@@ -148,10 +157,7 @@ class PackedAggregates(NamedTuple):
         Raises:
             MessageError: Its codes are not those of any entries.
         """
-        counts = self.counts
-        if not counts[column]:
-            return EMPTY
-        return self._entries([column], counts)
+        return read_columns([(self, column)])
 
     def all(self, taxels: tuple[str, ...]) -> ColumnAggregates:
         """The entries of all columns.
@@ -162,9 +168,9 @@ class PackedAggregates(NamedTuple):
         Raises:
             MessageError: Codes are not those of any entries.
         """
-        counts = self.counts
-        column = np.repeat(np.arange(self.kind.size), counts)
-        pieces = self._entries(range(self.kind.size), counts)
+        column, whole, lo, hi = self.hulls_and_times()
+        means = decode_columns(self.means, self.counts)
+        pieces = _as_aggregates(whole, (lo, hi), means)
         return ColumnAggregates(self.names, taxels, self.finest, column, pieces)
 
     def hulls_and_times(self) -> tuple[Integers, Integers, Floats, Floats]:
@@ -174,28 +180,64 @@ class PackedAggregates(NamedTuple):
             MessageError: Codes are not those of any entries.
         """
         counts = self.counts
-        column = np.repeat(np.arange(self.kind.size), counts)
-        whole = self.times[:, self._places(range(self.kind.size))]
-        whole[:2] += self.start[column]
+        column, whole = np.empty(counts.sum(), np.int64), np.empty((8, counts.sum()), np.int64)
+        _repeat(self.times, (self.kind, self.start, self.begins), column, whole)
         return column, whole, *decode_columns(self.hulls, counts)
 
-    def _places(self, columns: Sequence[int]) -> Integers:
-        """Where the times of some columns' entries stand."""
-        if self.begins.size == 2:  # all columns are sampled together
-            return np.tile(np.arange(self.begins[1]), len(columns))
-        kinds = self.kind[list(columns)].tolist()
-        return np.concatenate([np.arange(self.begins[k], self.begins[k + 1]) for k in kinds])
 
-    def _entries(self, columns: Sequence[int], counts: Integers) -> Aggregates:
-        if not counts[list(columns)].sum():
-            return EMPTY
-        whole = self.times[:, self._places(columns)]
-        whole[:2] += np.repeat(self.start[list(columns)], counts[list(columns)])
-        lo, hi = decode_columns(self.hulls, counts, columns)
-        low, high = decode_columns(self.means, counts, columns)
-        n, coverage = whole[2], whole[7].view(np.float64)
-        sums = multiply_down(n, low), -multiply_down(n, -high)
-        return Aggregates(*[*whole[:7], lo, hi, *sums, coverage])
+def read_columns(chosen: Sequence[tuple[PackedAggregates, int]]) -> Aggregates:
+    """The entries of a column of each of some chunks, one after the other.
+
+    All are decoded at once: of a chunk with one column little else is to be done.
+
+    Args:
+        chosen: Chunks, and the column of each.
+
+    Raises:
+        MessageError: Codes are not those of any entries.
+    """
+    if not chosen:
+        return EMPTY
+    parts = []
+    for chunk, column in chosen:
+        kind = chunk.kind[column]
+        mine = chunk.times[:, chunk.begins[kind] : chunk.begins[kind + 1]].copy()
+        mine[:2] += chunk.start[column]
+        parts.append(mine)
+    counts = np.array([each.shape[1] for each in parts])
+    hulls = columns_of([(chunk.hulls, column) for chunk, column in chosen])
+    means = columns_of([(chunk.means, column) for chunk, column in chosen])
+    whole = np.concatenate(parts, axis=1)
+    return _as_aggregates(whole, decode_columns(hulls, counts), decode_columns(means, counts))
+
+
+def _as_aggregates(
+    whole: Integers, hulls: tuple[Floats, Floats], means: tuple[Floats, Floats]
+) -> Aggregates:
+    n, coverage = whole[2], whole[7].view(np.float64)
+    sums = multiply_down(n, means[0]), -multiply_down(n, -means[1])
+    return Aggregates(*whole[:7], *hulls, *sums, coverage)
+
+
+@kernel
+def _repeat(
+    times: Integers,
+    columns: tuple[Integers, Integers, Integers],
+    column: Integers,
+    whole: Integers,
+) -> None:
+    """Write each column's number and times, column after column."""
+    kinds, starts, begins = columns
+    place = 0
+    for k in range(kinds.size):
+        begin, end = begins[kinds[k]], begins[kinds[k] + 1]
+        size = end - begin
+        for part in range(8):
+            start = starts[k] if part < 2 else np.int64(0)
+            for at in range(size):
+                whole[part, place + at] = times[part, begin + at] + start
+        column[place : place + size] = k
+        place += size
 
 
 def _parts(each: ColumnAggregates) -> list[object]:
@@ -219,57 +261,46 @@ def _parts(each: ColumnAggregates) -> list[object]:
     finer = max(each.finest - _MEAN_BITS, FINEST)
     low = divide_down(pieces.sum_lo, pieces.n, finer)
     high = -divide_down(-pieces.sum_hi, pieces.n, finer)
+    hulls = encode_columns(pieces.lo, pieces.hi, counts, each.finest)
+    means = encode_columns(low, high, counts, finer)
     return [
         each.finest,
-        np.array(kind, np.int64).tobytes(),
-        start.tobytes(),
+        np.array([kind, start, *hulls[:3], *means[:3]], np.int64).tobytes(),
         [mine.shape[1] for mine in distinct],
         _planes(np.diff(np.concatenate(distinct, axis=1), axis=1, prepend=0)),
-        _codes(encode_columns(pieces.lo, pieces.hi, counts, each.finest)),
-        _codes(encode_columns(low, high, counts, finer)),
+        hulls.codes,
+        means.codes,
     ]
 
 
 def _unpacked(names: tuple[bytes, ...], parts: list[object]) -> PackedAggregates:
-    finest, kind, start, sizes, planes, hulls, means = parts
-    kinds = _integers(kind)
+    finest, heads, sizes, planes, hulls, means = parts
+    columns = _integers(heads, _HEADS)
+    kinds = columns[0]
     listed = [integer(each, "size", 0, 2**20) for each in items(sizes, "sizes", _COLUMNS)]
-    begins = np.concatenate([[0], np.cumsum(np.array(listed, np.int64))])
-    total = int(begins[-1])
+    begins = np.array([0, *accumulate(listed)])
+    total = sum(listed)
     data = octets(planes, "times", 64 * total, 64 * total)
-    starts = _integers(start)
     if not kinds.size or kinds.min() < 0 or kinds.max() >= len(listed):
         raise MessageError("a column has times that are not there")
-    if starts.size != kinds.size:
-        raise MessageError(f"{kinds.size} columns have {starts.size} starts")
     numbers = np.frombuffer(data, np.uint8).reshape(8, -1).T.copy().view(np.int64)
     return PackedAggregates(
         names=names,
         finest=integer(finest, "exponent", FINEST, COARSEST),
         kind=kinds,
-        start=starts,
+        start=columns[1],
         begins=begins,
         times=np.cumsum(numbers.reshape(8, total), axis=1),
-        hulls=_decoded(hulls),
-        means=_decoded(means),
+        hulls=ColumnCodes(*columns[2:5], octets(hulls, "codes", 0, _MOST_BYTES)),
+        means=ColumnCodes(*columns[5:], octets(means, "codes", 0, _MOST_BYTES)),
     )
 
 
-def _codes(encoded: ColumnCodes) -> list[object]:
-    return [*(each.tobytes() for each in encoded[:3]), encoded.codes]
-
-
-def _decoded(value: object) -> ColumnCodes:
-    *arrays, codes = row(value, "codes", 4)
-    exponents, offsets, sizes = (_integers(each) for each in arrays)
-    return ColumnCodes(exponents, offsets, sizes, octets(codes, "codes", 0, _MOST_BYTES))
-
-
-def _integers(value: object) -> Integers:
-    data = octets(value, "numbers of columns", 0, 8 * _COLUMNS)
-    if len(data) % 8:
+def _integers(value: object, rows: int) -> Integers:
+    data = octets(value, "numbers of columns", 0, 8 * rows * _COLUMNS)
+    if len(data) % (8 * rows):
         raise MessageError(f"numbers of columns have {len(data)} bytes")
-    return np.frombuffer(data, np.int64)
+    return np.frombuffer(data, np.int64).reshape(rows, -1)
 
 
 def _planes(numbers: NDArray[Any]) -> bytes:

@@ -31,12 +31,11 @@ def read_hulls(
     A long window's buckets are whole tiles: the first may begin before the window, and the last
     may end after it. No aggregate crosses a bucket's end.
     """
-    grain = channel["grain"]
-    if grain is None or window.span >> grain < max(points, _TILES):
+    if not is_tiled(channel, window, points):
         width = bucket_width(window.span, points)
         buckets = Buckets(window.start, width, -(-window.span // width))
         return read_buckets(connection, channel, buckets.window, buckets), buckets
-    level = grain
+    level = channel["grain"]
     while level + STEP <= TOP and window.span >> (level + STEP) >= max(points, _TILES):
         level += STEP
     first, last = window.start >> level, (window.end - 1) >> level
@@ -45,6 +44,12 @@ def read_hulls(
     buckets = Buckets(first << level, each << level, count)
     stretch = TileRange(level, first, first + each * count)
     return read_range(connection, channel, stretch), buckets
+
+
+def is_tiled(channel: Channel, window: Window, points: int) -> bool:
+    """Whether a window is so long that its buckets are whole tiles."""
+    grain = channel["grain"]
+    return grain is not None and window.span >> grain >= max(points, _TILES)
 
 
 def widest_window(window: Window) -> Window:

@@ -16,7 +16,13 @@ from eskin.errors import MessageError
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates
 from eskin_cloud.rollup.buckets import Buckets
-from eskin_cloud.rollup.column_aggregates import PackedAggregates, chained, pack, united, unpack
+from eskin_cloud.rollup.column_aggregates import (
+    PackedAggregates,
+    pack,
+    read_columns,
+    united,
+    unpack,
+)
 from eskin_cloud.rollup.patch_folding import fold_runs
 from eskin_cloud.rollup.ranges import Range, coarsened, merged
 from eskin_cloud.store.damage import is_intact_tile
@@ -119,12 +125,12 @@ def read_tiles(
         UnknownDescriptionError: A description is damaged in the store.
     """
     node, taxel = channel["node"], channel["channel"].partition(".")[0]
-    parts: list[Aggregates] = []
+    parts: list[tuple[PackedAggregates, int]] = []
     for chunk in _read_chunks(connection, Place(node, channel["patch"]), level, ranges):
         taxels = taxels_of(connection, node, chunk)
         if taxel in taxels:
-            parts.append(chunk.of(taxels.index(taxel)))
-    return _inside(chained(parts), level, ranges) if parts else EMPTY
+            parts.append((chunk, taxels.index(taxel)))
+    return _inside(read_columns(parts), level, ranges) if parts else EMPTY
 
 
 def taxels_of(connection: Connection, node: str, chunk: PackedAggregates) -> tuple[str, ...]:

@@ -143,8 +143,8 @@ def fold_runs(
         begin, strides = begin + rows * columns, strides + len(run.strides)
     data = np.frombuffer(b"".join(run.strides for run in runs), np.uint8)
     bounds = (
-        np.concatenate([run.lo.ravel() for run in runs]),
-        np.concatenate([run.hi.ravel() for run in runs]),
+        np.concatenate([run.lo for run in runs]).ravel(),
+        np.concatenate([run.hi for run in runs]).ravel(),
     )
     _fold_records(data, whole, bounds, places, grid, out, spread)
 

@@ -87,7 +87,7 @@ def encode_runs(runs: Sequence[PatchRun]) -> bytes:
 
 
 def decode_runs(data: bytes, columns: Sequence[int] | None = None) -> list[PatchRun]:
-    """Decode runs, as they were encoded.
+    """Decode runs, as they were encoded, or some of their columns.
 
     Args:
         data: What `encode_runs` gave.
@@ -97,6 +97,22 @@ def decode_runs(data: bytes, columns: Sequence[int] | None = None) -> list[Patch
     Raises:
         MessageError: The bytes are not those of any runs, or a column is not there.
     """
+    return _decode(data, columns, columns)
+
+
+def decode_heads(data: bytes) -> list[PatchRun]:
+    """Decode runs without their bounds, which have no columns; strides are those of all columns.
+
+    Raises:
+        MessageError: As from `decode_runs`.
+    """
+    return _decode(data, (), None)
+
+
+def _decode(
+    data: bytes, columns: Sequence[int] | None, optional: Sequence[int] | None
+) -> list[PatchRun]:
+    """Decode bounds of some columns, and strides and unshared columns of some, or of all."""
     fields = Fields(_map(load_any(decompress(data, MOST_BYTES), "row")))
     description = fields.octets(_HASH, 1, 64)
     width = fields.integer(_COLUMNS, 1, MOST_COLUMNS)
@@ -110,7 +126,7 @@ def decode_runs(data: bytes, columns: Sequence[int] | None = None) -> list[Patch
         for rows, first_row, option in zip(*(heads[k].tolist() for k in (7, 6, 10)), strict=True)
     ]
     bounds = _decode_segments(fields.items(_SEGMENTS, MOST_RUNS), samplings, chosen)
-    read = [_chosen(option, chosen) for option in options]
+    read = options if optional is None else [_chosen(option, chosen) for option in options]
     numbers = zip(*(column.tolist() for column in heads), strict=True)
     coverages = heads.coverage.view(np.float64).tolist()
     return [

@@ -117,6 +117,23 @@ def decode_columns(
     return lo, hi
 
 
+def columns_of(chosen: Sequence[tuple[ColumnCodes, int]]) -> ColumnCodes:
+    """One column of each of some encoded samples, as columns of one.
+
+    Raises:
+        MessageError: Sizes are not those of the codes.
+    """
+    heads, codes = [], []
+    for encoded, column in chosen:
+        end = int(encoded.sizes[: column + 1].sum())
+        size = int(encoded.sizes[column])
+        if not 0 <= size <= end <= len(encoded.codes):
+            raise MessageError(f"codes have {len(encoded.codes)} bytes, not what their sizes say")
+        heads.append((encoded.exponents[column], encoded.offsets[column], size))
+        codes.append(encoded.codes[end - size : end])
+    return ColumnCodes(*np.array(heads, np.int64).T, b"".join(codes))
+
+
 def _encoded(
     lo: Floats, hi: Floats, counts: Integers, finest: int, *, exact: bool
 ) -> ColumnCodes | None:

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from eskin_cloud.store.damage import DamagedRowError, are_countable
 from eskin_cloud.store.descriptions import find_patch
+from eskin_cloud.store.patch_rows import decode_heads, decode_runs
 from eskin_cloud.store.read.patch_runs import (
     find_patch_pages,
     has_starts,
+    read_compacted,
+    read_fresh,
     read_patch,
-    read_runs,
     split_by_rows,
 )
 from eskin_cloud.store.read.window import Window, before, clip
@@ -99,9 +101,11 @@ def _last_run(connection: Connection, totals: Channel) -> PatchRun | None:
     span = max(totals["longest"], 1)
     while True:
         window = Window(before(last, span), last + 1)
-        runs = read_runs(connection, totals["node"], totals["patch"], window)
+        place = totals["node"], totals["patch"]
+        runs = read_compacted(connection, *place, window, lambda row: decode_heads(row["data"]))
+        runs += read_fresh(connection, *place, window)
         if runs or window.start <= first:
-            return runs[-1] if runs else None
+            return max(runs, key=lambda run: (run.t, run.boot, run.sequence), default=None)
         span *= _WIDER
 
 
@@ -114,15 +118,28 @@ def read_column(connection: Connection, channel: Channel, window: Window) -> lis
         window: The window.
     """
     node, taxel = channel["node"], channel["channel"].partition(".")[0]
-    columns: dict[bytes, tuple[int, int] | None] = {}
-    found = []
-    for run in read_runs(connection, node, channel["patch"], window):
-        if run.patch not in columns:
-            columns[run.patch] = _place(find_patch(connection, node, run.patch), taxel)
-        place = columns[run.patch]
-        column = None if place is None else _column(run, *place)
-        if column is not None and le(*clip(column.t, column.dt, column.lo.size, window)):
-            found.append(column)
+
+    def place_in(patch: bytes) -> tuple[int, int] | None:
+        return _place(find_patch(connection, node, patch), taxel)
+
+    def decode(row: RowMapping) -> list[PatchRun]:
+        place = place_in(bytes(row["hash"]))
+        return [] if place is None else decode_runs(row["data"], place[:1])
+
+    compacted = read_compacted(connection, node, channel["patch"], window, decode)
+    fresh = read_fresh(connection, node, channel["patch"], window)
+    places = {run.patch: place_in(run.patch) for run in chain(compacted, fresh)}
+    columns = [
+        _column(run, 0 if alone else place[0], place[1])
+        for runs, alone in ((compacted, True), (fresh, False))
+        for run in runs
+        if (place := places[run.patch]) is not None
+    ]
+    found = [
+        column
+        for column in columns
+        if column is not None and le(*clip(column.t, column.dt, column.lo.size, window))
+    ]
     return sorted(found, key=lambda run: run[:3])
 
 

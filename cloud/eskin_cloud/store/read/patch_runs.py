@@ -26,7 +26,7 @@ from eskin_cloud.store.schema.tables import nodes
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from sqlalchemy import Connection, RowMapping
 
@@ -182,6 +182,10 @@ def find_patch_pages(
     return found
 
 
+def _decode_row(row: RowMapping) -> list[PatchRun]:
+    return decode_runs(row["data"])
+
+
 def read_runs(connection: Connection, node: str, patch_id: str, window: Window) -> list[PatchRun]:
     """The runs of a patch in a window, in order of time, boot and sequence.
 
@@ -199,6 +203,13 @@ def read_runs(connection: Connection, node: str, patch_id: str, window: Window) 
         DamagedRowError: The patch's totals are damaged.
     """
     found = read_compacted(connection, node, patch_id, window)
+    found += read_fresh(connection, node, patch_id, window)
+    return sorted(found, key=lambda run: (run.t, run.boot, run.sequence))
+
+
+def read_fresh(connection: Connection, node: str, patch_id: str, window: Window) -> list[PatchRun]:
+    """The runs of a patch in frames that are not compacted, in any order; else as `read_runs`."""
+    found: list[PatchRun] = []
     places: dict[int, list[PatchPage]] = defaultdict(list)
     for place in find_patch_pages(connection, node, patch_id):
         places[place.page].append(place)
@@ -209,25 +220,32 @@ def read_runs(connection: Connection, node: str, patch_id: str, window: Window) 
             mine = [row for row in rows if bytes(row["layout"]) == place.described.hash]
             if mine:
                 found += (run for _, run in runs_of_frames(mine, place.described, [place.number]))
-    return sorted(found, key=lambda run: (run.t, run.boot, run.sequence))
+    return found
 
 
 def read_compacted(
-    connection: Connection, node: str, patch_id: str, window: Window
+    connection: Connection,
+    node: str,
+    patch_id: str,
+    window: Window,
+    decode: Callable[[RowMapping], list[PatchRun]] = _decode_row,
 ) -> list[PatchRun]:
-    """The runs of a patch in its compacted rows; otherwise as `read_runs`."""
+    """The runs of a patch in its compacted rows, in any order; otherwise as `read_runs`.
+
+    Args:
+        connection: In a read transaction.
+        node: The node.
+        patch_id: The patch.
+        window: The window.
+        decode: How a row is decoded.
+    """
     totals = read_patch(connection, node, patch_id)
     if totals is None:
         return []
     key = {"slot": slot_of(node), "node": node, "patch": patch_id}
     are_countable(patch_rows.name)
     rows = connection.execute(_ROWS, key | _bounds(window, totals["longest"])).mappings()
-    return [
-        run
-        for row in rows
-        if is_intact_row(PatchRowHeader, row)
-        for run in decode_runs(row["data"])
-    ]
+    return [run for row in rows if is_intact_row(PatchRowHeader, row) for run in decode(row)]
 
 
 def read_described_runs(
