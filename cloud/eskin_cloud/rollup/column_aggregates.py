@@ -216,7 +216,7 @@ def _as_aggregates(
 ) -> Aggregates:
     n, coverage = whole[2], whole[7].view(np.float64)
     sums = multiply_down(n, means[0]), -multiply_down(n, -means[1])
-    return Aggregates(*whole[:7], *hulls, *sums, coverage)
+    return Aggregates(*[*whole[:7], *hulls, *sums, coverage])
 
 
 @kernel
@@ -291,8 +291,8 @@ def _unpacked(names: tuple[bytes, ...], parts: list[object]) -> PackedAggregates
         start=columns[1],
         begins=begins,
         times=np.cumsum(numbers.reshape(8, total), axis=1),
-        hulls=ColumnCodes(*columns[2:5], octets(hulls, "codes", 0, _MOST_BYTES)),
-        means=ColumnCodes(*columns[5:], octets(means, "codes", 0, _MOST_BYTES)),
+        hulls=_codes_of(columns[2:5], hulls),
+        means=_codes_of(columns[5:], means),
     )
 
 
@@ -306,3 +306,8 @@ def _integers(value: object, rows: int) -> Integers:
 def _planes(numbers: NDArray[Any]) -> bytes:
     """The bytes of numbers, those of one weight together: most are zero."""
     return np.ascontiguousarray(numbers).view(np.uint8).reshape(-1, 8).T.tobytes()
+
+
+def _codes_of(heads: Integers, codes: object) -> ColumnCodes:
+    exponents, offsets, sizes = heads
+    return ColumnCodes(exponents, offsets, sizes, octets(codes, "codes", 0, _MOST_BYTES))

@@ -131,7 +131,8 @@ def columns_of(chosen: Sequence[tuple[ColumnCodes, int]]) -> ColumnCodes:
             raise MessageError(f"codes have {len(encoded.codes)} bytes, not what their sizes say")
         heads.append((encoded.exponents[column], encoded.offsets[column], size))
         codes.append(encoded.codes[end - size : end])
-    return ColumnCodes(*np.array(heads, np.int64).T, b"".join(codes))
+    exponents, offsets, sizes = np.array(heads, np.int64).T
+    return ColumnCodes(exponents, offsets, sizes, b"".join(codes))
 
 
 def _encoded(
