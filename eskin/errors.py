@@ -25,6 +25,7 @@
     ├── QueryError               a question that has no answer as it stands
     ├── DesignError              a requirement, or a space of parameters, that cannot be used
     ├── ContactError             a skin, a threshold or times by which contacts cannot be sought
+    ├── MonitorError             a formula, or signals, that a monitor cannot use
     ├── ScenarioError            a scenario that cannot be played
     ├── RecordingError           a recording that cannot be replayed, or not all of it
     └── AuditError               a data folder that cannot be audited
@@ -251,6 +252,21 @@ class DesignError(EskinError, ValueError):
 
 class ContactError(EskinError, ValueError):
     """A skin, a threshold or times by which contacts cannot be sought."""
+
+
+class MonitorError(EskinError, ValueError):
+    """A formula, or signals, that a monitor cannot use.
+
+    Attributes:
+        column: Where in the formula's text, from 1; ``None`` where there is no text.
+        value: What cannot be used.
+    """
+
+    def __init__(self, reason: str, *, column: int | None = None, value: object = None) -> None:
+        super().__init__(reason if column is None else f"column {column}: {reason}")
+        self.reason = reason
+        self.column = column
+        self.value = value
 
 
 class ScenarioError(EskinError):

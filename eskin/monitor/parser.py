@@ -1,0 +1,438 @@
+"""Read a formula from its text.
+
+A Pratt parser. Operators from the weakest to the strongest::
+
+    implies                                   (right to left)
+    or
+    and
+    until[a,b]   since[a,b]                   (not chained: use parentheses)
+    not   always[a,b]   eventually[a,b]   historically[a,b]   once[a,b]
+    >   >=   <   <=                           (not chained)
+    +   -
+    *   /
+    -x
+
+Besides there are ``rise(φ)``, ``fall(φ)``, ``count(φ, ψ, …) >= n``, ``abs(x)``, ``min(x, y, …)``
+and ``max(x, y, …)``. A window without bounds is all the future, or all the past. A number may have
+a UCUM code, written without blanks (``3 kPa``, ``2 m/s``); times have ``ns us ms s min h d``.
+"""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
+
+from eskin.errors import MonitorError, shown
+from eskin.monitor.formula import (
+    AND,
+    COMPARE,
+    IMPLIES,
+    KEYWORDS,
+    MAX_DEPTH,
+    OR,
+    PREFIX,
+    PRODUCT,
+    REACH,
+    REACHES,
+    SIGN,
+    SUM,
+    UNBOUNDED,
+    UNIT,
+    WINDOWS,
+    Absolute,
+    Add,
+    And,
+    Atom,
+    Bounds,
+    Channel,
+    Comparison,
+    Constant,
+    Count,
+    Divide,
+    Expression,
+    Fall,
+    Formula,
+    Implies,
+    Maximum,
+    Minimum,
+    Multiply,
+    Negate,
+    Node,
+    Not,
+    Or,
+    Rise,
+    Subtract,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+MAX_LENGTH: Final = 2**17
+"""Characters of a text."""
+
+_TOKEN: Final = re.compile(
+    rf"""\s*(?:
+        (?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)
+            (?:\s*(?P<unit>(?!(?:{"|".join(sorted(KEYWORDS))})\b){UNIT})|\s+(?P<one>1)(?![\w.]))?
+        | (?P<word>[A-Za-z_]\w*(?:\.\w+)*)
+        | "(?P<quoted>[^"]*)"
+        | (?P<sign>>=|<=|[-+*/<>()\[\],])
+        | (?P<end>$)
+    )""",
+    re.VERBOSE | re.ASCII,
+)
+_NANOSECONDS: Final = {
+    "ns": 1,
+    "us": 10**3,
+    "ms": 10**6,
+    "s": 10**9,
+    "min": 60 * 10**9,
+    "h": 3600 * 10**9,
+    "d": 86400 * 10**9,
+}
+_MAX_DIGITS: Final = 400
+
+_Made = TypeVar("_Made", bound=Node)
+
+
+class _Token(NamedTuple):
+    kind: str
+    text: str
+    column: int
+    unit: str | None = None
+
+
+def parse(text: str) -> Formula:
+    """Read a formula.
+
+    Args:
+        text: Such as ``always[0,50ms](t07.pressure > 3 kPa implies eventually[0,20ms] x.v < 1)``.
+
+    Raises:
+        MonitorError: It is no formula; the error has the column.
+    """
+    if not isinstance(text, str):
+        raise MonitorError(f"a formula is a text, not {type(text).__name__}", value=text)
+    if len(text) > MAX_LENGTH:
+        raise MonitorError(
+            f"the text has {len(text)} characters; {MAX_LENGTH} are allowed", value=len(text)
+        )
+    return _Parser(_tokens(text)).formula()
+
+
+def _tokens(text: str) -> list[_Token]:
+    found: list[_Token] = []
+    place = 0
+    while True:
+        match = _TOKEN.match(text, place)
+        if match is None:
+            at = place + len(text[place:]) - len(text[place:].lstrip())
+            raise MonitorError(
+                f"{shown(text[at])} has no meaning here; see the grammar of eskin.monitor.parser",
+                column=at + 1,
+                value=text[at],
+            )
+        kind = next(k for k in ("number", "word", "quoted", "sign", "end") if match[k] is not None)
+        found.append(
+            _Token(kind, match[kind], match.start(kind) + 1, match["unit"] or match["one"])
+        )
+        place = match.end()
+        if kind == "end":
+            return found
+
+
+_COMPARISONS: Final = frozenset(Comparison)
+_INFIX: Final = {
+    "implies": IMPLIES,
+    "or": OR,
+    "and": AND,
+    "until": REACH,
+    "since": REACH,
+    "+": SUM,
+    "-": SUM,
+    "*": PRODUCT,
+    "/": PRODUCT,
+} | dict.fromkeys(_COMPARISONS, COMPARE)
+_SUMS: Final[dict[str, type[Add | Subtract | Multiply | Divide]]] = {
+    "+": Add,
+    "-": Subtract,
+    "*": Multiply,
+    "/": Divide,
+}
+
+
+class _Parser:
+    """Reads tokens one after the other."""
+
+    def __init__(self, tokens: list[_Token]) -> None:
+        self._tokens = tokens
+        self._next = 0
+        self._depth = 0
+
+    def formula(self) -> Formula:
+        found = self._formula(0)
+        self._expect("")
+        return found
+
+    def _peek(self) -> _Token:
+        return self._tokens[self._next]
+
+    def _take(self) -> _Token:
+        token = self._tokens[self._next]
+        self._next += 1
+        return token
+
+    def _is(self, text: str) -> bool:
+        token = self._peek()
+        return token.kind in {"word", "sign"} and token.text == text
+
+    def _expect(self, text: str) -> None:
+        token = self._peek()
+        if (token.kind == "end") if not text else self._is(text):
+            self._next += bool(text)
+            return
+        found = "the end" if token.kind == "end" else shown(token.text)
+        wanted = f"{text!r}" if text else "an operator or the end"
+        raise MonitorError(f"expected {wanted}, not {found}", column=token.column, value=token.text)
+
+    def _make(self, make: Callable[..., _Made], column: int, *parts: object) -> _Made:
+        return make(*parts, column=column)
+
+    def _formula(self, binding: int) -> Formula:
+        column = self._peek().column
+        found = self._parse(binding)
+        if isinstance(found, Formula):
+            return found
+        raise MonitorError(
+            f"{found} is a value, where a statement is needed; compare it: {found} > 0",
+            column=column,
+            value=str(found),
+        )
+
+    def _expression(self, binding: int) -> Expression:
+        column = self._peek().column
+        found = self._parse(binding)
+        if isinstance(found, Expression):
+            return found
+        raise MonitorError(
+            f"{found} is a statement, where a value is needed; comparisons do not chain: "
+            "join two with 'and'",
+            column=column,
+            value=str(found),
+        )
+
+    def _parse(self, binding: int) -> Node:
+        """A part whose operators bind at least so strongly."""
+        self._depth += 1
+        if self._depth > 2 * MAX_DEPTH:
+            raise MonitorError(
+                f"operators are nested deeper than {MAX_DEPTH}; split the formula in two",
+                column=self._peek().column,
+                value=self._depth,
+            )
+        start = self._peek().column
+        found = self._prefix()
+        while True:
+            token = self._peek()
+            own = _INFIX.get(token.text, 0) if token.kind in {"word", "sign"} else 0
+            if own == 0 or own < binding:
+                break
+            found = self._infix(found, start, own)
+        self._depth -= 1
+        return found
+
+    def _infix(self, left: Node, start: int, own: int) -> Node:
+        token = self._take()
+        word, column = token.text, token.column
+        if own >= COMPARE:
+            if not isinstance(left, Expression):
+                raise MonitorError(
+                    f"{word!r} needs a value on its left, not the statement {left}; comparisons do "
+                    "not chain: join two with 'and'",
+                    column=start,
+                    value=str(left),
+                )
+            if own == COMPARE:
+                return self._make(Atom, start, left, Comparison(word), self._expression(SUM))
+            return self._make(_SUMS[word], column, left, self._expression(own + 1))
+        if not isinstance(left, Formula):
+            raise MonitorError(
+                f"{word!r} needs a statement on its left, not the value {left}; compare it",
+                column=start,
+                value=str(left),
+            )
+        if word == "implies":
+            return self._make(Implies, column, left, self._formula(IMPLIES))
+        if own == REACH:
+            bounds = self._bounds()
+            found = self._make(REACHES[word], column, bounds, left, self._formula(PREFIX))
+            after = self._peek()
+            if after.kind == "word" and after.text in REACHES:
+                raise MonitorError(
+                    f"{after.text!r} does not chain; put the first one in parentheses",
+                    column=after.column,
+                    value=after.text,
+                )
+            return found
+        operands = [left, self._formula(own + 1)]
+        while self._is(word):
+            self._take()
+            operands.append(self._formula(own + 1))
+        return self._make(And if word == "and" else Or, column, tuple(operands))
+
+    def _prefix(self) -> Node:  # noqa: PLR0911 - a line for each kind of token
+        token = self._take()
+        if token.kind == "number":
+            return self._constant(token, 1)
+        if token.kind == "quoted":
+            return self._make(Channel, token.column, token.text)
+        if token.kind == "word":
+            if token.text in KEYWORDS:
+                return self._keyword(token)
+            return self._make(Channel, token.column, token.text)
+        if token.text == "(":
+            found = self._parse(0)
+            self._expect(")")
+            return found
+        if token.text == "-":
+            number = self._peek()
+            if number.kind == "number":
+                return self._constant(self._take(), -1)
+            return self._make(Negate, token.column, self._expression(SIGN))
+        found_text = "the end" if token.kind == "end" else shown(token.text)
+        raise MonitorError(
+            f"expected a channel, a number or an operator, not {found_text}",
+            column=token.column,
+            value=token.text,
+        )
+
+    def _keyword(self, token: _Token) -> Node:
+        word, column = token.text, token.column
+        if word == "not":
+            return self._make(Not, column, self._formula(PREFIX))
+        if word in WINDOWS:
+            bounds = self._bounds()
+            return self._make(WINDOWS[word], column, bounds, self._formula(PREFIX))
+        if word in {"rise", "fall"}:
+            self._expect("(")
+            operand = self._formula(0)
+            self._expect(")")
+            return self._make(Rise if word == "rise" else Fall, column, operand)
+        if word == "abs":
+            self._expect("(")
+            value = self._expression(0)
+            self._expect(")")
+            return self._make(Absolute, column, value)
+        if word in {"min", "max"}:
+            kind = Minimum if word == "min" else Maximum
+            return self._make(kind, column, self._list(self._expression))
+        if word == "count":
+            return self._count(column)
+        raise MonitorError(
+            f"{word!r} needs something on its left; a channel of this name stands in double quotes",
+            column=column,
+            value=word,
+        )
+
+    def _list(self, read: Callable[[int], _Made]) -> tuple[_Made, ...]:
+        self._expect("(")
+        found = [read(0)]
+        while self._is(","):
+            self._take()
+            found.append(read(0))
+        self._expect(")")
+        return tuple(found)
+
+    def _count(self, column: int) -> Count:
+        operands = self._list(self._formula)
+        sign, number = self._take(), self._peek()
+        if sign.kind != "sign" or sign.text not in _COMPARISONS:
+            raise MonitorError(
+                "a count is compared with a whole number: count(…) >= 2",
+                column=sign.column,
+                value=sign.text,
+            )
+        if number.kind != "number" or number.unit is not None or not number.text.isdigit():
+            raise MonitorError(
+                f"a count is compared with a whole number, not {shown(number.text)}",
+                column=number.column,
+                value=number.text,
+            )
+        self._take()
+        value = int(number.text) if len(number.text) < 10 else 10**9
+        return self._make(Count, column, operands, Comparison(sign.text), value)
+
+    def _constant(self, token: _Token, sign: int) -> Constant:
+        return self._make(Constant, token.column, sign * _number(token), token.unit)
+
+    def _bounds(self) -> Bounds:
+        if not self._is("["):
+            return UNBOUNDED
+        column = self._take().column
+        first = self._time()
+        self._expect(",")
+        if self._is("inf"):
+            self._take()
+            last = None
+            self._expect(")" if self._is(")") else "]")
+        else:
+            last = self._time()
+            self._expect("]")
+        return self._window(first, last, column)
+
+    def _time(self) -> _Token:
+        token = self._take()
+        if token.kind != "number":
+            found = "the end" if token.kind == "end" else shown(token.text)
+            raise MonitorError(
+                f"a window's bound is a time such as 50ms, not {found}",
+                column=token.column,
+                value=token.text,
+            )
+        return token
+
+    def _window(self, first: _Token, last: _Token | None, column: int) -> Bounds:
+        """The bounds in ns; the first one may leave its unit to the last."""
+        unit = first.unit or (last.unit if last is not None else None)
+        a = _nanoseconds(first._replace(unit=unit))
+        b = None if last is None else _nanoseconds(last)
+        if b is not None and a > b:
+            raise MonitorError(
+                f"the window [{a} ns, {b} ns] is reversed: a > b; exchange its bounds",
+                column=column,
+                value=(a, b),
+            )
+        return a, b
+
+
+def _number(token: _Token) -> Fraction:
+    mantissa, _, exponent = token.text.lower().partition("e")
+    if len(mantissa) > _MAX_DIGITS or len(exponent) > 4 or abs(int(exponent or 0)) > _MAX_DIGITS:
+        raise MonitorError(
+            f"{shown(token.text)} has more than {_MAX_DIGITS} digits; shorten it",
+            column=token.column,
+            value=token.text,
+        )
+    return Fraction(token.text)
+
+
+def _nanoseconds(token: _Token) -> int:
+    number = _number(token)
+    if token.unit is None and number == 0:
+        return 0
+    if token.unit not in _NANOSECONDS:
+        raise MonitorError(
+            f"a window's bound needs a unit of time ({', '.join(_NANOSECONDS)}), as in 50ms, not "
+            f"{shown(token.unit or token.text)}",
+            column=token.column,
+            value=token.unit,
+        )
+    time = number * _NANOSECONDS[token.unit]
+    if time.denominator != 1:
+        raise MonitorError(
+            f"{token.text} {token.unit} is no whole number of ns; round it",
+            column=token.column,
+            value=token.text,
+        )
+    return int(time)
