@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from eskin.errors import MonitorError
+from eskin.monitor.checks import Exactness, Horizon, check, horizon, is_exact
+from eskin.monitor.evaluation import evaluate
 from eskin.monitor.formula import (
     Absolute,
     Add,
@@ -33,6 +36,8 @@ from eskin.monitor.formula import (
     channel,
 )
 from eskin.monitor.parser import parse
+from eskin.monitor.signal import Signal
+from eskin.monitor.verdicts import Because, Piece, Verdicts
 
 __all__ = [
     "Absolute",
@@ -40,28 +45,39 @@ __all__ = [
     "Always",
     "And",
     "Atom",
+    "Because",
     "Channel",
     "Comparison",
     "Constant",
     "Count",
     "Divide",
     "Eventually",
+    "Exactness",
     "Expression",
     "Fall",
     "Formula",
     "Historically",
+    "Horizon",
     "Implies",
     "Maximum",
     "Minimum",
+    "MonitorError",
     "Multiply",
     "Negate",
     "Not",
     "Once",
     "Or",
+    "Piece",
     "Rise",
+    "Signal",
     "Since",
     "Subtract",
     "Until",
+    "Verdicts",
     "channel",
+    "check",
+    "evaluate",
+    "horizon",
+    "is_exact",
     "parse",
 ]

@@ -1,0 +1,469 @@
+"""What can be said of a formula before there is data: units, horizons, exactness."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from eskin.errors import MonitorError
+from eskin.interval import Interval
+from eskin.monitor.formula import (
+    MAX_BOUND,
+    Absolute,
+    Add,
+    Atom,
+    Channel,
+    Constant,
+    Count,
+    Divide,
+    Expression,
+    Fall,
+    Formula,
+    Historically,
+    Implies,
+    Minimum,
+    Multiply,
+    Negate,
+    Not,
+    Once,
+    Reach,
+    Rise,
+    Since,
+    Subtract,
+    Until,
+    Window,
+    time_text,
+)
+from eskin.monitor.units import ONE, Unit, known_unit, unit_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from eskin.monitor.formula import Node
+
+
+class Horizon(NamedTuple):
+    """How far from t a formula looks, in ns; ``None`` where it is unbounded.
+
+    Attributes:
+        past: Samples that hold after t - past count.
+        future: Samples that hold before t + future count.
+    """
+
+    past: int | None
+    future: int | None
+
+
+@dataclass(frozen=True)
+class Exactness:
+    """Whether *possible* always means that both answers are possible; true if so.
+
+    It holds where moments are exact, too. Otherwise verdicts are sound, and some that could be
+    certain or impossible are possible.
+
+    Attributes:
+        reasons: Why not; empty if it is exact.
+    """
+
+    reasons: tuple[str, ...]
+
+    def __bool__(self) -> bool:
+        return not self.reasons
+
+
+def check(formula: Formula, units: Mapping[str, str], *, bounded: bool = False) -> Horizon:
+    """Check a formula against the channels that it is to read.
+
+    Args:
+        formula: What to check.
+        units: UCUM code of each channel.
+        bounded: Whether the memory is bounded, as on a node: then all windows must be.
+
+    Returns:
+        How far it looks.
+
+    Raises:
+        MonitorError: A channel is unknown, units do not fit, or a window is unbounded or too long.
+    """
+    for node in formula.walk():
+        if isinstance(node, Channel) and node.name not in units:
+            near = difflib.get_close_matches(node.name, units, n=1)
+            remedy = (
+                f"did you mean {near[0]}?" if near else f"there are {', '.join(units) or 'none'}"
+            )
+            raise MonitorError(
+                f"unknown channel {node.name}; {remedy[:200]}", column=node.column, value=node.name
+            )
+        if isinstance(node, Atom):
+            comparison_of(node, {}, units)
+        if bounded and isinstance(node, Window | Reach) and node.bounds[1] is None:
+            raise MonitorError(
+                f"{type(node).__name__.lower()} has no last bound, and its memory would have none; "
+                "write such as [0,10s]",
+                column=node.column,
+                value=node.bounds,
+            )
+    found = horizon(formula)
+    for each in found:
+        if each is not None and each > MAX_BOUND:
+            raise MonitorError(
+                f"windows together reach {time_text(each)}, beyond {MAX_BOUND} ns; shorten them",
+                value=each,
+            )
+    return found
+
+
+def horizon(formula: Formula) -> Horizon:
+    """How far a formula looks into the past and the future."""
+    return _merged(channel_horizons(formula).values())
+
+
+def channel_horizons(formula: Formula) -> dict[str, Horizon]:
+    """How far a formula looks at each channel."""
+    found: dict[str, list[Horizon]] = {name: [] for name in formula.channels}
+    waiting: list[tuple[Node, float, float]] = [(formula, 0, 0)]  # offsets from t, or infinite
+    seen: set[tuple[int, float, float]] = set()
+    while waiting:
+        node, first, last = waiting.pop()
+        if (id(node), first, last) in seen:
+            continue
+        seen.add((id(node), first, last))
+        if isinstance(node, Channel):
+            past, future = (None if math.isinf(each) else int(each) for each in (-first, last))
+            found[node.name].append(
+                Horizon(
+                    None if past is None else max(past, 0),
+                    None if future is None else max(future, 0),
+                )
+            )
+        elif isinstance(node, Window | Reach):
+            a, b = node.bounds
+            end = math.inf if b is None else b
+            back = isinstance(node, Historically | Once | Since)
+            window = (first - end, last - a) if back else (first + a, last + end)
+            waiting.append((node.parts[-1], *window))
+            if isinstance(node, Since):
+                waiting.append((node.left, first - end, last))
+            elif isinstance(node, Until):
+                waiting.append((node.left, first, last + end))
+        else:
+            waiting.extend((part, first, last) for part in node.parts)
+    return {name: _merged(each) for name, each in found.items()}
+
+
+def _merged(horizons: Iterable[Horizon]) -> Horizon:
+    each = list(horizons)
+    return Horizon(_most([one.past for one in each]), _most([one.future for one in each]))
+
+
+def _most(lengths: list[int | None]) -> int | None:
+    known = [length for length in lengths if length is not None]
+    return max(known, default=0) if len(known) == len(lengths) else None
+
+
+class Quantity(NamedTuple):
+    """An expression's value.
+
+    Attributes:
+        value: The exact number of constants; intervals of channels; ``None`` if not evaluated.
+        unit: ``None`` where it is that of what stands beside it.
+    """
+
+    value: Fraction | Interval | None
+    unit: Unit | None
+
+
+def comparison_of(
+    atom: Atom, columns: Mapping[str, Interval], units: Mapping[str, str]
+) -> tuple[Quantity, Quantity]:
+    """Both sides of a comparison in one unit.
+
+    Args:
+        atom: The comparison.
+        columns: Intervals of each channel, of one shape; a channel without them is not evaluated.
+        units: UCUM code of each channel.
+
+    Raises:
+        MonitorError: Units do not fit each other.
+    """
+    left, right = (_measure(side, columns, units) for side in (atom.left, atom.right))
+    return _alike(left, right, atom)
+
+
+def enclosed(value: Fraction) -> Interval:
+    """The least interval around an exact number."""
+    return Interval(*sides(value))
+
+
+_LARGEST: Final = 1.7976931348623157e308
+
+
+def sides(value: Fraction) -> tuple[float, float]:
+    """The greatest float not above an exact number, and the least not below; infinite beyond."""
+    try:
+        near = float(value)
+    except OverflowError:
+        return (_LARGEST, math.inf) if value > 0 else (-math.inf, -_LARGEST)
+    exact = Fraction(near)
+    below = near if exact <= value else math.nextafter(near, -math.inf)
+    above = near if exact >= value else math.nextafter(near, math.inf)
+    return below, above
+
+
+def as_interval(value: Fraction | Interval | None) -> Interval:
+    """A value as intervals."""
+    assert value is not None  # noqa: S101 - evaluated by the caller
+    return enclosed(value) if isinstance(value, Fraction) else value
+
+
+def _measure(
+    node: Expression, columns: Mapping[str, Interval], units: Mapping[str, str]
+) -> Quantity:
+    """Evaluate an expression; units are checked in the same walk."""
+    if isinstance(node, Channel):
+        return Quantity(columns.get(node.name), unit_of(units[node.name]))
+    if isinstance(node, Constant):
+        return Quantity(node.value, _constant_unit(node))
+    parts = [_measure(part, columns, units) for part in node.parts if isinstance(part, Expression)]
+    if isinstance(node, Negate | Absolute):
+        value, unit = parts[0]
+        _require_ratio(node, unit)
+        if value is None:
+            return parts[0]
+        return Quantity(-value if isinstance(node, Negate) else abs(value), unit)
+    if isinstance(node, Multiply | Divide):
+        return _product(node, *parts)
+    if isinstance(node, Add | Subtract):
+        return _sum(node, *parts)
+    found = parts[0]
+    for part in parts[1:]:
+        one, other = _alike(found, part, node)
+        found = Quantity(_extreme(node, one.value, other.value), one.unit or other.unit)
+    return found
+
+
+def _extreme(
+    node: Expression, one: Fraction | Interval | None, other: Fraction | Interval | None
+) -> Fraction | Interval | None:
+    if one is None or other is None:
+        return None
+    least = isinstance(node, Minimum)
+    if isinstance(one, Fraction) and isinstance(other, Fraction):
+        return min(one, other) if least else max(one, other)
+    x, y = as_interval(one), as_interval(other)
+    return x.lesser(y) if least else x.greater(y)
+
+
+def _product(node: Multiply | Divide, one: Quantity, other: Quantity) -> Quantity:
+    for unit in (one.unit, other.unit):
+        _require_ratio(node, unit)
+    power = 1 if isinstance(node, Multiply) else -1
+    unit = (one.unit or ONE).times(other.unit or ONE, power)
+    if one.unit is None and other.unit is None:
+        unit = None  # type: ignore[assignment]  # two plain numbers
+    x, y = one.value, other.value
+    if isinstance(y, Fraction) and y == 0 and power < 0:
+        raise MonitorError("a division by 0; correct the constant", column=node.column, value=0)
+    if x is None or y is None:
+        return Quantity(None, unit)
+    if isinstance(x, Fraction) and isinstance(y, Fraction):
+        return Quantity(x * y if power > 0 else x / y, unit)
+    left, right = as_interval(x), as_interval(y)
+    if power > 0:
+        return Quantity(left * right, unit)
+    quotient = left / right
+    holds_zero = (right.inf <= 0.0) & (right.sup >= 0.0)
+    return Quantity(Interval.where(holds_zero, Interval.entire(), quotient), unit)
+
+
+def _sum(node: Add | Subtract, one: Quantity, other: Quantity) -> Quantity:
+    minus = isinstance(node, Subtract)
+    u, v = one.unit, other.unit
+    offsets = [unit is not None and unit.offset != 0 for unit in (u, v)]
+    unit: Unit | None
+    if offsets == [True, True]:
+        if not minus:
+            raise MonitorError(
+                "two temperatures in Cel do not add; add a difference in K",
+                column=node.column,
+                value=str(node),
+            )
+        x, y = _alike(one, other, node)
+        unit = x.unit.difference if x.unit else None
+    elif any(offsets):
+        if offsets[1] and minus:
+            raise MonitorError(
+                "a temperature in Cel is subtracted from none; exchange them, or use K",
+                column=node.column,
+                value=str(node),
+            )
+        whole = u if offsets[0] else v
+        assert whole is not None  # noqa: S101 - it has an offset
+        x = one if offsets[0] else _converted(one, whole.difference, node)
+        y = other if offsets[1] else _converted(other, whole.difference, node)
+        unit = whole
+    else:
+        x, y = _alike(one, other, node)
+        unit = x.unit or y.unit
+    if x.value is None or y.value is None:
+        return Quantity(None, unit)
+    if isinstance(x.value, Fraction) and isinstance(y.value, Fraction):
+        return Quantity(x.value - y.value if minus else x.value + y.value, unit)
+    left, right = as_interval(x.value), as_interval(y.value)
+    return Quantity(left - right if minus else left + right, unit)
+
+
+def _require_ratio(node: Expression, unit: Unit | None) -> None:
+    if unit is not None and unit.offset != 0:
+        raise MonitorError(
+            f"{node} has no meaning for a temperature in Cel; take a difference, or use K",
+            column=node.column,
+            value=str(node),
+        )
+
+
+def _constant_unit(node: Constant) -> Unit | None:
+    if node.unit is None:
+        return None
+    unit = known_unit(node.unit)
+    if unit is None:
+        raise MonitorError(
+            f"unknown unit {node.unit}; use UCUM codes of SI units, such as kPa, m/s2, Cel or 1",
+            column=node.column,
+            value=node.unit,
+        )
+    return unit
+
+
+def _alike(one: Quantity, other: Quantity, node: Node) -> tuple[Quantity, Quantity]:
+    """Two quantities in one unit; a constant is converted rather than a channel, as it is exact."""
+    if one.unit is None or other.unit is None or one.unit == other.unit:
+        return one, other
+    if isinstance(one.value, Fraction):
+        return _converted(one, other.unit, node), other
+    return one, _converted(other, one.unit, node)
+
+
+def _converted(given: Quantity, unit: Unit, node: Node) -> Quantity:
+    value, own = given
+    if own is None or own == unit:
+        return Quantity(value, unit)
+    if own.dimension != unit.dimension:
+        shown = [_unit_text(each) for each in (own, unit)]
+        raise MonitorError(
+            f"units do not fit in {node}: {shown[0]} is not {shown[1]}; correct one of them",
+            column=node.column,
+            value=str(node),
+        )
+    ratio = own.scale / unit.scale
+    offset = (own.offset - unit.offset) / unit.scale
+    if value is None:
+        return Quantity(None, unit)
+    if isinstance(value, Fraction):
+        return Quantity(value * ratio + offset, unit)
+    moved = value if ratio == 1 else value * enclosed(ratio)
+    return Quantity(moved if offset == 0 else moved + enclosed(offset), unit)
+
+
+def _unit_text(unit: Unit) -> str:
+    powers = [f"{name}{power if power != 1 else ''}" for name, power in unit.dimension]
+    return ".".join(powers) or "1"
+
+
+def is_exact(formula: Formula) -> Exactness:
+    """Whether the three verdicts of a formula are exact, where moments are.
+
+    They are if each expression is exact in floats, and each channel occurs in one direction only:
+    then one choice of all values makes every comparison true at once that can be true.
+    """
+    reasons: list[str] = []
+    directions: dict[str, set[int]] = {}
+    owners: dict[str, set[Atom]] = {}
+    for atom, sign in _polarities(formula):
+        reasons += _atom_reasons(atom)
+        for name, direction in _directions(atom).items():
+            directions.setdefault(name, set()).add(direction * sign)
+            owners.setdefault(name, set()).add(atom)
+    for name, found in directions.items():
+        mixed = found == {1, -1} or (0 in found and len(owners[name]) > 1)
+        joint = 0 in found and any(len(atom.channels) > 1 for atom in owners[name])
+        if mixed or joint or _both_ways(formula, name, found):
+            reasons.append(f"{name} occurs in both directions")
+    return Exactness(tuple(dict.fromkeys(reasons)))
+
+
+def _both_ways(formula: Formula, name: str, found: set[int]) -> bool:
+    """Whether the only comparison of a channel, with no direction, occurs in both polarities."""
+    if 0 not in found:
+        return False
+    signs = {sign for atom, sign in _polarities(formula) if name in atom.channels}
+    return len(signs) > 1
+
+
+def _polarities(formula: Formula) -> list[tuple[Atom, int]]:
+    """Each comparison with the signs in which it counts: 1, and -1 below a negation."""
+    found: dict[tuple[Atom, int], None] = {}
+    waiting: list[tuple[Node, int]] = [(formula, 1)]
+    seen: set[tuple[int, int]] = set()
+    while waiting:
+        node, sign = waiting.pop()
+        if (id(node), sign) in seen:
+            continue
+        seen.add((id(node), sign))
+        if isinstance(node, Atom):
+            found[node, sign] = None
+        elif isinstance(node, Not):
+            waiting.append((node.operand, -sign))
+        elif isinstance(node, Implies):
+            waiting += [(node.left, -sign), (node.right, sign)]
+        elif isinstance(node, Rise | Fall):
+            waiting += [(node.operand, 1), (node.operand, -1)]
+        elif isinstance(node, Count) and not node.comparison.upward:
+            waiting += [(part, -sign) for part in node.parts]
+        else:
+            waiting += [(part, sign) for part in node.parts]
+    return list(found)
+
+
+def _atom_reasons(atom: Atom) -> list[str]:
+    used = [node.name for node in atom.walk() if isinstance(node, Channel)]
+    reasons = [
+        f"{name} occurs twice in {atom}" for name in dict.fromkeys(used) if used.count(name) > 1
+    ]
+    for node in atom.walk():
+        if isinstance(node, Add | Subtract | Multiply | Divide) and node.channels:
+            reasons.append(f"{node} is rounded outward")
+    return reasons
+
+
+def _directions(atom: Atom) -> dict[str, int]:
+    """1 where a greater value of a channel helps a comparison, -1 where a less one does, else 0."""
+    left, right = _slopes(atom.left), _slopes(atom.right)
+    sign = 1 if atom.comparison.upward else -1
+    found = {name: slope * sign for name, slope in left.items()}
+    for name, slope in right.items():
+        found[name] = _joined(found.get(name), -slope * sign)
+    return found
+
+
+def _joined(one: int | None, other: int) -> int:
+    return other if one is None or one == other else 0
+
+
+def _slopes(node: Expression) -> dict[str, int]:
+    if isinstance(node, Channel):
+        return {node.name: 1}
+    parts = [_slopes(part) for part in node.parts if isinstance(part, Expression)]
+    if isinstance(node, Negate):
+        return {name: -slope for name, slope in parts[0].items()}
+    if isinstance(node, Absolute | Multiply | Divide):
+        return dict.fromkeys((name for part in parts for name in part), 0)
+    found: dict[str, int] = {}
+    for index, part in enumerate(parts):
+        flip = -1 if index and isinstance(node, Subtract) else 1
+        for name, slope in part.items():
+            found[name] = _joined(found.get(name), flip * slope)
+    return found

@@ -1,0 +1,218 @@
+"""Evaluate a formula over recorded signals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from eskin.monitor.atoms import GAP, KNOWN, candidates
+from eskin.monitor.checks import check
+from eskin.monitor.formula import (
+    Always,
+    And,
+    Atom,
+    Comparison,
+    Count,
+    Eventually,
+    Fall,
+    Historically,
+    Implies,
+    Not,
+    Once,
+    Or,
+    Rise,
+    Since,
+    Until,
+)
+from eskin.monitor.runs import END, Runs, at_least
+from eskin.monitor.signal import Signal, held_samples
+from eskin.monitor.verdicts import Verdicts
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from eskin.monitor.atoms import Candidates
+    from eskin.monitor.formula import Formula
+    from eskin.monitor.signal import HeldSamples
+    from eskin.tube import Tube
+
+Pair: TypeAlias = "tuple[Runs, Runs]"
+"""Where a formula is true for certain, and where it may be true."""
+
+
+def evaluate(formula: Formula, signals: Mapping[str, Signal | Tube]) -> Verdicts:
+    """Evaluate a formula at all times.
+
+    Args:
+        formula: What to evaluate.
+        signals: Each channel's samples; a tube is read as `Signal.from_tube` does.
+
+    Raises:
+        MonitorError: The formula does not fit the signals: see `check`.
+    """
+    read = {
+        name: each if isinstance(each, Signal) else Signal.from_tube(each)
+        for name, each in signals.items()
+    }
+    check(formula, {name: each.unit for name, each in read.items()})
+    return Verdicts(Evaluation(formula, read))
+
+
+class Evaluation:
+    """A formula with what its atoms are made of.
+
+    Attributes:
+        formula: What is evaluated.
+        signals: The channels that it reads.
+        held: When each of their samples may hold.
+    """
+
+    def __init__(self, formula: Formula, signals: Mapping[str, Signal]) -> None:
+        self.formula = formula
+        self.signals = {name: signals[name] for name in sorted(formula.channels)}
+        self.held: dict[str, HeldSamples] = {
+            name: held_samples(each) for name, each in self.signals.items()
+        }
+        self._atoms: dict[Atom, Candidates] = {
+            node: candidates(node, self.signals, self.held)
+            for node in dict.fromkeys(formula.walk())
+            if isinstance(node, Atom)
+        }
+
+    def verdicts(self, formula: Formula | None = None) -> Pair:
+        """Where the formula, or a part of it, is certain, and where it is not impossible."""
+        return self._walk(formula or self.formula, _verdict)
+
+    def explained_by(self, cause: int) -> Pair:
+        """Where it fails not, and where it holds, for some choice that a cause leaves open.
+
+        Args:
+            cause: 0 for the widths of intervals, 1 for moments, too, 2 for gaps, too.
+        """
+        return self._walk(self.formula, _EXPLAINED[cause])
+
+    def whatever_comes(self) -> Pair:
+        """Where it is certain, and not impossible, if nothing is known from the frontier on."""
+
+        def pair(atom: Candidates) -> Pair:
+            certain, possible = _verdict(atom)
+            later = Runs.between(atom.frontier, END)
+            return certain & ~later, possible | later
+
+        return self._walk(self.formula, pair)
+
+    def whatever_the_best(self) -> Pair:
+        """Where it may fail not, and may hold, by what is before the frontier alone."""
+
+        def pair(atom: Candidates) -> Pair:
+            certain, possible = _verdict(atom)
+            later = Runs.between(atom.frontier, END)
+            return certain | later, possible & ~later
+
+        return self._walk(self.formula, pair)
+
+    def differences(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        """All values that a robustness can have, ascending."""
+        found = [np.array([-np.inf, np.inf])]
+        for atom in self._atoms.values():
+            for side in (atom.difference.inf, atom.difference.sup):
+                found += [side, -side]
+        return np.unique(np.concatenate(found))
+
+    def at_least(self, value: float, *, upper: bool) -> Runs:
+        """Where the robustness reaches a value: for all choices of values, or for some."""
+
+        def some(atom: Candidates) -> Pair:
+            return (
+                ~atom.where(atom.difference.inf <= -value),
+                atom.where(atom.difference.sup >= value),
+            )
+
+        def every(atom: Candidates) -> Pair:
+            return (
+                atom.where(atom.difference.sup > -value),
+                ~atom.where(atom.difference.inf < value),
+            )
+
+        return self._walk(self.formula, some if upper else every)[1]
+
+    def _walk(self, formula: Formula, pair: Callable[[Candidates], Pair]) -> Pair:
+        known: dict[int, Pair] = {}
+        atoms: dict[Atom, Pair] = {}
+
+        def visit(node: Formula) -> Pair:
+            if isinstance(node, Atom):
+                if node not in atoms:
+                    atoms[node] = pair(self._atoms[node])
+                return atoms[node]
+            found = known.get(id(node))
+            if found is None:
+                parts = [visit(part) for part in node.parts]  # type: ignore[arg-type]  # formulas
+                found = known[id(node)] = _combined(node, parts)
+            return found
+
+        return visit(formula)
+
+
+def _verdict(atom: Candidates) -> Pair:
+    return ~atom.where(~atom.certain), atom.where(atom.possible)
+
+
+def _by_width(atom: Candidates) -> Pair:
+    """Each candidate is a sample, and leaves it open by its width alone."""
+    known = _decided(atom)
+    return atom.where(~known | atom.certain), ~atom.where(~(known & atom.possible))
+
+
+def _by_moment(atom: Candidates) -> Pair:
+    """Some candidate is a sample that leaves it open, or several that differ."""
+    known = _decided(atom)
+    return ~atom.where(known & ~atom.certain), atom.where(known & atom.possible)
+
+
+def _by_gap(atom: Candidates) -> Pair:
+    known = _decided(atom) | (atom.kind == GAP)
+    return ~atom.where(known & ~atom.certain), atom.where(known & atom.possible)
+
+
+def _decided(atom: Candidates) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Candidates that need no unknown value: of samples, or decided by any value."""
+    return (atom.kind == KNOWN) | atom.certain | ~atom.possible
+
+
+_EXPLAINED = (_by_width, _by_moment, _by_gap)
+
+
+def _combined(node: Formula, parts: list[Pair]) -> Pair:  # noqa: C901, PLR0911 - a line a kind
+    """An operator, on what is certain and on what is possible; a negation exchanges them."""
+    lower, upper = [pair[0] for pair in parts], [pair[1] for pair in parts]
+    if isinstance(node, Not):
+        return ~upper[0], ~lower[0]
+    if isinstance(node, And):
+        return at_least(lower, len(parts)), at_least(upper, len(parts))
+    if isinstance(node, Or):
+        return at_least(lower, 1), at_least(upper, 1)
+    if isinstance(node, Implies):
+        return ~upper[0] | lower[1], ~lower[0] | upper[1]
+    if isinstance(node, Always):
+        return lower[0].always(*node.bounds), upper[0].always(*node.bounds)
+    if isinstance(node, Eventually):
+        return lower[0].eventually(*node.bounds), upper[0].eventually(*node.bounds)
+    if isinstance(node, Historically):
+        return lower[0].historically(*node.bounds), upper[0].historically(*node.bounds)
+    if isinstance(node, Once):
+        return lower[0].once(*node.bounds), upper[0].once(*node.bounds)
+    if isinstance(node, Until):
+        return lower[0].until(lower[1], *node.bounds), upper[0].until(upper[1], *node.bounds)
+    if isinstance(node, Since):
+        return lower[0].since(lower[1], *node.bounds), upper[0].since(upper[1], *node.bounds)
+    if isinstance(node, Rise):
+        return lower[0] & (~upper[0]).just_before(), upper[0] & (~lower[0]).just_before()
+    if isinstance(node, Fall):
+        return ~upper[0] & lower[0].just_before(), ~lower[0] & upper[0].just_before()
+    assert isinstance(node, Count)  # noqa: S101 - there is no other
+    least = node.number + (node.comparison in {Comparison.GREATER, Comparison.LESS_EQUAL})
+    if node.comparison.upward:
+        return at_least(lower, least), at_least(upper, least)
+    return ~at_least(upper, least), ~at_least(lower, least)
