@@ -88,15 +88,8 @@ def check(formula: Formula, units: Mapping[str, str], *, bounded: bool = False) 
     Raises:
         MonitorError: A channel is unknown, units do not fit, or a window is unbounded or too long.
     """
+    _require_known(formula, units)
     for node in formula.walk():
-        if isinstance(node, Channel) and node.name not in units:
-            near = difflib.get_close_matches(node.name, units, n=1)
-            remedy = (
-                f"did you mean {near[0]}?" if near else f"there are {', '.join(units) or 'none'}"
-            )
-            raise MonitorError(
-                f"unknown channel {node.name}; {remedy[:200]}", column=node.column, value=node.name
-            )
         if isinstance(node, Atom):
             comparison_of(node, {}, units)
         if bounded and isinstance(node, Window | Reach) and node.bounds[1] is None:
@@ -114,6 +107,18 @@ def check(formula: Formula, units: Mapping[str, str], *, bounded: bool = False) 
                 value=each,
             )
     return found
+
+
+def _require_known(formula: Formula, units: Mapping[str, str]) -> None:
+    for node in formula.walk():
+        if isinstance(node, Channel) and node.name not in units:
+            near = difflib.get_close_matches(node.name, units, n=1)
+            remedy = (
+                f"did you mean {near[0]}?" if near else f"there are {', '.join(units) or 'none'}"
+            )
+            raise MonitorError(
+                f"unknown channel {node.name}; {remedy[:200]}", column=node.column, value=node.name
+            )
 
 
 def horizon(formula: Formula) -> Horizon:

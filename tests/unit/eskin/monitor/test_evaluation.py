@@ -45,7 +45,7 @@ def some_world(samples: list[Sample], chance: random.Random) -> tuple[list[Fract
 TIMES = [Fraction(half, 2) for half in range(-8, 50)]
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(FORMULAS, samples(exact=False), samples(exact=False), st.integers(0, 2**32))
 def test_no_truth_contradicts_a_verdict(
     formula: Formula, p: list[Sample], q: list[Sample], seed: int
@@ -72,7 +72,7 @@ def verdict_at(found: object, t: Fraction) -> Verdict:
     return Verdict(int(found._codes(np.asarray(int(2 * t)))))
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(FORMULAS, samples(exact=True), samples(exact=True))
 def test_exact_formulas_have_a_witness_of_both(
     formula: Formula, p: list[Sample], q: list[Sample]

@@ -40,7 +40,7 @@ from eskin.monitor import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-FAR = 40
+FAR = 20
 """ns: a window without end is cut there, where nothing changes any more."""
 
 
