@@ -35,6 +35,7 @@ from eskin.monitor.formula import (
     Until,
     channel,
 )
+from eskin.monitor.online import Monitor
 from eskin.monitor.parser import parse
 from eskin.monitor.signal import Signal
 from eskin.monitor.verdicts import Because, Piece, Verdicts
@@ -61,6 +62,7 @@ __all__ = [
     "Implies",
     "Maximum",
     "Minimum",
+    "Monitor",
     "MonitorError",
     "Multiply",
     "Negate",

@@ -186,18 +186,32 @@ class Verdicts:
         found = int(instants[0]) if instants.size else int(seen.first[0])
         return max(found, -2 * MAX_MOMENT) // 2
 
-    def __iter__(self) -> Iterator[Piece]:
-        ends = np.append(self.ticks[1:] - 1, END)
-        for first, last, code in zip(
-            self.ticks.tolist(), ends.tolist(), self.codes.tolist(), strict=True
+    def pieces(self, first: int = -END, last: int = END) -> Iterator[Piece]:
+        """The pieces in order, or what of them lies between two ticks."""
+        begin = int(np.searchsorted(self.ticks, first, side="right")) - 1
+        end = int(np.searchsorted(self.ticks, last, side="right"))
+        starts = np.maximum(self.ticks[begin:end], first)
+        ends = np.minimum(np.append(self.ticks[1:] - 1, END)[begin:end], last)
+        for start, stop, code in zip(
+            starts.tolist(), ends.tolist(), self.codes[begin:end].tolist(), strict=True
         ):
             yield Piece(
-                None if first == -END else first // 2,
-                first % 2 == 0,
-                None if last == END else (last + 1) // 2,
-                last % 2 == 0,
+                None if start == -END else start // 2,
+                start % 2 == 0,
+                None if stop == END else (stop + 1) // 2,
+                stop % 2 == 0,
                 Verdict(code),
             )
+
+    def __iter__(self) -> Iterator[Piece]:
+        return self.pieces()
+
+    def final_until(self, tick: int) -> int | None:
+        """The last tick up to which all is final from a given one on; ``None`` if that one is not."""
+        at = int(np.searchsorted(self._final.first, tick, side="right")) - 1
+        if at < 0 or self._final.last[at] < tick:
+            return None
+        return int(self._final.last[at])
 
     def __len__(self) -> int:
         return self.ticks.size
