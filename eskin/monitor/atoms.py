@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from eskin.monitor.runs import Ticks
     from eskin.monitor.signal import HeldSamples, Signal
 
+    _Cells = tuple[Ticks, Ticks, list[NDArray[np.int64]], NDArray[np.int8]]
+
 KNOWN, GAP, PENDING = range(3)
 """What a value is that may hold: that of a sample, any in a gap, any of a later sample."""
 
@@ -95,7 +97,7 @@ def candidates(
     )
 
 
-def _of_one(held: HeldSamples) -> tuple[Ticks, Ticks, list[NDArray[np.int64]], NDArray[np.int8]]:
+def _of_one(held: HeldSamples) -> _Cells:
     parts = (held, held.gaps, held.pending)
     sizes = [part.first.size for part in parts]
     choice = np.append(np.arange(sizes[0]), np.full(sizes[1] + sizes[2], -1))
@@ -107,10 +109,8 @@ def _of_one(held: HeldSamples) -> tuple[Ticks, Ticks, list[NDArray[np.int64]], N
     )
 
 
-def _of_several(
-    held: list[HeldSamples],
-) -> tuple[Ticks, Ticks, list[NDArray[np.int64]], NDArray[np.int8]]:
-    """Cut time where any candidate of any channel begins or ends; in each cell, all combinations."""
+def _of_several(held: list[HeldSamples]) -> _Cells:
+    """Cut time where a candidate of a channel begins or ends; in each cell, all combinations."""
     edges = [np.array([-END])]
     for each in held:
         for part in (each, each.gaps, each.pending):
@@ -142,7 +142,7 @@ def _of_several(
     return first[cell], last[cell], choices, kind
 
 
-def _judge(
+def _judge(  # noqa: PLR0911 - a line for each kind of sides
     left: Fraction | Interval | None, comparison: Comparison, right: Fraction | Interval | None
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Whether a comparison is true for all values, and for some.

@@ -224,7 +224,7 @@ def as_interval(value: Fraction | Interval | None) -> Interval:
     return enclosed(value) if isinstance(value, Fraction) else value
 
 
-def _measure(
+def _measure(  # noqa: PLR0911 - a line for each kind of expression
     node: Expression, columns: Mapping[str, Interval], units: Mapping[str, str]
 ) -> Quantity:
     """Evaluate an expression; units are checked in the same walk."""
@@ -238,7 +238,9 @@ def _measure(
         _require_ratio(node, unit)
         if value is None:
             return parts[0]
-        return Quantity(-value if isinstance(node, Negate) else abs(value), unit)
+        if isinstance(node, Negate):
+            return Quantity(-value, unit)
+        return Quantity(max(value, -value) if isinstance(value, Fraction) else abs(value), unit)
     if isinstance(node, Multiply | Divide):
         return _product(node, *parts)
     if isinstance(node, Add | Subtract):
@@ -263,12 +265,11 @@ def _extreme(
 
 
 def _product(node: Multiply | Divide, one: Quantity, other: Quantity) -> Quantity:
-    for unit in (one.unit, other.unit):
-        _require_ratio(node, unit)
+    for part in (one, other):
+        _require_ratio(node, part.unit)
     power = 1 if isinstance(node, Multiply) else -1
-    unit = (one.unit or ONE).times(other.unit or ONE, power)
-    if one.unit is None and other.unit is None:
-        unit = None  # type: ignore[assignment]  # two plain numbers
+    plain = one.unit is None and other.unit is None
+    unit = None if plain else (one.unit or ONE).times(other.unit or ONE, power)
     x, y = one.value, other.value
     if isinstance(y, Fraction) and y == 0 and power < 0:
         raise MonitorError("a division by 0; correct the constant", column=node.column, value=0)
@@ -279,9 +280,8 @@ def _product(node: Multiply | Divide, one: Quantity, other: Quantity) -> Quantit
     left, right = as_interval(x), as_interval(y)
     if power > 0:
         return Quantity(left * right, unit)
-    quotient = left / right
     holds_zero = (right.inf <= 0.0) & (right.sup >= 0.0)
-    return Quantity(Interval.where(holds_zero, Interval.entire(), quotient), unit)
+    return Quantity(Interval.where(holds_zero, Interval.entire(), left / right), unit)
 
 
 def _sum(node: Add | Subtract, one: Quantity, other: Quantity) -> Quantity:
@@ -438,10 +438,12 @@ def _atom_reasons(atom: Atom) -> list[str]:
     reasons = [
         f"{name} occurs twice in {atom}" for name in dict.fromkeys(used) if used.count(name) > 1
     ]
-    for node in atom.walk():
-        if isinstance(node, Add | Subtract | Multiply | Divide) and node.channels:
-            reasons.append(f"{node} is rounded outward")
-    return reasons
+    rounded = Add | Subtract | Multiply | Divide
+    return reasons + [
+        f"{node} is rounded outward"
+        for node in atom.walk()
+        if isinstance(node, rounded) and node.channels
+    ]
 
 
 def _directions(atom: Atom) -> dict[str, int]:

@@ -32,6 +32,8 @@ from eskin.monitor.verdicts import Verdicts
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from numpy.typing import NDArray
+
     from eskin.monitor.atoms import Candidates
     from eskin.monitor.formula import Formula
     from eskin.monitor.signal import HeldSamples
@@ -82,7 +84,7 @@ class Evaluation:
 
     def verdicts(self, formula: Formula | None = None) -> Pair:
         """Where the formula, or a part of it, is certain, and where it is not impossible."""
-        return self._walk(formula or self.formula, _verdict)
+        return self._walk(self.formula if formula is None else formula, _verdict)
 
     def explained_by(self, cause: int) -> Pair:
         """Where it fails not, and where it holds, for some choice that a cause leaves open.
@@ -112,7 +114,7 @@ class Evaluation:
 
         return self._walk(self.formula, pair)
 
-    def differences(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    def differences(self) -> NDArray[np.float64]:
         """All values that a robustness can have, ascending."""
         found = [np.array([-np.inf, np.inf])]
         for atom in self._atoms.values():
@@ -176,15 +178,15 @@ def _by_gap(atom: Candidates) -> Pair:
     return ~atom.where(known & ~atom.certain), atom.where(known & atom.possible)
 
 
-def _decided(atom: Candidates) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _decided(atom: Candidates) -> NDArray[np.bool_]:
     """Candidates that need no unknown value: of samples, or decided by any value."""
-    return (atom.kind == KNOWN) | atom.certain | ~atom.possible
+    return np.asarray((atom.kind == KNOWN) | atom.certain | ~atom.possible)
 
 
 _EXPLAINED = (_by_width, _by_moment, _by_gap)
 
 
-def _combined(node: Formula, parts: list[Pair]) -> Pair:  # noqa: C901, PLR0911 - a line a kind
+def _combined(node: Formula, parts: list[Pair]) -> Pair:  # noqa: C901, PLR0911, PLR0912 - a line a kind
     """An operator, on what is certain and on what is possible; a negation exchanges them."""
     lower, upper = [pair[0] for pair in parts], [pair[1] for pair in parts]
     if isinstance(node, Not):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,15 +18,13 @@ if TYPE_CHECKING:
 
     from eskin.monitor.formula import Formula
 
-_NONE: Final = np.empty(0, np.int64)
-
 
 class Monitor:
     """A formula over channels whose samples arrive one by one.
 
-    Push samples, and `take` what is decided for good now and then: an evaluation costs some 100 µs
-    for each operator, and little more for a thousand samples than for one. `verdicts` is the view at
-    this moment, also of what is still open. Samples that no open verdict needs are dropped.
+    Push samples, and now and then `take` what is decided for good: that costs little more for a
+    thousand new samples than for one. `verdicts` is the view at this moment, also of what is still
+    open. Samples that no open verdict needs are dropped.
 
     Args:
         formula: All its windows must be bounded.
@@ -59,7 +57,7 @@ class Monitor:
         self._settled = -END  # the first tick whose verdict was not taken
         self._view: Verdicts | None = None
 
-    def push(  # noqa: PLR0913 - a sample
+    def push(
         self, channel: str, earliest: int, latest: int, lo: float, hi: float, *, period: int
     ) -> None:
         """Add the next sample of a channel, with its moment's enclosure in ns.
@@ -78,15 +76,37 @@ class Monitor:
             each.push(earliest, latest, lo, hi, period)
         self._view = None
 
-    def gap(self, channel: str) -> None:
-        """State that samples are missing after the last one of a channel."""
-        self._channel(channel).gap()
-        self._view = None
+    def gap(self, channel: str, until: int | None = None) -> None:
+        """State that samples are missing after the last one of a channel.
+
+        Args:
+            channel: Which one.
+            until: No sample is there before this instant in ns; ``None`` where that is not known.
+
+        Raises:
+            MonitorError: The sample was said to be held for longer.
+        """
+        each = self._channel(channel)
+        if each.until is not None and each.gaps and not each.gaps[-1]:
+            raise MonitorError(
+                f"the last sample of {channel} is held until {each.until} ns; push one first",
+                value=each.until,
+            )
+        each.gap()
+        self._wait(each, until)
 
     def hold(self, channel: str, until: int) -> None:
-        """State that the next sample of a channel is not before an instant in ns."""
-        each = self._channel(channel)
-        each.until = until if each.until is None else max(each.until, until)
+        """State that the last sample of a channel is held: no other, and no gap, before an instant.
+
+        Args:
+            channel: Which one.
+            until: The instant in ns.
+        """
+        self._wait(self._channel(channel), until)
+
+    def _wait(self, channel: _Channel, until: int | None) -> None:
+        if until is not None:
+            channel.until = until if channel.until is None else max(channel.until, until)
         self._view = None
 
     @property
@@ -163,15 +183,14 @@ class _Channel:
             self.gaps[-1] = True
 
     def signal(self) -> Signal:
-        if not self.samples:
-            columns = [_NONE] * 5
-        else:
-            times = np.array([each[:2] for each in self.samples], np.int64)
-            rest = np.array([each[2:4] for each in self.samples], np.float64)
-            periods = np.array([each[4] for each in self.samples], np.int64)
-            columns = [times[:, 0], times[:, 1], rest[:, 0], rest[:, 1], periods]
+        times = np.array([each[:2] for each in self.samples], np.int64).reshape(-1, 2)
+        values = np.array([each[2:4] for each in self.samples], np.float64).reshape(-1, 2)
         return Signal(
-            *columns,
+            times[:, 0],
+            times[:, 1],
+            values[:, 0],
+            values[:, 1],
+            np.array([each[4] for each in self.samples], np.int64),
             np.array(self.gaps, bool),
             unit=self._unit,
             coverage=self._coverage,

@@ -121,7 +121,7 @@ class Runs:
 
     def since(self, other: Runs, a: int, b: int | None) -> Runs:
         """This set since another: `until` with time reversed, which keeps instants instants."""
-        return self._mirrored().until(other._mirrored(), a, b)._mirrored()
+        return self.mirrored().until(other.mirrored(), a, b).mirrored()
 
     def just_before(self) -> Runs:
         """Ticks just before whose moments the set holds: on some (t - ε, t)."""
@@ -129,7 +129,8 @@ class Runs:
         first = self.first | 1
         return Runs.of(first, np.where(first > last, first - 1, _shifted(last, 1)))
 
-    def _mirrored(self) -> Runs:
+    def mirrored(self) -> Runs:
+        """The set with time reversed about 1970."""
         return Runs(-self.last[::-1], -self.first[::-1])
 
 

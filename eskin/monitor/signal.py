@@ -27,8 +27,9 @@ class Signal:
     """Interval samples at uncertain moments, each held until the next one.
 
     The value is x_k in ``[lo[k], hi[k]]`` from the moment t_k in ``[earliest[k], latest[k]]`` until
-    the next moment. Moments keep their order; of equal ones the last counts. Before a gap x_k is held for one period. Elsewhere any value is
-    possible: before the first sample, in the rest of a gap, and after the moment of the last one.
+    the next moment. Moments keep their order; of equal ones the last counts. Before a gap x_k is
+    held for one period. Elsewhere any value is possible: before the first sample, in the rest of a
+    gap, and after the moment of the last sample.
 
     Args:
         earliest, latest: Whole ns, int64, shape ``(n,)``.
@@ -102,7 +103,7 @@ class Signal:
         known = np.isfinite(lo) | np.isfinite(hi)
         kept = np.flatnonzero(known)
         moved = kept * np.int64(tube.dt)
-        gap = np.append(~known[1:], False)[kept]  # noqa: FBT003 - an item of the array
+        gap = np.append(~known[1:], False)[kept]
         return cls(
             tube.time[0] + moved,
             tube.time[1] + moved,

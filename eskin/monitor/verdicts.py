@@ -76,8 +76,8 @@ class Verdicts:
         for runs in (self._certain, self._possible):
             edges += [runs.first, runs.last[runs.last != END] + 1]
         ticks: Ticks = np.unique(np.concatenate(edges))
-        codes = self._codes(ticks)
-        kept = np.append(True, codes[1:] != codes[:-1])  # noqa: FBT003 - an item of the array
+        codes = self.codes_at_ticks(ticks)
+        kept = np.append(True, codes[1:] != codes[:-1])
         self.ticks, self.codes = ticks[kept], codes[kept]
 
     @property
@@ -91,7 +91,7 @@ class Verdicts:
 
     def codes_at(self, times: ArrayLike) -> NDArray[np.int8]:
         """`Verdict` at each of some instants in ns."""
-        return self._codes(_ticks(times))
+        return self.codes_at_ticks(_ticks(times))
 
     def final(self, t: int) -> bool:
         """Whether no later sample can change the verdict at an instant in ns."""
@@ -162,8 +162,8 @@ class Verdicts:
         """An instant in ns that proves the verdict at t.
 
         Of a certain ``eventually`` or ``once`` an instant at which the operand is certain, of an
-        impossible ``always`` or ``historically`` one at which it is impossible; the first one. Where
-        the operand is decided only between two instants, the earlier one of them.
+        impossible ``always`` or ``historically`` one at which it is impossible; the first one.
+        Where the operand is decided only between two instants, the earlier one of them.
 
         Returns:
             ``None`` where no single instant proves it.
@@ -184,7 +184,7 @@ class Verdicts:
         whole = seen.first + seen.first % 2  # the first instant of each run, if it has one
         instants = whole[whole <= seen.last]
         found = int(instants[0]) if instants.size else int(seen.first[0])
-        return max(found, -2 * MAX_MOMENT) // 2
+        return int(max(found, -2 * MAX_MOMENT)) // 2
 
     def pieces(self, first: int = -END, last: int = END) -> Iterator[Piece]:
         """The pieces in order, or what of them lies between two ticks."""
@@ -207,16 +207,17 @@ class Verdicts:
         return self.pieces()
 
     def final_until(self, tick: int) -> int | None:
-        """The last tick up to which all is final from a given one on; ``None`` if that one is not."""
+        """The last tick up to which all is final from a given one on; ``None`` if it is not."""
         at = int(np.searchsorted(self._final.first, tick, side="right")) - 1
         if at < 0 or self._final.last[at] < tick:
             return None
         return int(self._final.last[at])
 
     def __len__(self) -> int:
-        return self.ticks.size
+        return int(self.ticks.size)
 
-    def _codes(self, ticks: Ticks) -> NDArray[np.int8]:
+    def codes_at_ticks(self, ticks: Ticks) -> NDArray[np.int8]:
+        """`Verdict` at each of some ticks."""
         return np.add(self._certain.contains(ticks), self._possible.contains(ticks), dtype=np.int8)
 
     @cached_property

@@ -11,8 +11,8 @@ from eskin.monitor import Signal, check, evaluate, horizon, is_exact, parse
 from eskin.monitor.units import known_unit
 
 UNITS = {
-    "p": "Pa", "q": "Pa", "k": "kPa", "v": "m/s", "x": "m", "t": "s", "n": "1", "h": "%", "T": "Cel",
-    "K": "K", "odd": "{taps}",
+    "p": "Pa", "q": "Pa", "k": "kPa", "v": "m/s", "x": "m", "t": "s", "n": "1", "h": "%",
+    "T": "Cel",     "K": "K", "odd": "{taps}",
 }  # fmt: skip
 
 

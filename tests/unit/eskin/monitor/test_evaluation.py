@@ -2,14 +2,20 @@ from __future__ import annotations
 
 import random
 from fractions import Fraction
+from itertools import product
+from typing import TYPE_CHECKING
 
+import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eskin.interval import Verdict
-from eskin.monitor import Atom, Channel, Comparison, Constant, Formula, evaluate, is_exact
+from eskin.monitor import Atom, Channel, Comparison, Constant, Formula, Verdicts, evaluate, is_exact
 from tests.unit.eskin.monitor.formulas import bounds, formulas
 from tests.unit.eskin.monitor.worlds import Sample, Truth, held, signal
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 PERIOD = 3
 LEVELS = (-1.0, 0.0, 1.0)
@@ -45,6 +51,16 @@ def some_world(samples: list[Sample], chance: random.Random) -> tuple[list[Fract
 TIMES = [Fraction(half, 2) for half in range(-8, 50)]
 
 
+def any_value(chance: random.Random) -> Callable[[Fraction], float]:
+    """What an unknown signal may do: anything, anew at each tick."""
+    noise = [chance.choice((*LEVELS, 5.0, -5.0)) for _ in range(401)]
+    return lambda t: noise[int(2 * t) % 401]
+
+
+def always(value: float) -> Callable[[Fraction], float]:
+    return lambda _: value
+
+
 @settings(max_examples=60)
 @given(FORMULAS, samples(exact=False), samples(exact=False), st.integers(0, 2**32))
 def test_no_truth_contradicts_a_verdict(
@@ -53,46 +69,37 @@ def test_no_truth_contradicts_a_verdict(
     found = evaluate(formula, {"p": signal(p, PERIOD), "q": signal(q, PERIOD)})
     chance = random.Random(seed)  # noqa: S311 - drawn from a seed
     for _ in range(4):
-        values = {}
-        for name, each in (("p", p), ("q", q)):
-            noise = [chance.choice((*LEVELS, 5.0, -5.0)) for _ in range(401)]
-            values[name] = held(
-                each, *some_world(each, chance), PERIOD, lambda t, n=noise: n[int(2 * t) % 401]
-            )
-        truth = Truth(values)
+        worlds = {name: some_world(each, chance) for name, each in (("p", p), ("q", q))}
+        truth = Truth(
+            {
+                name: held(each, *worlds[name], PERIOD, any_value(chance))
+                for name, each in (("p", p), ("q", q))
+            }
+        )
         for t in TIMES:
             verdict = verdict_at(found, t)
             if verdict is not Verdict.POSSIBLE:
                 assert truth(formula, t) is (verdict is Verdict.CERTAIN), (str(formula), t)
 
 
-def verdict_at(found: object, t: Fraction) -> Verdict:
-    import numpy as np
-
-    return Verdict(int(found._codes(np.asarray(int(2 * t)))))
+def verdict_at(found: Verdicts, t: Fraction) -> Verdict:
+    return Verdict(int(found.codes_at_ticks(np.asarray(int(2 * t)))))
 
 
 @settings(max_examples=60)
-@given(FORMULAS, samples(exact=True), samples(exact=True))
+@given(FORMULAS.filter(is_exact), samples(exact=True), samples(exact=True))
 def test_exact_formulas_have_a_witness_of_both(
     formula: Formula, p: list[Sample], q: list[Sample]
 ) -> None:
-    if not is_exact(formula):
-        return
-    signals = {"p": signal(p, PERIOD), "q": signal(q, PERIOD)}
-    found = evaluate(formula, signals)
+    found = evaluate(formula, {"p": signal(p, PERIOD), "q": signal(q, PERIOD)})
     truths = []
-    for up_p in (0, 1):
-        for up_q in (0, 1):
-            values = {}
-            for name, each, up in (("p", p, up_p), ("q", q, up_q)):
-                moments = [Fraction(one.earliest) for one in each]
-                ends = [one.hi if up else one.lo for one in each]
-                far = 1000.0 + (name == "q" and 0)
-                values[name] = held(
-                    each, moments, ends, PERIOD, lambda _, f=far, u=up: f if u else -f
-                )
-            truths.append(Truth(values))
+    for upward in product((False, True), repeat=2):
+        values = {}
+        for (name, each), up in zip((("p", p), ("q", q)), upward, strict=True):
+            moments = [Fraction(one.earliest) for one in each]
+            ends = [one.hi if up else one.lo for one in each]
+            values[name] = held(each, moments, ends, PERIOD, always(1e3 if up else -1e3))
+        truths.append(Truth(values))
     for t in TIMES:
         if verdict_at(found, t) is Verdict.POSSIBLE:
             assert {truth(formula, t) for truth in truths} == {True, False}, (str(formula), t)

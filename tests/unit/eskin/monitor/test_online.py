@@ -49,17 +49,13 @@ def test_online_verdicts_are_those_of_the_record(
         views.append(monitor.verdicts)
     taken += monitor.take()
     whole = evaluate(formula, {"p": signal(p, PERIOD), "q": signal(q, PERIOD)})
-    recorded = codes_by_tick(whole)
+    recorded = codes_of([*whole])
     for tick, code in codes_of(taken).items():
         assert recorded[tick] == code, (str(formula), tick)
     # What is final at the end was taken, as far as there is no hole.
     reach = whole.final_until(-(2**63 - 1))
     decided = {tick for tick in TICKS.tolist() if reach is not None and tick <= reach}
     assert set(codes_of(taken)) >= decided
-
-
-def codes_by_tick(found: object) -> dict[int, int]:
-    return codes_of([*found])  # type: ignore[call-overload]
 
 
 @settings(max_examples=60)
@@ -102,8 +98,13 @@ def test_a_hold_and_a_gap_let_time_pass() -> None:
     monitor.hold("p", 200)
     assert monitor.verdicts.at(0) is Verdict.CERTAIN
     assert monitor.verdicts.final(0)
-    monitor.gap("p")
-    assert monitor.verdicts.at(0) is Verdict.POSSIBLE
+    with pytest.raises(MonitorError):
+        monitor.gap("p")
+    monitor.push("p", 200, 200, 5.0, 5.0, period=10)
+    monitor.gap("p", 1000)
+    assert monitor.verdicts.at(109) is Verdict.CERTAIN
+    assert monitor.verdicts.at(110) is Verdict.POSSIBLE
+    assert monitor.verdicts.final(110)
 
 
 def test_what_cannot_be_pushed_is_refused() -> None:

@@ -33,7 +33,7 @@ def sets(draw: st.DrawFn) -> Runs:
 
 
 def members(runs: Runs) -> list[bool]:
-    return runs.contains(np.array(TICKS)).tolist()
+    return [bool(each) for each in runs.contains(np.array(TICKS))]
 
 
 def in_dense_time(runs: Runs) -> Callable[[Fraction], bool]:

@@ -99,10 +99,8 @@ class Truth:
         self._known: dict[tuple[Formula, Fraction], bool] = {}
 
     def __call__(self, formula: Formula, t: Fraction) -> bool:
-        half = Fraction((2 * t).__floor__(), 2)
-        if t not in {half} and half.denominator == 1:
-            half += Fraction(1, 2)
-        key = formula, half if t != half else t
+        # One time for each open interval between two ns.
+        key = formula, t if t.denominator == 1 else t // 1 + Fraction(1, 2)
         if key not in self._known:
             self._known[key] = self._evaluate(formula, key[1])
         return self._known[key]
