@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -43,7 +44,7 @@ class Candidates:
         kind: KNOWN, or GAP or PENDING where one of the values is any.
         certain: True for all values of the candidate.
         possible: True for some.
-        difference: What must be positive, for robustness.
+        sides: The greater side of the comparison and the less one, where it holds.
         frontier: No later sample can change what is before this tick.
     """
 
@@ -52,8 +53,16 @@ class Candidates:
     kind: NDArray[np.int8]
     certain: NDArray[np.bool_]
     possible: NDArray[np.bool_]
-    difference: Interval
+    sides: tuple[Interval, Interval]
     frontier: int
+
+    @cached_property
+    def difference(self) -> Interval:
+        """What is positive where the comparison holds, for robustness."""
+        above, below = self.sides
+        made = above - below
+        shape = self.first.shape
+        return Interval(np.broadcast_to(made.inf, shape), np.broadcast_to(made.sup, shape))
 
     def where(self, chosen: NDArray[np.bool_]) -> Runs:
         """Ticks at which one of the chosen candidates may hold."""
@@ -85,14 +94,13 @@ def candidates(
     certain, possible = _judge(left, atom.comparison, right)
     shape = first.shape
     x, y = as_interval(left), as_interval(right)
-    difference = x - y if atom.comparison.upward else y - x
     return Candidates(
         first,
         last,
         kind,
         np.broadcast_to(certain, shape),
         np.broadcast_to(possible, shape),
-        Interval(np.broadcast_to(difference.inf, shape), np.broadcast_to(difference.sup, shape)),
+        (x, y) if atom.comparison.upward else (y, x),
         min((held[name].frontier for name in names), default=END),
     )
 

@@ -43,8 +43,11 @@ Bounds: TypeAlias = "tuple[int, int | None]"
 UNBOUNDED: Final[Bounds] = (0, None)
 _NAME: Final = re.compile(r"[^\x00-\x1f\"]{1,200}")
 _PLAIN_NAME: Final = re.compile(r"[A-Za-z_]\w*(?:\.\w+)*", re.ASCII)
-UNIT: Final = r"(?:%|[A-Za-z]+(?:-?\d+)?)(?:[./](?:%|[A-Za-z]+(?:-?\d+)?))*"
-"""Pattern of a UCUM code in a text; ``1`` is the other one."""
+UNIT: Final = (
+    rf"(?!(?:{'|'.join(sorted(KEYWORDS - {'min'}))})\b)"
+    r"(?:%|[A-Za-z]+(?:-?\d+)?)(?:[./](?:%|[A-Za-z]+(?:-?\d+)?))*"
+)
+"""Pattern of a UCUM code in a text, which is no word of the grammar but minutes; or it is ``1``."""
 _UNIT: Final = re.compile(rf"{UNIT}|1", re.ASCII)
 _LARGEST_EXPONENT: Final = 400
 

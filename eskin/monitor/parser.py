@@ -74,7 +74,7 @@ MAX_LENGTH: Final = 2**17
 _TOKEN: Final = re.compile(
     rf"""\s*(?:
         (?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)
-            (?:\s*(?P<unit>(?!(?:{"|".join(sorted(KEYWORDS))})\b){UNIT})|\s+(?P<one>1)(?![\w.]))?
+            (?:\s*(?P<unit>{UNIT})|\s+(?P<one>1)(?![\w.]))?
         | (?P<word>[A-Za-z_]\w*(?:\.\w+)*)
         | "(?P<quoted>[^"]*)"
         | (?P<sign>>=|<=|[-+*/<>()\[\],])

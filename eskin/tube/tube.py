@@ -31,7 +31,9 @@ _AXIS: Final = "time"
 class Tube:
     """Equally spaced interval samples of one quantity.
 
-    A sample holds at its instant; nothing is claimed between instants.
+    A tube states samples: the quantity lay in the interval at the moment of each. What is read into
+    the time between is up to the reader. A chart draws each sample as wide as its period, and a
+    monitor (`eskin.monitor`) reads samples that are held until the next one.
 
     Attributes:
         time: Enclosure ``(earliest, latest)`` of the first sample's moment, UTC ns since 1970.

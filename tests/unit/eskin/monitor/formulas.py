@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 NAMES = ("a", "t07.pressure", "node-1/t07.pressure", "not", "until")
-UNITS = (None, "1", "kPa", "m/s2", "m.s-1", "%")
+UNITS = (None, "1", "kPa", "m/s2", "m.s-1", "%", "min")
 
 
 def constants() -> st.SearchStrategy[Expression]:

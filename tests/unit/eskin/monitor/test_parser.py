@@ -60,6 +60,12 @@ def test_operators_bind_as_the_grammar_says() -> None:
     assert parse("x - y - z * -x > 0") == (x - y - z * Negate(x) > 0)
 
 
+@pytest.mark.parametrize("unit", ["and", "until/s", "a b", "", "m/", "3"])
+def test_unit_is_a_code_that_a_text_can_have(unit: str) -> None:
+    with pytest.raises(MonitorError):
+        Constant(1, unit)
+
+
 def test_first_bound_takes_the_unit_of_the_second() -> None:
     assert parse("always[10,50ms] a > 0") == Always((10**7, 5 * 10**7), channel("a") > 0)
 
