@@ -2,8 +2,8 @@
 
 ``import eskin`` gives a researcher's notebook the intervals, the tubes and their peaks, and the
 contacts of a skin, with no server. The sensor models are in `eskin.models`, noise and detection in
-`eskin.noise`, design by intervals in `eskin.design`. `eskin.connect` opens an `eskin.Client`, which
-reads a cloud's data.
+`eskin.noise`, design by intervals in `eskin.design`, formulas over time in `eskin.monitor`.
+`eskin.connect` opens an `eskin.Client`, which reads a cloud's data.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from eskin.peaks import PeakEvent, Peaks, PeakStream, find_peaks
 from eskin.tube import Tube
 
 if TYPE_CHECKING:
-    from eskin import design, models, noise
+    from eskin import design, models, monitor, noise
     from eskin.client import Client, connect
 
 __all__ = [
@@ -49,11 +49,12 @@ __all__ = [
     "find_peaks",
     "link_contacts",
     "models",
+    "monitor",
     "noise",
     "track_contacts",
 ]
 
-_LATER: Final = frozenset({"design", "models", "noise"})
+_LATER: Final = frozenset({"design", "models", "monitor", "noise"})
 
 
 def __getattr__(name: str) -> Any:
