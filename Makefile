@@ -30,6 +30,10 @@ MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
 HOME_ASSISTANT := $(VENV)/homeassistant
 HOME_ASSISTANT_NEEDS := tests/unit/gateway/homeassistant/requirements.txt
 
+# rtamt, in an environment of its own: it wants an old ANTLR, and tests compare monitors with it.
+RTAMT := $(VENV)/rtamt
+RTAMT_NEEDS := tests/unit/eskin/monitor/rtamt/requirements.txt
+
 # thingsboard-gateway, in an environment of its own: `make bench` compares the gateway with it.
 THINGSBOARD := $(VENV)/thingsboard
 THINGSBOARD_NEEDS := benchmarks/thingsboard/requirements.txt
@@ -42,7 +46,7 @@ help: ## List these commands
 demo: $(VENV)/.runtime $(DASHBOARD_BUILT) ## Run the whole stack on this machine and print a login URL
 	@exec $(BIN)/eskin demo $(ARGS)
 
-test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed system ## Run the tests, without the nightly ones (installs Mosquitto, PostgreSQL, Prometheus, Chromium and SoftHSM on Debian)
+test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed $(RTAMT)/.installed system ## Run the tests, without the nightly ones (installs Mosquitto, PostgreSQL, Prometheus, Chromium and SoftHSM on Debian)
 	$(BIN)/pytest --numprocesses 3 --dist loadscope --no-loadscope-reorder $(ARGS)
 	services/npm.sh $(DASHBOARD) test
 
@@ -149,6 +153,12 @@ $(HOME_ASSISTANT)/.installed: $(HOME_ASSISTANT_NEEDS) | $(VENV)/bin/pip
 	@echo "Installing Home Assistant's MQTT sensor, for tests of discovery …"
 	@$(PYTHON) -m venv $(HOME_ASSISTANT)
 	@$(HOME_ASSISTANT)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
+	@touch $@
+
+$(RTAMT)/.installed: $(RTAMT_NEEDS) | $(VENV)/bin/pip
+	@echo "Installing rtamt, for tests of monitors …"
+	@$(PYTHON) -m venv $(RTAMT)
+	@$(RTAMT)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
 	@touch $@
 
 $(THINGSBOARD)/.installed: $(THINGSBOARD_NEEDS) | $(VENV)/bin/pip

@@ -24,6 +24,7 @@ from eskin.monitor.formula import (
     Formula,
     Historically,
     Implies,
+    Maximum,
     Minimum,
     Multiply,
     Negate,
@@ -378,17 +379,24 @@ def _unit_text(unit: Unit) -> str:
     return ".".join(powers) or "1"
 
 
-def is_exact(formula: Formula) -> Exactness:
+def is_exact(formula: Formula, units: Mapping[str, str] | None = None) -> Exactness:
     """Whether the three verdicts of a formula are exact, where moments are.
 
     They are if each expression is exact in floats, and each channel occurs in one direction only:
     then one choice of all values makes every comparison true at once that can be true.
+
+    Args:
+        formula: Which one.
+        units: UCUM code of each channel; ``None`` where each has that of what it is compared with.
+
+    Raises:
+        MonitorError: Units do not fit each other.
     """
     reasons: list[str] = []
     directions: dict[str, set[int]] = {}
     owners: dict[str, set[Atom]] = {}
     for atom, sign in _polarities(formula):
-        reasons += _atom_reasons(atom)
+        reasons += _atom_reasons(atom) + _conversion_reasons(atom, units)
         for name, direction in _directions(atom).items():
             directions.setdefault(name, set()).add(direction * sign)
             owners.setdefault(name, set()).add(atom)
@@ -444,6 +452,26 @@ def _atom_reasons(atom: Atom) -> list[str]:
         for node in atom.walk()
         if isinstance(node, rounded) and node.channels
     ]
+
+
+def _conversion_reasons(atom: Atom, units: Mapping[str, str] | None) -> list[str]:
+    """Where a channel is converted, or a constant becomes an interval, and is rounded."""
+    known = set() if units is None else {unit_of(units[name]) for name in sorted(atom.channels)}
+    if len(known) > 1:
+        return [f"a channel in {atom} is converted to another unit, which is rounded outward"]
+    reasons = []
+    for node in atom.walk():
+        if not (isinstance(node, Minimum | Maximum) and node.channels):
+            continue
+        for part in node.parts:
+            if not isinstance(part, Expression) or part.channels:
+                continue
+            given = _measure(part, {}, {})
+            for unit in known:
+                given = _converted(given, unit, node)
+            if isinstance(given.value, Fraction) and len(set(sides(given.value))) > 1:
+                reasons.append(f"{part} in {node} is rounded outward")
+    return reasons
 
 
 def _directions(atom: Atom) -> dict[str, int]:

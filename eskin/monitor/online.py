@@ -122,12 +122,14 @@ class Monitor:
 
         Two pieces of one verdict may follow each other.
         """
+        if self._settled > END:
+            return []
         view = self.verdicts
         last = view.final_until(self._settled)
         if last is None:
             return []
         found = [*view.pieces(self._settled, last)]
-        self._settled = END if last == END else last + 1
+        self._settled = last + 1
         for name, each in self._channels.items():
             each.drop_before(self._settled - 2 * self._past[name] - 1)
         self._view = None

@@ -1,0 +1,122 @@
+"""What is known of a channel, and all the signals that it may be."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+from typing import TYPE_CHECKING, TypeAlias
+
+from tests.unit.eskin.monitor.oracle.intervals import ANY, Interval
+from tests.unit.eskin.monitor.oracle.traces import Instant, Trace, make
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tests.unit.eskin.monitor.oracle.formulas import Rational
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of a channel, in order.
+
+    Attributes:
+        earliest: Least moment of each, in nanoseconds.
+        latest: Greatest moment of each.
+        lo: Least value of each.
+        hi: Greatest value of each.
+        period: How long a sample holds before a gap, in nanoseconds.
+        gap: Whether samples are lost after each.
+        until: The next sample comes no earlier; None where nothing is known of it.
+        kilo: Whether the library is given the values in thousands of the unit.
+    """
+
+    earliest: tuple[int, ...]
+    latest: tuple[int, ...]
+    lo: tuple[Rational, ...]
+    hi: tuple[Rational, ...]
+    period: int
+    gap: tuple[bool, ...]
+    until: int | None = None
+    kilo: bool = False
+
+    def __len__(self) -> int:
+        return len(self.earliest)
+
+    @property
+    def exact_moments(self) -> bool:
+        return self.earliest == self.latest
+
+    @cached_property
+    def moments(self) -> list[tuple[int, int]]:
+        """The moments that are possible in their order."""
+        least = list(accumulate(self.earliest, max))
+        greatest = list(accumulate(reversed(self.latest), min))[::-1]
+        return list(zip(least, greatest, strict=True))
+
+    def sets(self) -> Trace[frozenset[Interval]]:
+        """The intervals that may hold at each instant; unknown is the whole line."""
+        n = len(self)
+        times = {t for pair in self.moments for t in pair}
+        times |= {t + self.period for t in times}
+        if self.until is not None:
+            times.add(self.until)
+
+        def value(t: Instant) -> frozenset[Interval]:
+            held: set[Interval] = set()
+            for k, (least, greatest) in enumerate(self.moments):
+                following = k + 1 < n
+                if t < least or (following and t >= self.moments[k + 1][1]):
+                    continue
+                if not self.gap[k] or t < greatest + self.period:
+                    held.add((self.lo[k], self.hi[k]))
+                if self.gap[k]:
+                    unknown = t >= least + self.period
+                else:
+                    unknown = not following and t > least and self._may_have_ended(t)
+                if unknown:
+                    held.add(ANY)
+            if not n or t < self.moments[0][1]:
+                held.add(ANY)
+            return frozenset(held)
+
+        return make(times, value)
+
+    def _may_have_ended(self, t: Instant) -> bool:
+        """Whether the sample after the last one may have come."""
+        return self.until is None or t >= self.until
+
+    def signal(
+        self,
+        moments: Sequence[Instant],
+        values: Sequence[Rational],
+        elsewhere: Trace[Rational],
+    ) -> Trace[Rational]:
+        """One possible signal.
+
+        Args:
+            moments: Of the samples, in order.
+            values: Of the samples.
+            elsewhere: Where none holds.
+        """
+        times = {*moments, *(t + self.period for t in moments), *elsewhere.times}
+        if self.until is not None:
+            times.add(self.until)
+
+        def value(t: Instant) -> Rational:
+            k = bisect_right(moments, t) - 1
+            if k < 0:
+                return elsewhere(t)
+            if self.gap[k]:
+                unknown = t >= moments[k] + self.period
+            else:
+                last = k + 1 == len(moments)
+                unknown = last and t > moments[k] and self._may_have_ended(t)
+            return elsewhere(t) if unknown else values[k]
+
+        return make(times, value)
+
+
+Signals: TypeAlias = "dict[str, Samples]"
+World: TypeAlias = "dict[str, Trace[Rational]]"
