@@ -34,7 +34,11 @@ HOME_ASSISTANT_NEEDS := tests/unit/gateway/homeassistant/requirements.txt
 THINGSBOARD := $(VENV)/thingsboard
 THINGSBOARD_NEEDS := benchmarks/thingsboard/requirements.txt
 
-.PHONY: help demo test test-compose lint bench soak chaos powercut fuzz nightly scan lock docs dashboard install system clean
+# TLC, in an environment of its own: checks the model of delivery.
+TLC := $(VENV)/tlc
+TLC_NEEDS := tests/robustness/model/requirements.txt
+
+.PHONY: help demo test test-compose lint bench soak chaos powercut fuzz model nightly scan lock docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -76,6 +80,10 @@ powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any
 
 fuzz: $(VENV)/.development $(VENV)/.fuzz ## Hostile inputs to every parser (ARGS="--inputs 100000 --target wire")
 	$(BIN)/python -m tests.robustness.fuzz $(ARGS)
+
+model: $(VENV)/.development $(TLC)/.installed ## Check the model of delivery with TLC (ARGS="--large", ARGS="--mutants")
+	@services/install_test_packages.sh openjdk-17-jre-headless
+	$(BIN)/python -m tests.robustness.model $(ARGS)
 
 nightly: $(VENV)/.development ## Every long check, one after the other; logs in build/nightly (root; ARGS="--step fuzz --seed 2")
 	$(BIN)/python -m tests.nightly $(ARGS)
@@ -154,6 +162,12 @@ $(THINGSBOARD)/.installed: $(THINGSBOARD_NEEDS) | $(VENV)/bin/pip
 	@echo "Installing thingsboard-gateway, for the benchmark …"
 	@$(PYTHON) -m venv $(THINGSBOARD)
 	@$(THINGSBOARD)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
+	@touch $@
+
+$(TLC)/.installed: $(TLC_NEEDS) | $(VENV)/bin/pip
+	@echo "Installing TLC, for the model of delivery …"
+	@$(PYTHON) -m venv $(TLC)
+	@$(TLC)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
 	@touch $@
 
 $(DASHBOARD_BUILT): $(DASHBOARD_SOURCES) | $(VENV)/bin/pip

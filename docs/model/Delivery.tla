@@ -14,6 +14,8 @@ CONSTANTS Nodes, Gateways, Clouds,  \* nodes are numbers: n is of slot n % Slots
           Worn,                     \* nodes that the subject to be erased wears
           MostNamed,                \* most messages that full flashes evict
           MostBatch,                \* most messages of a batch and of an upload
+          Loaded,                   \* whether all begins with messages in spools, and none elsewhere
+          Whole,                    \* whether a transaction's steps run as one, as of a lone cloud
           None                      \* no value
 
 Messages == Nodes \X (1..Boots) \X (0..Sequences - 1)
@@ -47,18 +49,23 @@ VARIABLES
 nodeVars == <<boot, made, flash, named>>
 netVars == <<sent, acks>>
 gatewayVars == <<mem, disk, batch, due, durable>>
-cloudVars == <<tx, cache, writer, numbers, rows, doubled>>
-vars == <<nodeVars, netVars, gatewayVars, spool, cloudVars, erasure>>
+storeVars == <<writer, numbers, rows, doubled>>
+cloudVars == <<tx, cache, storeVars>>
+before == <<nodeVars, netVars, gatewayVars>>
+vars == <<before, spool, cloudVars, erasure>>
 
-Idle == [phase |-> "idle", from |-> None, messages |-> {}, locked |-> {}, erased |-> FALSE]
+Idle == [phase |-> "idle", from |-> None, messages |-> {}, locked |-> {},
+         new |-> {}, erased |-> FALSE]
 Unknown == [s \in AllSlots |-> None]
 Fresh == [seen |-> {}, held |-> [n \in Nodes |-> <<0, 0>>]]
 
 Init ==
     /\ boot = [n \in Nodes |-> 1]
-    /\ made = {} /\ flash = {} /\ named = {} /\ sent = {} /\ acks = {}
+    /\ made = IF Loaded THEN Messages ELSE {}
+    /\ flash = {} /\ named = {} /\ sent = {} /\ acks = {}
     /\ mem = [g \in Gateways |-> Fresh] /\ disk = mem
-    /\ batch = [g \in Gateways |-> {}] /\ due = batch /\ spool = batch
+    /\ batch = [g \in Gateways |-> {}] /\ due = batch
+    /\ spool \in {f \in [Gateways -> SUBSET made] : UNION {f[g] : g \in Gateways} = made}
     /\ durable = [g \in Gateways |-> FALSE]
     /\ tx = [c \in Clouds |-> Idle]
     /\ cache = [c \in Clouds |-> Unknown]
@@ -91,7 +98,7 @@ Evict(m) == \* a full flash gives up a message, and a gap names it
     /\ UNCHANGED <<boot, made, netVars, gatewayVars, spool, cloudVars, erasure>>
 
 Send(m) == \* the envelope states the lowest position that the flash still holds
-    /\ m \in flash
+    /\ m \in flash /\ <<m, Held(m[1])>> \notin sent
     /\ sent' = sent \union {<<m, Held(m[1])>>}
     /\ UNCHANGED <<nodeVars, acks, gatewayVars, spool, cloudVars, erasure>>
 
@@ -99,7 +106,7 @@ Covered(a) == {m \in Messages : m[1] = a[1] /\ m[2] = a[2] /\ m[3] >= a[3] /\ m[
 
 Free(a) == \* an acknowledgement, perhaps an old one, deletes its span from flash
     /\ a \in acks
-    /\ flash' = flash \ Covered(a)
+    /\ Covered(a) \intersect flash # {} /\ flash' = flash \ Covered(a)
     /\ UNCHANGED <<boot, made, named, netVars, gatewayVars, spool, cloudVars, erasure>>
 
 -----------------------------------------------------------------------------
@@ -127,7 +134,7 @@ Receive(g, e) == \* validate a message: new, or accepted before
         new == ~IsDuplicate(mem[g], m)
         added == IF new THEN [mem[g] EXCEPT !.seen = @ \union {m}] ELSE mem[g]
     IN
-    /\ e \in sent /\ ~durable[g] /\ Cardinality(due[g] \union {m}) <= MostBatch
+    /\ e \in sent /\ ~durable[g] /\ m \notin due[g] /\ Cardinality(due[g] \union {m}) <= MostBatch
     /\ batch' = IF new THEN [batch EXCEPT ![g] = @ \union {m}] ELSE batch
     /\ due' = [due EXCEPT ![g] = @ \union {m}]
     /\ mem' = [mem EXCEPT ![g] = Released(added, m[1], e[2])]
@@ -175,21 +182,19 @@ ForgetRanges(g) == \* its memory is bounded; then the cloud alone detects duplic
 (* Cloud *)
 
 Needed(c) == {SlotOf(m[1]) : m \in tx[c].messages} \ tx[c].locked
+NextLock(c) == Min(Needed(c))
 Unlocked(s) == \A c \in Clouds : s \notin tx[c].locked
-Step(c, phase) == tx' = [tx EXCEPT ![c].phase = phase]
 
 Post(g, c, M) == \* an upload, perhaps while an earlier one of it is still under way
     /\ tx[c] = Idle /\ M # {} /\ M \subseteq spool[g] /\ Cardinality(M) <= MostBatch
     /\ tx' = [tx EXCEPT ![c] = [Idle EXCEPT !.phase = "locking", !.from = g, !.messages = M]]
-    /\ UNCHANGED <<nodeVars, netVars, gatewayVars, spool, cache, writer, numbers, rows, doubled,
-                   erasure>>
+    /\ UNCHANGED <<before, spool, cache, storeVars, erasure>>
 
 LockSlot(c) == \* in ascending order, until the end of the transaction
     /\ tx[c].phase = "locking" /\ Needed(c) # {}
-    /\ Unlocked(Min(Needed(c)))
-    /\ tx' = [tx EXCEPT ![c].locked = @ \union {Min(Needed(c))}]
-    /\ UNCHANGED <<nodeVars, netVars, gatewayVars, spool, cache, writer, numbers, rows, doubled,
-                   erasure>>
+    /\ Unlocked(NextLock(c))
+    /\ tx' = [tx EXCEPT ![c].locked = @ \union {NextLock(c)}]
+    /\ UNCHANGED <<before, spool, cache, storeVars, erasure>>
 
 ReadNumbers(c) == \* what is remembered of a slot is good if nobody else wrote since
     /\ tx[c].phase = "locking" /\ Needed(c) = {}
@@ -198,54 +203,53 @@ ReadNumbers(c) == \* what is remembered of a slot is good if nobody else wrote s
           IF s \notin tx[c].locked THEN @[s]
           ELSE IF writer[s] # c \/ @[s] = None THEN {m \in numbers : InSlot(m, s)}
           ELSE @[s]]]
-    /\ UNCHANGED <<nodeVars, netVars, gatewayVars, spool, writer, numbers, rows, doubled, erasure>>
+    /\ UNCHANGED <<before, spool, storeVars, erasure>>
 
-ReadErased(c) == \* only now: a barrier passes between its lock and this, or after its commit
+New(c) == {m \in tx[c].messages : m \notin cache[c][SlotOf(m[1])]}
+
+Insert(c) == \* what is new, but for what is erased; the cache knows it before the commit
     /\ tx[c].phase = "read"
-    /\ tx' = [tx EXCEPT ![c].phase = "ready", ![c].erased = erasure.known]
-    /\ UNCHANGED <<nodeVars, netVars, gatewayVars, spool, cache, writer, numbers, rows, doubled,
-                   erasure>>
-
-Stored(c) == {m \in tx[c].messages : m \notin cache[c][SlotOf(m[1])]}
-
-CommitStore(c) == \* what is new is stored, but for what is erased; numbers are kept of both
-    /\ tx[c].phase = "ready"
-    /\ tx' = [tx EXCEPT ![c].phase = "committed", ![c].locked = {}, ![c].erased = FALSE]
-    /\ numbers' = numbers \union Stored(c)
-    /\ doubled' = doubled \union (Stored(c) \intersect numbers)
-    /\ rows' = rows \union {m \in Stored(c) : ~(tx[c].erased /\ m[1] \in Worn)}
+    /\ tx' = [tx EXCEPT ![c].phase = "inserted", ![c].new = New(c), ![c].erased = erasure.known]
     /\ cache' = [cache EXCEPT ![c] = [s \in AllSlots |->
-          IF @[s] = None THEN None ELSE @[s] \union {m \in Stored(c) : InSlot(m, s)}]]
+          IF s \in tx[c].locked THEN @[s] \union {m \in New(c) : InSlot(m, s)} ELSE @[s]]]
+    /\ UNCHANGED <<before, spool, storeVars, erasure>>
+
+CommitStore(c) == \* numbers are kept also of what is erased
+    /\ tx[c].phase = "inserted"
+    /\ tx' = [tx EXCEPT ![c] =
+          [Idle EXCEPT !.phase = "committed", !.from = tx[c].from, !.messages = tx[c].messages]]
+    /\ numbers' = numbers \union tx[c].new
+    /\ doubled' = doubled \union (tx[c].new \intersect numbers)
+    /\ rows' = rows \union {m \in tx[c].new : ~(tx[c].erased /\ m[1] \in Worn)}
     /\ writer' = [s \in AllSlots |->
-          IF \E m \in Stored(c) : InSlot(m, s) THEN c ELSE writer[s]]
-    /\ UNCHANGED <<nodeVars, netVars, gatewayVars, spool, erasure>>
+          IF \E m \in tx[c].new : InSlot(m, s) THEN c ELSE writer[s]]
+    /\ UNCHANGED <<before, spool, cache, erasure>>
 
 Settle(c) == \* the gateway hears the answer, and deletes what it posted
     /\ tx[c].phase = "committed"
     /\ spool' = [spool EXCEPT ![tx[c].from] = @ \ tx[c].messages]
     /\ tx' = [tx EXCEPT ![c] = Idle]
-    /\ UNCHANGED <<nodeVars, netVars, gatewayVars, cache, writer, numbers, rows, doubled, erasure>>
+    /\ UNCHANGED <<before, cache, storeVars, erasure>>
 
 LoseAnswer(c) == \* a timeout, a cut cable, a gateway that died
     /\ tx[c].phase = "committed"
     /\ tx' = [tx EXCEPT ![c] = Idle]
-    /\ UNCHANGED <<nodeVars, netVars, gatewayVars, spool, cache, writer, numbers, rows, doubled,
-                   erasure>>
+    /\ UNCHANGED <<before, spool, cache, storeVars, erasure>>
 
 RollBack(c) == \* a full disk, a lock timeout, a server that ends a stuck writer
-    /\ tx[c].phase \in {"locking", "read", "ready"}
+    /\ tx[c].phase \in {"locking", "read", "inserted"}
     /\ tx' = [tx EXCEPT ![c] = Idle] /\ cache' = [cache EXCEPT ![c] = Unknown]
-    /\ UNCHANGED <<nodeVars, netVars, gatewayVars, spool, writer, numbers, rows, doubled, erasure>>
+    /\ UNCHANGED <<before, spool, storeVars, erasure>>
 
 CloudDies(c) ==
     /\ tx[c] # Idle
     /\ tx' = [tx EXCEPT ![c] = Idle] /\ cache' = [cache EXCEPT ![c] = Unknown]
-    /\ UNCHANGED <<nodeVars, netVars, gatewayVars, spool, writer, numbers, rows, doubled, erasure>>
+    /\ UNCHANGED <<before, spool, storeVars, erasure>>
 
 -----------------------------------------------------------------------------
 (* Erasure *)
 
-OnlyErasure == UNCHANGED <<nodeVars, netVars, gatewayVars, spool, tx, cache, writer, numbers, doubled>>
+OnlyErasure == UNCHANGED <<before, spool, tx, cache, writer, numbers, doubled>>
 
 NoteErasure == \* a row of the subjects that are erased
     /\ ~erasure.known /\ Worn # {}
@@ -279,32 +283,38 @@ EraserDies == \* another cloud begins anew
     /\ OnlyErasure /\ UNCHANGED rows
 
 -----------------------------------------------------------------------------
-Next ==
-    \/ \E n \in Nodes : Make(n) \/ Restart(n) \/ DeleteErased(n)
+InTheCloud ==
+    \/ \E c \in Clouds :
+          \/ LockSlot(c) \/ ReadNumbers(c) \/ Insert(c) \/ CommitStore(c)
+          \/ Settle(c) \/ LoseAnswer(c) \/ RollBack(c) \/ CloudDies(c)
+    \/ NoteErasure \/ ListErased \/ FinishErasure \/ EraserDies
+    \/ \E s \in AllSlots : PassBarrier(s)
+    \/ \E n \in Nodes : DeleteErased(n)
+
+BeforeTheCloud ==
+    \/ \E n \in Nodes : Make(n) \/ Restart(n)
     \/ \E m \in flash : Evict(m) \/ Send(m)
     \/ \E a \in acks : Free(a)
     \/ \E g \in Gateways :
           \/ \E e \in sent : Receive(g, e)
           \/ CommitSpool(g) \/ Acknowledge(g) \/ FailCommit(g) \/ GatewayDies(g) \/ ForgetRanges(g)
           \/ \E c \in Clouds : \E M \in SUBSET spool[g] : Post(g, c, M)
-    \/ \E c \in Clouds :
-          \/ LockSlot(c) \/ ReadNumbers(c) \/ ReadErased(c) \/ CommitStore(c)
-          \/ Settle(c) \/ LoseAnswer(c) \/ RollBack(c) \/ CloudDies(c)
-    \/ NoteErasure \/ ListErased \/ FinishErasure \/ EraserDies
-    \/ \E s \in AllSlots : PassBarrier(s)
+
+Next == InTheCloud \/ ((Whole => \A c \in Clouds : tx[c] = Idle) /\ BeforeTheCloud)
 
 (* However often parts die, they come again, and what can happen again and again happens. *)
 Fairness ==
     /\ \A m \in Messages :
+          /\ WF_vars(\E a \in acks : m \in Covered(a) /\ Free(a))
           /\ WF_vars(m \in flash /\ Send(m))
           /\ SF_vars(\E g \in Gateways : \E e \in sent : e[1] = m /\ Receive(g, e))
           /\ \A g \in Gateways :
                 /\ SF_vars(m \in due[g] /\ CommitSpool(g))
+                /\ SF_vars(m \in due[g] /\ Acknowledge(g))
                 /\ SF_vars(\E c \in Clouds : \E M \in SUBSET spool[g] : m \in M /\ Post(g, c, M))
           /\ \A c \in Clouds : SF_vars(m \in tx[c].messages /\ CommitStore(c))
-    /\ \A g \in Gateways : WF_vars(Acknowledge(g))
     /\ \A c \in Clouds :
-          SF_vars(LockSlot(c)) /\ SF_vars(ReadNumbers(c)) /\ SF_vars(ReadErased(c))
+          SF_vars(LockSlot(c)) /\ SF_vars(ReadNumbers(c)) /\ SF_vars(Insert(c))
           /\ WF_vars(Settle(c))
     /\ \A s \in AllSlots : SF_vars(PassBarrier(s))
     /\ \A n \in Nodes : SF_vars(DeleteErased(n))
@@ -329,17 +339,18 @@ NumberedIsStored == \A m \in numbers : m \in rows \/ (m[1] \in Worn /\ erasure.k
 
 Once == doubled = {}
 CutOffIsTrue == \A g \in Gateways : \A m \in flash : ~BelowCutOff(mem[g], m)
-CacheIsTrue == \A c \in Clouds : tx[c].phase \in {"read", "ready"} =>
+CacheIsTrue == \A c \in Clouds : tx[c].phase = "read" =>
     \A s \in tx[c].locked : cache[c][s] = {m \in numbers : InSlot(m, s)}
 
 (* Slots and erasure *)
 
 LocksExclude == \A c, d \in Clouds : c # d => tx[c].locked \intersect tx[d].locked = {}
 WaitsFor(c, d) == c # d /\ tx[c].phase = "locking" /\ Needed(c) # {}
-                  /\ Min(Needed(c)) \in tx[d].locked
+                  /\ NextLock(c) \in tx[d].locked
 NoDeadlock == \A c, d \in Clouds : ~(WaitsFor(c, d) /\ WaitsFor(d, c))
 ErasedIsGone == erasure.done => \A m \in rows : m[1] \notin Worn
 
 StoredAtLast == \A m \in Messages : m \in flash ~> m \in numbers \union named
+FreedAtLast == \A m \in Messages : m \in flash ~> m \notin flash
 ErasedAtLast == erasure.known ~> erasure.done
 =============================================================================
