@@ -70,8 +70,8 @@ soak: $(VENV)/.development ## Measure the stack's memory under a steady load (AR
 	@services/install_test_packages.sh mosquitto
 	$(BIN)/python -m benchmarks.soak $(ARGS)
 
-chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1 --store postgresql")
-	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev postgresql
+chaos: $(VENV)/.development $(TLC)/.installed ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1 --store postgresql")
+	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev postgresql openjdk-17-jre-headless
 	$(BIN)/python -m tests.robustness.chaos $(ARGS)
 
 powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any byte (ARGS="--images 500 --seed 1")

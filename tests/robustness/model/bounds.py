@@ -61,11 +61,11 @@ class Bounds:
         return [*lines, "SYMMETRY Symmetry", f"INVARIANTS {' '.join(INVARIANTS)}"]
 
 
-_GATEWAYS: Final = Bounds(gateways=2, sequences=2, whole=True)
+_GATEWAYS: Final = Bounds(gateways=2, clouds=0, sequences=2)
 _SLOTS: Final = Bounds(nodes=2, clouds=2, slots=2, worn=(1,), most_batch=2, loaded=True)
 SMALL: Final[Mapping[str, Bounds]] = {
     "gateways": _GATEWAYS,
-    "boots": Bounds(gateways=1, boots=2, sequences=2, most_named=1, whole=True),
+    "boots": Bounds(clouds=0, boots=2, sequences=1, most_named=1),
     "slots": _SLOTS,
     "stored at last": Bounds(gateways=2, whole=True, live=True),
     "erased at last": Bounds(clouds=2, worn=(0,), loaded=True, live=True),
@@ -73,6 +73,8 @@ SMALL: Final[Mapping[str, Bounds]] = {
 LARGE: Final[Mapping[str, Bounds]] = {
     **SMALL,
     "gateways": replace(_GATEWAYS, most_named=1, most_batch=2),
+    "boots": Bounds(gateways=2, clouds=0, boots=2, sequences=2),
+    "gateways and cloud": replace(_GATEWAYS, clouds=1, whole=True),
     "two gateways' slots": replace(_SLOTS, gateways=2),
     "three clouds": replace(_SLOTS, clouds=3),
 }

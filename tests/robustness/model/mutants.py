@@ -78,7 +78,7 @@ MUTANTS: Final = (
     ),
     Mutant(
         "gateway deletes more than it posted",
-        "gateways",
+        "slots",
         "NothingIsLost",
         (("= @ \\ tx[c].messages]", "= {}]"),),
     ),

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 WINDOW: Final = 4
 """Messages of a window; what becomes of one depends on few others: cut-offs and spans."""
+MOST_WINDOWS: Final = 500
 _RANKS: Final = ("made", "spooled", "stored", "settled", "freed", "evicted", "cut")
 """Of events at one millisecond: none is the cause of one before it."""
 
@@ -72,6 +73,11 @@ def _window(events: Sequence[Event], messages: Sequence[tuple[int, int]]) -> lis
         elif (number := numbers.get((event.boot, event.sequence))) is not None:
             window.append(event._replace(boot=boots[event.boot], sequence=number))
     return window
+
+
+def pick(found: Sequence[list[Event]], most: int = MOST_WINDOWS) -> list[list[Event]]:
+    """The windows with most events: what was sent again, taken over or stored late."""
+    return sorted(found, key=len, reverse=True)[:most]
 
 
 def check_windows(found: Sequence[Sequence[Event]], *, seconds: float = 300.0) -> Result:
