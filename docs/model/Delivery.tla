@@ -352,5 +352,6 @@ ErasedIsGone == erasure.done => \A m \in rows : m[1] \notin Worn
 
 StoredAtLast == \A m \in Messages : m \in flash ~> m \in numbers \union named
 FreedAtLast == \A m \in Messages : m \in flash ~> m \notin flash
-ErasedAtLast == erasure.known ~> erasure.done
+ErasedAtLast == \* an eraser that dies again and again begins again and again
+    <>[][~EraserDies]_vars => (erasure.known ~> erasure.done)
 =============================================================================

@@ -49,6 +49,7 @@ def main() -> int:
         wrong += not right
         if not right and expected is None:
             Console(stderr=True).print(found.output[-8000:], markup=False)
+        Console(stderr=True).print(f"{name}: {found.broken or 'passed'}", markup=False)
         table.add_row(
             *(name, found.broken or "passed", expected or "passed", str(found.length)),
             *(f"{found.generated:,}", f"{found.distinct:,}", f"{time.monotonic() - begun:.0f}"),

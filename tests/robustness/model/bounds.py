@@ -67,14 +67,16 @@ SMALL: Final[Mapping[str, Bounds]] = {
     "gateways": _GATEWAYS,
     "boots": Bounds(clouds=0, boots=2, sequences=1, most_named=1),
     "slots": _SLOTS,
-    "stored at last": Bounds(gateways=2, whole=True, live=True),
-    "erased at last": Bounds(clouds=2, worn=(0,), loaded=True, live=True),
+    "stored at last": Bounds(whole=True, live=True),
+    "erased at last": Bounds(worn=(0,), loaded=True, live=True),
 }
 LARGE: Final[Mapping[str, Bounds]] = {
     **SMALL,
     "gateways": replace(_GATEWAYS, most_named=1, most_batch=2),
     "boots": Bounds(gateways=2, clouds=0, boots=2, sequences=2),
     "gateways and cloud": replace(_GATEWAYS, clouds=1, whole=True),
+    "stored at last": Bounds(gateways=2, whole=True, live=True),
+    "erased at last": Bounds(clouds=2, worn=(0,), loaded=True, live=True),
     "two gateways' slots": replace(_SLOTS, gateways=2),
     "three clouds": replace(_SLOTS, clouds=3),
 }

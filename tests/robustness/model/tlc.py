@@ -80,7 +80,17 @@ def check(
             (folder / f"{module}.tla").write_text(text)
         (folder / f"{root}.cfg").write_text("\n".join(configuration) + "\n")
         words = [java, "-Xmx3g", "-XX:+UseParallelGC", f"-Djava.io.tmpdir={folder}"]
-        words += ["-cp", str(jar), "tlc2.TLC", "-workers", "2", "-metadir", str(folder / "states")]
+        words += [
+            "-cp",
+            str(jar),
+            "tlc2.TLC",
+            "-workers",
+            "2",
+            "-lncheck",
+            "final",
+            "-metadir",
+            str(folder / "states"),
+        ]
         words += ([] if deadlock else ["-deadlock"]) + [root]
         try:
             ended = subprocess.run(
