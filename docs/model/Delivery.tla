@@ -236,7 +236,7 @@ LoseAnswer(c) == \* a timeout, a cut cable, a gateway that died
     /\ tx' = [tx EXCEPT ![c] = Idle]
     /\ UNCHANGED <<before, spool, cache, storeVars, erasure>>
 
-RollBack(c) == \* a full disk, a lock timeout, a server that ends a stuck writer
+RollBack(c) == \* a full disk, a timeout, a stuck writer that is ended
     /\ tx[c].phase \in {"locking", "read", "inserted"}
     /\ tx' = [tx EXCEPT ![c] = Idle] /\ cache' = [cache EXCEPT ![c] = Unknown]
     /\ UNCHANGED <<before, spool, storeVars, erasure>>

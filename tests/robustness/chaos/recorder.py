@@ -77,9 +77,9 @@ def read_events(
             found.append(Event(_near(now, time), kind, node, boot, sequence))
     frames = {(each.node, each.boot, each.sequence) for each in found}
     for gateway, path in spools.items():
-        for time, what, *place in ask(path, query):
-            if what == "cut" or tuple(place) in frames:
-                found.append(Event(_near(now, time), what, *place, gateway))
+        for time, what, node, boot, sequence in ask(path, query):
+            if what == "cut" or (node, boot, sequence) in frames:
+                found.append(Event(_near(now, time), what, node, boot, sequence, gateway))
     found += [Event(_near(now, time), *rest) for time, *rest in ask(store, query)]
     return [each for each in found if each.node in flashes]
 

@@ -12,7 +12,7 @@ import time
 from rich.console import Console
 from rich.table import Table
 
-from tests.robustness.model.bounds import LARGE, SMALL
+from tests.robustness.model.bounds import LARGE, SMALL, Bounds
 from tests.robustness.model.mutants import MUTANTS
 from tests.robustness.model.tlc import MODULES, TlcError, check
 
@@ -27,7 +27,9 @@ def main() -> int:
     options = parser.parse_args()
     source = (MODULES / "Delivery.tla").read_text()
     bounds = LARGE if options.large else SMALL
-    runs = {name: (source, each, None) for name, each in bounds.items()}
+    runs: dict[str, tuple[str, Bounds, str | None]] = {
+        name: (source, each, None) for name, each in bounds.items()
+    }
     if options.mutants:
         runs = {m.name: (m.apply(source), SMALL[m.bounds], m.broken) for m in MUTANTS}
     table = Table("run", "result", "expected", "length", "states", "distinct", "seconds")

@@ -67,6 +67,7 @@ SMALL: Final[Mapping[str, Bounds]] = {
     "gateways": _GATEWAYS,
     "boots": Bounds(clouds=0, boots=2, sequences=1, most_named=1),
     "slots": _SLOTS,
+    "writers": Bounds(clouds=2, sequences=2, most_batch=2, loaded=True),
     "stored at last": Bounds(whole=True, live=True),
     "erased at last": Bounds(worn=(0,), loaded=True, live=True),
 }

@@ -40,7 +40,7 @@ _LOCK: Final = "    /\\ Unlocked(NextLock(c))\n"
 _BARRIER: Final = "/\\ s \\notin erasure.passed /\\ Unlocked(s)"
 _LOOK: Final = "![c].new = New(c), ![c].erased = erasure.known]"
 _POSTED: Final = "!.from = g, !.messages = M]]"
-_ROLLED_BACK: Final = """RollBack(c) == \\* a full disk, a lock timeout, a server that ends a stuck writer
+_ROLLED_BACK: Final = """RollBack(c) == \\* a full disk, a timeout, a stuck writer that is ended
     /\\ tx[c].phase \\in {"locking", "read", "inserted"}
     /\\ tx' = [tx EXCEPT ![c] = Idle] /\\ cache' = [cache EXCEPT ![c] = Unknown]"""
 _FAILED: Final = """    /\\ due[g] # {} /\\ ~durable[g]
@@ -126,13 +126,13 @@ MUTANTS: Final = (
     ),
     Mutant(
         "cache is not dropped after another writer",
-        "slots",
+        "writers",
         "CacheIsTrue",
         (("IF writer[s] # c \\/ @[s] = None THEN", "IF @[s] = None THEN"),),
     ),
     Mutant(
         "cache is not dropped after a rollback",
-        "slots",
+        "writers",
         "CacheIsTrue",
         (
             (
@@ -175,7 +175,7 @@ MUTANTS: Final = (
         (
             (
                 "numbers' = numbers \\union tx[c].new",
-                "numbers' = numbers \\union {m \\in tx[c].new : ~(tx[c].erased /\\ m[1] \\in Worn)}",
+                "numbers' = numbers \\union {m \\in tx[c].new : ~tx[c].erased}",
             ),
         ),
     ),

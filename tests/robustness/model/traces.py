@@ -48,11 +48,10 @@ def windows(events: Iterable[Event], *, size: int = WINDOW) -> list[list[Event]]
     by_node: dict[str, list[Event]] = defaultdict(list)
     for event in sorted(events, key=lambda each: (each.time, _RANKS.index(each.what))):
         by_node[event.node].append(event)
-    found = []
+    found: list[list[Event]] = []
     for mine in by_node.values():
         made = sorted({each[3:5] for each in mine if each.what == "made"})
-        for begin in range(0, len(made), size):
-            found.append(_window(mine, made[begin : begin + size]))
+        found += [_window(mine, made[at : at + size]) for at in range(0, len(made), size)]
     return found
 
 
@@ -62,7 +61,8 @@ def _window(events: Sequence[Event], messages: Sequence[tuple[int, int]]) -> lis
         (boot, sequence): sum(1 for other in messages if other[0] == boot and other[1] < sequence)
         for boot, sequence in messages
     }
-    window, cuts = [], {}
+    window: list[Event] = []
+    cuts: dict[tuple[str, int], int] = {}
     for event in events:
         if event.what == "cut":
             below = sum(1 for m in messages if m[0] == event.boot and m[1] < event.sequence)

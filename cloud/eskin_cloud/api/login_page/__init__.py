@@ -20,4 +20,3 @@ def login_page(message: str) -> bytes:
 def login_style() -> bytes:
     """The page's style sheet."""
     return (files(__package__) / "login.css").read_bytes()
-
