@@ -38,7 +38,11 @@ RTAMT_NEEDS := tests/unit/eskin/monitor/rtamt/requirements.txt
 THINGSBOARD := $(VENV)/thingsboard
 THINGSBOARD_NEEDS := benchmarks/thingsboard/requirements.txt
 
-.PHONY: help demo test test-compose lint bench soak chaos powercut fuzz nightly scan lock docs dashboard install system clean
+# TLC, in an environment of its own: checks the model of delivery.
+TLC := $(VENV)/tlc
+TLC_NEEDS := tests/robustness/model/requirements.txt
+
+.PHONY: help demo test test-compose lint bench soak chaos powercut fuzz model nightly scan lock docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -70,8 +74,8 @@ soak: $(VENV)/.development ## Measure the stack's memory under a steady load (AR
 	@services/install_test_packages.sh mosquitto
 	$(BIN)/python -m benchmarks.soak $(ARGS)
 
-chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1 --store postgresql")
-	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev postgresql
+chaos: $(VENV)/.development $(TLC)/.installed ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1 --store postgresql")
+	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev postgresql openjdk-17-jre-headless
 	$(BIN)/python -m tests.robustness.chaos $(ARGS)
 
 powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any byte (ARGS="--images 500 --seed 1")
@@ -80,6 +84,10 @@ powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any
 
 fuzz: $(VENV)/.development $(VENV)/.fuzz ## Hostile inputs to every parser (ARGS="--inputs 100000 --target wire")
 	$(BIN)/python -m tests.robustness.fuzz $(ARGS)
+
+model: $(VENV)/.development $(TLC)/.installed ## Check the model of delivery with TLC (ARGS="--large", ARGS="--mutants")
+	@services/install_test_packages.sh openjdk-17-jre-headless
+	$(BIN)/python -m tests.robustness.model $(ARGS)
 
 nightly: $(VENV)/.development ## Every long check, one after the other; logs in build/nightly (root; ARGS="--step fuzz --seed 2")
 	$(BIN)/python -m tests.nightly $(ARGS)
@@ -165,6 +173,12 @@ $(THINGSBOARD)/.installed: $(THINGSBOARD_NEEDS) | $(VENV)/bin/pip
 	@echo "Installing thingsboard-gateway, for the benchmark …"
 	@$(PYTHON) -m venv $(THINGSBOARD)
 	@$(THINGSBOARD)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
+	@touch $@
+
+$(TLC)/.installed: $(TLC_NEEDS) | $(VENV)/bin/pip
+	@echo "Installing TLC, for the model of delivery …"
+	@$(PYTHON) -m venv $(TLC)
+	@$(TLC)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
 	@touch $@
 
 $(DASHBOARD_BUILT): $(DASHBOARD_SOURCES) | $(VENV)/bin/pip

@@ -22,6 +22,8 @@ STEPS: Final = {
     "planted": [".venv/bin/python", "-m", "tests.robustness.planted"],
     "chaos-sqlite": ["make", "chaos", "ARGS=--duration 300 --seed {seed}"],
     "chaos-postgresql": ["make", "chaos", "ARGS=--duration 300 --seed {seed} --store postgresql"],
+    "model": ["make", "model", "ARGS=--large --seconds 3600"],
+    "model-mutants": ["make", "model", "ARGS=--mutants"],
     "powercut": ["make", "powercut", "ARGS=--images 500 --seed {seed}"],
     "fuzz": ["make", "fuzz", "ARGS=--inputs 100000 --seed {seed}"],
     "bitflips": [

@@ -20,12 +20,14 @@ from tests.robustness.chaos.faults import FAULTS
 from tests.robustness.chaos.plan import Blow, Stroke, make_plan
 from tests.robustness.chaos.site import Site, part_names
 from tests.robustness.chaos.verdict import DRAIN_S, judge
+from tests.robustness.model.traces import check_windows, pick, windows
 from tests.support.processes import unwound_by_signals, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tests.robustness.chaos.verdict import Verdict
+    from tests.robustness.model.traces import Event
 
 _STORES: Final = ("sqlite", "postgresql")
 _START_S: Final = 180.0
@@ -56,10 +58,14 @@ def main() -> int:
         with Site(root, server=server) as site:
             wait_until(site.has_begun, "frames of all nodes are stored", seconds=_START_S)
             site.watch()
+            if not server:
+                site.record()
             blows = _play(site, plan, console.print)
             console.print("all faults are over; waiting until everything has arrived")
             site.drain(seconds=DRAIN_S)
             verdict = judge(site, blows)
+            if not server:
+                verdict.faults += trace_faults(site.recorded(), console.print)
             site.require_alive(site.served)
         _report(verdict, plan, console.print)
         return 1 if verdict.faults else 0
@@ -94,6 +100,19 @@ def _play(site: Site, plan: Sequence[Stroke], say: Callable[[str], None]) -> lis
             down[stroke.part] -= 1
             blows.append(Blow(stroke.fault, stroke.part, begun[stroke], time.time_ns()))
     return blows
+
+
+def trace_faults(events: Sequence[Event], say: Callable[[str], None]) -> list[str]:
+    """What of a trace is no behaviour of the model (`docs/model`)."""
+    found = pick(windows(events))
+    result = check_windows(found)
+    say(
+        f"traced: {len(events)} events; {len(found)} windows of {sum(map(len, found))} events "
+        f"checked, {result.distinct} states"
+    )
+    if result.broken is None:
+        return []
+    return [f"trace: {result.broken} after {result.length} states:\n{result.output[-3000:]}"]
 
 
 def _report(verdict: Verdict, plan: Sequence[Stroke], say: Callable[[str], None]) -> None:

@@ -6,6 +6,7 @@ Where the store is on a server: PostgreSQL, too.
 from __future__ import annotations
 
 import sys
+import time
 from contextlib import ExitStack
 from datetime import timedelta
 from functools import partial
@@ -25,6 +26,12 @@ from tests.robustness.chaos.disks import Disk
 from tests.robustness.chaos.faults import DATABASE
 from tests.robustness.chaos.hosts import Host, make_switch
 from tests.robustness.chaos.part import INSIDER, Around, Part
+from tests.robustness.chaos.recorder import (
+    read_events,
+    record_flash,
+    record_spool,
+    record_store,
+)
 from tests.support.brokers import mosquitto, write_configuration
 from tests.support.files import ask, write_settings
 from tests.support.identities import Identities
@@ -38,6 +45,7 @@ if TYPE_CHECKING:
     from eskin_cloud.store.location import StoreLocation
 
     from eskin.identity import Identity
+    from tests.robustness.model.traces import Event
 
 SKIN: Final = "small-hand"
 """A node of 336 taxels, which sends frames and is watched."""
@@ -147,6 +155,25 @@ class Site:
             return False
         return bool(
             ask_store(self.store, "SELECT count(DISTINCT node) FROM pages")[0][0] >= len(NODES)
+        )
+
+    def record(self) -> None:
+        """Record from now on what becomes of frames."""
+        assert isinstance(self.store, Path)
+        for node in NODES:
+            record_flash(self.layout.flash(node))
+        for name in GATEWAYS:
+            record_spool(self._spool(name))
+        record_store(self.store)
+
+    def recorded(self) -> list[Event]:
+        """What became of frames since."""
+        assert isinstance(self.store, Path)
+        return read_events(
+            flashes={node: self.layout.flash(node) for node in NODES},
+            spools={name: self._spool(name) for name in GATEWAYS},
+            store=self.store,
+            now=time.time(),
         )
 
     def watch(self) -> None:
