@@ -11,9 +11,9 @@ from eskin_sensor_node.machine.inversion import Inversion
 from eskin_sensor_node.world.skin import unmix
 
 if TYPE_CHECKING:
-    import numpy as np
     from collections.abc import Mapping, Sequence
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from eskin.interval import Floats

@@ -233,7 +233,7 @@ def test_brown_out_and_recovery_have_their_thresholds() -> None:
     while not supply.failing:
         assert supply.voltage >= 2.2
         supply.pass_span(heavy, 0.0)
-    voltages = []
+    voltages = [supply.voltage]
     while not supply.restored:
         supply.pass_span(IDLE, 1e-3)
         voltages.append(supply.voltage)
