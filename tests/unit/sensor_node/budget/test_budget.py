@@ -89,7 +89,6 @@ def test_bounds_enclose_true_prices_and_true_layers() -> None:
     harvest = harvest_bounds(section, touches)
     total = harvest["piezoelectric"] + harvest["triboelectric"]
     for seed in range(50):
-        random = np.random.default_rng(seed)
         for name, true in Loads(section, ColumnGenerator(seed, 0)).costs(work)._asdict().items():
             assert bounds(section, work)[name].contains(true), name
         assert total.contains(Layers(section, ColumnGenerator(seed, 0)).energy(touches))
