@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="package")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDemo]:
-    """A demo as ``make demo`` starts it, with some data."""
-    with RunningDemo(tmp_path_factory.mktemp("demo") / "data") as running:
+    """A demo as ``make demo`` starts it, but slower, as tests run beside it; with some data."""
+    with RunningDemo(tmp_path_factory.mktemp("demo") / "data", "--speed", "0.25") as running:
         running.wait_for_more(["fingertip", "palm", "forearm", "hand"])
         yield running
