@@ -10,11 +10,13 @@ import os
 import pickle
 import tempfile
 from contextlib import contextmanager, suppress
+from enum import EnumType
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
 
 import numba
+import numpy as np
 from numba.core import serialize
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
@@ -56,9 +58,10 @@ def _digest(path: str) -> bytes:
 
 
 class _Stamps:
-    """Name and SHA-256 of the files that a kernel and the parts in it come from.
+    """SHA-256 of the files that a kernel and the parts in it come from, and of their constants.
 
-    Looked up when numba first asks: when a kernel is made, parts below it are still to come.
+    A constant that is imported stands in the machine code, and its own file is none of these. All
+    are looked up when numba first asks: when a kernel is made, parts below it are still to come.
     """
 
     __hash__ = None  # type: ignore[assignment]  # equal only until a file changes
@@ -75,19 +78,40 @@ class _Stamps:
     @functools.cached_property
     def _found(self) -> list[tuple[str, bytes]]:
         known: set[Any] = set()
+        constants: dict[str, bytes] = {}
         waiting: list[Any] = [self._function]
         while waiting:
             each = waiting.pop()
             known.add(each)
             names = each.__code__.co_names
-            used = [each.__globals__.get(name) for name in names]
-            # Parts named by their module: the attribute's name stands beside the module's.
-            modules = [value for value in used if isinstance(value, ModuleType)]
-            used += [getattr(module, name, None) for module in modules for name in names]
-            parts = (value.py_func for value in used if isinstance(value, Dispatcher))
+            used = [(name, each.__globals__.get(name)) for name in names]
+            # What is named by its module: the attribute's name stands beside the module's.
+            modules = [value for _, value in used if isinstance(value, ModuleType)]
+            used += [(name, getattr(module, name, None)) for module in modules for name in names]
+            parts = (value.py_func for _, value in used if isinstance(value, Dispatcher))
             waiting += [found for found in parts if found not in known]
-        files = sorted({each.__code__.co_filename for each in known})
-        return [(name, _digest(name)) for name in files]
+            for name, value in used:
+                if _is_constant(value):
+                    constants[f"{each.__module__}.{name}"] = _digest_of(value)
+        files = {each.__code__.co_filename for each in known}
+        return [*((name, _digest(name)) for name in sorted(files)), *sorted(constants.items())]
+
+
+_CONSTANTS: Final = (int, float, complex, str, bytes, EnumType, np.generic, np.ndarray)
+"""Types of values that numba writes into machine code, and whose text is equal in each process."""
+
+
+def _is_constant(value: object) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_constant, value))
+    return isinstance(value, _CONSTANTS)
+
+
+def _digest_of(constant: Any) -> bytes:
+    if isinstance(constant, np.ndarray):
+        return hashlib.sha256(repr(constant.dtype).encode() + constant.tobytes()).digest()
+    shown = [*constant] if isinstance(constant, EnumType) else constant
+    return hashlib.sha256(repr(shown).encode()).digest()
 
 
 def _where_possible(save: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:

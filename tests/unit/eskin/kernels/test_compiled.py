@@ -6,14 +6,11 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import pytest
 from numba.core.dispatcher import Dispatcher
 
 from eskin.kernels.jit import kernel, part
-
-if TYPE_CHECKING:
-    import pytest
 
 PART = """
 from eskin.kernels.jit import part
@@ -66,6 +63,27 @@ def test_change_of_a_part_deep_inside_reaches_the_kernel(tmp_path: Path) -> None
     (tmp_path / "inner.py").write_text(PART.format(added=20.0))
     assert _ask(tmp_path) == ["21.0", "0"]
     assert _ask(tmp_path) == ["21.0", "1"]
+
+
+@pytest.mark.parametrize(
+    ("constant", "read"),
+    [
+        ("ADDED = {}", "from constants import ADDED"),
+        ("ADDED = ({},)", "from constants import ADDED as ADDED_\nADDED, = ADDED_"),
+    ],
+)
+def test_change_of_an_imported_constant_reaches_the_kernel(
+    tmp_path: Path, constant: str, read: str
+) -> None:
+    (tmp_path / "constants.py").write_text(constant.format(1))
+    (tmp_path / "middle.py").write_text(
+        f"from eskin.kernels.jit import part\n{read}\n@part\ndef middle(x):\n    return x + ADDED\n"
+    )
+    (tmp_path / "outer.py").write_text(OUTER)
+    assert _ask(tmp_path) == ["2.0", "0"]
+    assert _ask(tmp_path) == ["2.0", "1"]
+    (tmp_path / "constants.py").write_text(constant.format(20))
+    assert _ask(tmp_path) == ["21.0", "0"]
 
 
 def test_kernel_runs_where_nothing_can_be_cached(monkeypatch: pytest.MonkeyPatch) -> None:
