@@ -7,7 +7,7 @@ Keys carry their SI unit. A tolerance is relative: the true part lies anywhere i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo
 
@@ -139,6 +139,11 @@ class TaxelSection(Section):
         """What it reads along, at its own instants, to the id of that taxel of its node."""
         return {}
 
+    def contact_of(self, quantity: str) -> ContactPlace | None:
+        """Where on a skin a quantity shows contacts; ``None`` if it does not."""
+        del quantity
+        return None
+
     def prominence(self, quantity: str) -> float | None:
         """Least prominence of a peak, in the channel's unit; ``None``: peaks are not sought."""
         value: float | None = getattr(self, f"{quantity}_prominence")
@@ -149,6 +154,20 @@ class TaxelSection(Section):
         """Of each quantity in which peaks are sought."""
         found = {quantity: self.prominence(quantity) for quantity in self.units}
         return {quantity: least for quantity, least in found.items() if least is not None}
+
+
+class ContactPlace(NamedTuple):
+    """A taxel's place on a skin whose pressures show contacts.
+
+    Attributes:
+        scenario: Whose skin it is.
+        threshold: Pressure from which on there is a contact, Pa.
+        place: Its taxel of that skin.
+    """
+
+    scenario: str
+    threshold: float
+    place: str
 
 
 @dataclass(frozen=True, slots=True)

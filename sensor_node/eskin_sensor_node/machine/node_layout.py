@@ -17,7 +17,6 @@ from eskin_sensor_node.firmware.descriptions import describe_layout, describe_pa
 from eskin_sensor_node.firmware.sample_codec import finest_exponent
 from eskin_sensor_node.firmware.schedule import MOST_ROWS
 from eskin_sensor_node.kinds.neighbours import touching
-from eskin_sensor_node.kinds.pad.settings import PadSection
 from eskin_sensor_node.kinds.skin_map import skin_map
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.data_sheet import data_sheet
@@ -34,7 +33,6 @@ MOST_COLUMNS: Final = 64
 WEARER: Final = "wearer"
 """The subject of biometric patches; the gateway maps it to a pseudonym."""
 _MICRO: Final = 1e6
-_PRESSURE: Final = "pressure"
 _NAME: Final = 31
 """Characters of a patch's name, at most."""
 _CODES: Final = 4096
@@ -96,18 +94,6 @@ def describe(layout: Layout, patches: Sequence[Patch]) -> Described:
     return Described(hashes[0], dict(zip(hashes, messages, strict=True)))
 
 
-class _Contact(NamedTuple):
-    """What pads have in common whose pressures show contacts.
-
-    Attributes:
-        scenario: Whose skin they are of.
-        threshold: Pressure from which on there is a contact, Pa.
-    """
-
-    scenario: str
-    threshold: float
-
-
 class _Kind(NamedTuple):
     """What channels of a patch have in common."""
 
@@ -117,7 +103,7 @@ class _Kind(NamedTuple):
     biometric: bool
     sampling: float
     burst: tuple[float, float] | None
-    contact: _Contact | None
+    contact: tuple[str, float] | None
 
 
 def plan_layout(settings: NodeSettings) -> NodeLayout:
@@ -130,9 +116,8 @@ def plan_layout(settings: NodeSettings) -> NodeLayout:
     for number, taxel in enumerate(settings.taxel):
         for quantity, unit in taxel.units.items():
             biometric = is_biometric(f"{taxel.id}.{quantity}")
-            contact = None
-            if isinstance(taxel, PadSection) and quantity == _PRESSURE:
-                contact = _Contact(taxel.scenario, taxel.contact_pressure)
+            found = taxel.contact_of(quantity)
+            contact = None if found is None else (found.scenario, found.threshold)
             key = _Kind(taxel.kind, quantity, unit, biometric, taxel.sampling, taxel.burst, contact)
             groups.setdefault(key, []).append(number)
     ordered = sorted(groups.items(), key=lambda group: group[0].biometric)
@@ -216,8 +201,8 @@ def _describe(
         if key.contact is not None:
             scenario, threshold = key.contact
             cell_area = read_scenario(scenario).skin.build().cell_area
-            pads = [taxel for taxel in taxels if isinstance(taxel, PadSection)]
-            neighbours = touching(scenario, [pad.place for pad in pads])
+            found = [taxel.contact_of(key.quantity) for taxel in taxels]
+            neighbours = touching(scenario, [each.place for each in found if each is not None])
         patches.append(
             Patch(
                 patch_id=_numbered(name, twin + 1) if twin else name,

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from eskin_sensor_node.firmware.taxel.pad import PadTaxel
 from eskin_sensor_node.kinds.plates import Actuated
 from eskin_sensor_node.kinds.rc import CapacitanceSection
-from eskin_sensor_node.kinds.settings import Positive, Tolerance, unit
+from eskin_sensor_node.kinds.settings import ContactPlace, Positive, Tolerance, unit
 from eskin_sensor_node.world.scenario.fit import (
     Staged,
     require_air,
@@ -74,6 +74,12 @@ class PadSection(Staged, Actuated, CapacitanceSection):
         """What it reads along, at its own instants, to the id of that taxel of its node."""
         named = {"thermometer": self.thermometer, "hygrometer": self.hygrometer}
         return {role: name for role, name in named.items() if name is not None}
+
+    def contact_of(self, quantity: str) -> ContactPlace | None:
+        """Where on a skin a quantity shows contacts; ``None`` if it does not."""
+        if quantity != "pressure":
+            return None
+        return ContactPlace(self.scenario, self.contact_pressure, self.place)
 
     @model_validator(mode="after")
     def _fits_the_scenario(self) -> Self:
