@@ -130,7 +130,7 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
         found.append(data)
         return decode_runs(data, *rest)
 
-    monkeypatch.setattr("eskin_cloud.store.read.patch_runs.decode_runs", look)
+    monkeypatch.setattr("eskin_cloud.store.read.patch_columns.decode_runs", look)
     return found
 
 

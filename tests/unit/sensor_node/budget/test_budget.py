@@ -195,8 +195,9 @@ def test_table_encloses_the_json() -> None:
     table = CliRunner().invoke(app, given).output
     saving = json.loads(CliRunner().invoke(app, [*given, "--json"]).output)["modes"]["peaks"]
     (found,) = re.findall(r"peaks saves .*, \[(.*), (.*)\] %", table)
-    low, high = saving["saving"]["share"]
-    assert Fraction(found[0]) <= 100 * Fraction(low) < 100 * Fraction(high) <= Fraction(found[1])
+    low, high = (100 * Fraction(bound) for bound in saving["saving"]["share"])
+    other = Fraction(1, 5)  # keys are drawn anew in each run, and so the bytes of messages
+    assert Fraction(found[0]) - other <= low < high <= Fraction(found[1]) + other
 
 
 def test_command_names_what_is_allowed() -> None:
