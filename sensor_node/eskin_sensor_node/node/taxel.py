@@ -12,6 +12,7 @@ from eskin.errors import FirmwareError
 from eskin_sensor_node.firmware.autoranging import Readings
 from eskin_sensor_node.firmware.control_unit import ControlUnit
 from eskin_sensor_node.firmware.gap_reasons import UNRECORDED
+from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.prices import Cycles, inversion, passes
 from eskin_sensor_node.machine.schedule import build_schedule
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from eskin.interval import Floats
-    from eskin_sensor_node.columns.sensing import Sensed, SensingColumns
     from eskin_sensor_node.firmware.adaptation import Adaptation
     from eskin_sensor_node.firmware.assembler import Assembler
     from eskin_sensor_node.firmware.channel import ChannelUnit
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.firmware.selftest import SelfTest
     from eskin_sensor_node.kinds.converter import Codes
-    from eskin_sensor_node.kinds.frontend import Digitised, Frontend
+    from eskin_sensor_node.kinds.frontend import Digitised
     from eskin_sensor_node.kinds.settings import Companion, TaxelSection
+    from eskin_sensor_node.kinds.signals import Signals
     from eskin_sensor_node.machine.clock import Clock
     from eskin_sensor_node.machine.node_layout import Column
     from eskin_sensor_node.settings import SamplingSection
@@ -71,18 +72,16 @@ class SampleHold:
     """The held samples of one input, of one frame, to convert again with another range.
 
     Args:
-        values: What is held before the amplifiers, columns × samples.
-        column: The taxel's.
-        frontend: Converts them.
+        values: What is held before the amplifier.
+        signal_chain: Converts it.
 
     Attributes:
         conversions: How often something was converted again.
     """
 
-    def __init__(self, values: Floats, column: int, frontend: Frontend) -> None:
+    def __init__(self, values: Floats, signal_chain: SignalChain) -> None:
         self._values = values
-        self._column = column
-        self._frontend = frontend
+        self._signal_chain = signal_chain
         self._known: dict[tuple[float, int], Codes] = {}
         self.conversions = 0
 
@@ -92,8 +91,9 @@ class SampleHold:
         def convert(gain: float, trim: int) -> int:
             self.conversions += 1
             if (gain, trim) not in self._known:
-                codes = self._frontend.repeat(self._values, gain, trim)
-                self._known[gain, trim] = codes[self._column]
+                self._known[gain, trim] = self._signal_chain.frontend.repeat(
+                    self._values, gain, trim
+                )
             return int(self._known[gain, trim][k])
 
         return convert
@@ -104,28 +104,16 @@ class Reader:
 
     Args:
         unit: Its control unit.
-        group: What is before it.
-        column: Its column there.
-        last: Greatest code of its converter.
+        signal_chain: What is before it.
         inputs: Names of the inputs, in their order.
 
     Attributes:
         repeats: What was converted again since it began.
     """
 
-    def __init__(
-        self,
-        unit: ControlUnit,
-        group: TaxelGroup,
-        column: int,
-        *,
-        last: int,
-        inputs: Sequence[str],
-    ) -> None:
+    def __init__(self, unit: ControlUnit, signal_chain: SignalChain, inputs: Sequence[str]) -> None:
         self._unit = unit
-        self._group = group
-        self._column = column
-        self._last = last
+        self._signal_chain = signal_chain
         self._inputs = inputs
         self.begin()
 
@@ -135,20 +123,18 @@ class Reader:
 
     def read(self, digitised: Digitised) -> Readings:
         """The codes of each input, after the firmware has repeated what it wanted."""
-        column = self._column
-        codes = [array("q", digitised.codes[name][column].tobytes()) for name in self._inputs]
+        codes = [array("q", digitised.codes[name].tobytes()) for name in self._inputs]
         if not self._unit.adaptive:
             return Readings(codes, ())
         amplified = [name for name in self._inputs if name in digitised.held]
         readings = Readings(codes, [array("b", bytes(len(codes[0]))) for _ in amplified])
         for i, name in enumerate(amplified):
-            frontend = self._group.sensing.frontend
-            self._repeat(readings, i, SampleHold(digitised.held[name], column, frontend))
+            self._repeat(readings, i, SampleHold(digitised.held[name], self._signal_chain))
         return readings
 
     def _repeat(self, readings: Readings, i: int, held: SampleHold) -> None:
         codes = np.asarray(readings.codes[i])
-        for k in np.flatnonzero((codes <= 0) | (codes >= self._last)).tolist():
+        for k in np.flatnonzero((codes <= 0) | (codes >= self._signal_chain.last)).tolist():
             self._unit.repeat(readings, i, k, held.sample(k))
         samples = sum(mark != 0 for mark in readings.ranges[i])
         self.repeats = Repeats(
@@ -156,48 +142,32 @@ class Reader:
         )
 
 
-class TaxelGroup:
-    """Taxels of a node that have one data sheet, sampled in columns; it outlives each reset.
+class SignalChain:
+    """World, analogue front end and actuator of one taxel; they stay the same through each reset.
 
     Args:
-        sensing: Worlds, chains and actuators.
-        clock: The node's clock.
+        taxel: Its settings.
+        seed: Draws them.
+        companions: What it reads along, by the names of its inputs.
+
+    Attributes:
+        world: Gives the true signals at instants since the start (a burst: since its trigger).
+        frontend: Turns signals into codes.
+        last: Greatest code of its converter.
     """
 
-    def __init__(self, sensing: SensingColumns, clock: Clock) -> None:
-        self.sensing = sensing
-        self._clock = clock
-        self._gains = np.ones((len(sensing), 1))
-        self._trims, self._plates = np.zeros((2, len(sensing), 1), np.int64)
-        self._latest: tuple[tuple[int, ...], Sensed] | None = None
+    def __init__(
+        self, taxel: TaxelSection, seed: tuple[int, ...], companions: Mapping[str, Companion]
+    ) -> None:
+        parts = np.random.default_rng(seed)
+        self.world = build_world(taxel, parts)
+        self.frontend = build_frontend(taxel, parts, companions)
+        self.last = (1 << taxel.adc_bits) - 1
 
-    def adjust(self, column: int, chosen: Adaptation) -> None:
-        """Set amplifier, trimmer and plates of a taxel as its control unit has chosen."""
-        settings = (
-            (self._gains, chosen.gain), (self._trims, chosen.trim), (self._plates, chosen.plate),
-        )  # fmt: skip
-        if all(values[column, 0] == value for values, value in settings):
-            return
-        for values, value in settings:
-            values[column] = value
-        self.sensing.frontend.adjust(self._gains, self._trims)
-        self.sensing.world.move(self._plates)
-        self._latest = None
-
-    def sense(self, boot: int, frame: Frame, *, triggered: bool) -> Sensed:
-        """Sample all taxels at a frame's moments; those of one frame are sampled once.
-
-        Args:
-            boot: The node's.
-            frame: One taxel's.
-            triggered: Whether its times count from the trigger of its burst.
-        """
-        key = boot, frame.start, frame.dt, frame.n
-        if self._latest is None or self._latest[0] != key:
-            moments = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
-            seconds = self._clock.seconds(frame, triggered=triggered)
-            self._latest = key, self.sensing.sense(boot, moments, seconds[None])
-        return self._latest[1]
+    def adjust(self, chosen: Adaptation) -> None:
+        """Set amplifier, trimmer and plates as the control unit has chosen."""
+        self.frontend.adjust(chosen.gain, chosen.trim)
+        self.world.move(chosen.plate)
 
 
 class EmulatedTaxel:
@@ -205,8 +175,7 @@ class EmulatedTaxel:
 
     Args:
         taxel: Its settings.
-        group: Where it is sampled.
-        column: Its column there.
+        seed: Draws the true parts, the same at each boot.
         clock: The node's clock.
         sampling: The node's stretches.
         columns: Of each quantity, where its samples stand in frames.
@@ -223,8 +192,7 @@ class EmulatedTaxel:
         *,
         companions: Mapping[str, Companion],
         coverage: float,
-        group: TaxelGroup,
-        column: int,
+        seed: tuple[int, ...],
         clock: Clock,
         sampling: SamplingSection,
         columns: Sequence[Column],
@@ -234,11 +202,11 @@ class EmulatedTaxel:
     ) -> None:
         self._taxel = taxel
         self._inverted: list[int] = []
+        self._seed = seed
         self._sampling, self._columns, self._most = sampling, columns, most
         self._repeats = repeats
         self._functions = functions
-        self.group = group
-        self._column = column
+        self.signal_chain = SignalChain(taxel, seed, companions)
         self._companions = companions
         self._coverage = coverage
         self._clock = clock
@@ -267,13 +235,7 @@ class EmulatedTaxel:
             clock=self._clock.known,
             assembler=assembler,
         )
-        self.reader = Reader(
-            self.control_unit,
-            self.group,
-            self._column,
-            last=(1 << taxel.adc_bits) - 1,
-            inputs=self._calibrated.inputs,
-        )
+        self.reader = Reader(self.control_unit, self.signal_chain, self._calibrated.inputs)
         self._inverted = list(self._calibrated.inverted)
         self.next: Frame = self.control_unit.schedule.frame(0)
         self._adjust()
@@ -313,18 +275,13 @@ class EmulatedTaxel:
             FirmwareError: The firmware failed.
         """
         frame = self.next
-        sensed = self._sense(frame)
+        signals, random = self._sense(frame)
         gaps: list[Record] = []
         truth: list[TruePart] = []
-        for begin, end, present in sensed.runs(frame.n):
+        for begin, end, present in signals.runs(frame.n):
             part = frame.part(begin, end)
             if present:
-                self._truth = self._own_truth(sensed, begin, end)
-                digitised = [each.part(begin, end) for each in sensed.readings]
-                with self._firmware_errors():
-                    readings = [self.reader.read(each) for each in digitised]
-                    sent = self.control_unit.process(part, *readings)
-                truth += self._true_parts(part, sent)
+                truth += self._measure(part, signals.part(begin, end), random)
             else:
                 gaps.append(self._record_gap(part))
         self._advance()
@@ -336,10 +293,11 @@ class EmulatedTaxel:
         Raises:
             FirmwareError: The firmware failed.
         """
-        sensed = self._sense(self.next)
-        self._truth = self._own_truth(sensed, 0, self.next.n)
+        signals, random = self._sense(self.next)
+        digitised = self.signal_chain.frontend.digitise(signals.sensed, random)
+        self._truth = signals.truth | digitised.truth
         with self._firmware_errors():
-            self.control_unit.measure(self.next, self.reader.read(sensed.readings[0]))
+            self.control_unit.measure(self.next, self.reader.read(digitised))
 
     def separate(self) -> None:
         """Subtract the crosstalk of measured neighbours.
@@ -360,15 +318,24 @@ class EmulatedTaxel:
         with self._firmware_errors():
             sent = self.control_unit.report()
         self._advance()
-        return self._true_parts(frame, sent)
+        return self._true_parts(frame, sent, self._truth)
 
-    def _sense(self, frame: Frame) -> Sensed:
+    def _sense(self, frame: Frame) -> tuple[Signals, np.random.Generator]:
         self.reader.begin()
-        triggered = self.control_unit.schedule.burst > 0
-        return self.group.sense(self._boot, frame, triggered=triggered)
+        random = np.random.default_rng((*self._seed, self._boot, frame.start))
+        seconds = self._clock.seconds(frame, triggered=self.control_unit.schedule.burst > 0)
+        return self.signal_chain.world.signals(seconds, random), random
 
-    def _own_truth(self, sensed: Sensed, begin: int, end: int) -> dict[str, Floats]:
-        return {name: values[self._column, begin:end] for name, values in sensed.truth.items()}
+    def _measure(
+        self, frame: Frame, signals: Signals, random: np.random.Generator
+    ) -> list[TruePart]:
+        digitised = self.signal_chain.frontend.digitise(signals.sensed, random)
+        truth = signals.truth | digitised.truth
+        ends = [self.signal_chain.frontend.digitise(end, random) for end in signals.ends]
+        with self._firmware_errors():
+            readings = [self.reader.read(each) for each in ends or [digitised]]
+            sent = self.control_unit.process(frame, *readings)
+        return self._true_parts(frame, sent, truth)
 
     @contextmanager
     def _firmware_errors(self) -> Iterator[None]:
@@ -377,7 +344,9 @@ class EmulatedTaxel:
         except Exception as error:
             raise FirmwareError(f"{self.name}: {type(error).__name__}: {error}") from error
 
-    def _true_parts(self, frame: Frame, sent: Sequence[ChannelUnit]) -> list[TruePart]:
+    def _true_parts(
+        self, frame: Frame, sent: Sequence[ChannelUnit], truth: Mapping[str, Floats]
+    ) -> list[TruePart]:
         """The truth behind what is sent; the hardware is set for the next frame."""
         self._adjust()
         return [
@@ -386,7 +355,7 @@ class EmulatedTaxel:
                 unit.column,
                 frame.start,
                 frame.dt,
-                self._truth[unit.name.rpartition(".")[2]],
+                truth[unit.name.rpartition(".")[2]],
             )
             for unit in sent
         ]
@@ -450,4 +419,4 @@ class EmulatedTaxel:
 
     def _adjust(self) -> None:
         """Set the hardware as the control unit has chosen, for the next frame."""
-        self.group.adjust(self._column, self.control_unit.adaptation)
+        self.signal_chain.adjust(self.control_unit.adaptation)

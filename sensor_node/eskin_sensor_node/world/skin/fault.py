@@ -29,15 +29,6 @@ class FaultSection(Section):
     at_s: float = Field(default=0.0, ge=0, description="when")
 
 
-def placed_faults(
-    faults: Sequence[FaultSection], places: Sequence[str]
-) -> list[tuple[int, FaultSection]]:
-    """The faults of the taxels at some places, each with its taxel's row."""
-    return [
-        (row, fault) for fault in faults for row, place in enumerate(places) if place == fault.taxel
-    ]
-
-
 def break_off(
     values: Floats,
     seconds: Floats,
@@ -50,14 +41,13 @@ def break_off(
 
     Args:
         values: Taxels × times; changed in place.
-        seconds: The times, or taxels × times.
+        seconds: The times.
         faults: Each with its taxel's row.
         intact: Gives the values without faults at other times.
         dead: The value of a taxel whose line is open.
     """
-    times = np.broadcast_to(seconds, values.shape)
     for row, fault in faults:
-        after = times[row] >= fault.at_s
+        after = seconds >= fault.at_s
         if np.any(after):
             stays = dead if fault.kind == "dead" else intact(np.array([fault.at_s]))[row, 0]
             values[row, after] = stays
