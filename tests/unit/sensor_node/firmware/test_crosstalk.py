@@ -126,10 +126,10 @@ def test_sound_pads_around_a_stuck_one_hold_the_truth(tmp_path: Path) -> None:
     stuck = [each for each in found if each.channel == "t10.pressure"]
     values = [each.tube.values for each in stuck]
     touched = np.concatenate([each.truth > 5e3 for each in stuck])
-    told = np.concatenate([each.inf > -np.inf for each in values])
+    stated = np.concatenate([each.inf > -np.inf for each in values])
     right = np.concatenate([v.contains(each.truth) for v, each in zip(values, stuck, strict=True)])
     assert np.any(touched)
-    assert not np.any(touched & told & right), "it knows nothing of a touch"
+    assert not np.any(touched & stated & right), "it knows nothing of a touch"
     bench.close()
 
 
