@@ -112,7 +112,10 @@ def trace_faults(events: Sequence[Event], say: Callable[[str], None]) -> list[st
     )
     if result.broken is None:
         return []
-    return [f"trace: {result.broken} after {result.length} states:\n{result.output[-3000:]}"]
+    window, at = result.last("window"), result.last("at")
+    said = [f"{e.what} {e.gateway} {e.boot}:{e.sequence}" for e in found[window - 1][:at]]
+    what = f"{result.broken} after {result.length} states"
+    return [f"trace of {found[window - 1][0].node}: {what}: {', '.join(said)}"]
 
 
 def _report(verdict: Verdict, plan: Sequence[Stroke], say: Callable[[str], None]) -> None:

@@ -160,11 +160,11 @@ class Site:
     def record(self) -> None:
         """Record from now on what becomes of frames."""
         assert isinstance(self.store, Path)
-        for node in NODES:
-            record_flash(self.layout.flash(node))
+        record_store(self.store)
         for name in GATEWAYS:
             record_spool(self._spool(name))
-        record_store(self.store)
+        for node in NODES:  # last, so that all that is made from now on is recorded on its way
+            record_flash(self.layout.flash(node))
 
     def recorded(self) -> list[Event]:
         """What became of frames since."""

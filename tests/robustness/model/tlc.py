@@ -45,6 +45,10 @@ class Result:
     distinct: int
     output: str
 
+    def last(self, variable: str) -> int:
+        """The value of a number in the last state of the counterexample."""
+        return int(re.findall(rf"^/\\ {variable} = (\d+)$", self.output, re.MULTILINE)[-1])
+
 
 def find_jar() -> Path | None:
     """The jar of TLC that ``make model`` installed; ``None`` if there is none."""
