@@ -58,9 +58,9 @@ class UnknownDescriptionError(StoreError):
         )
 
 
-Name: TypeAlias = tuple[str, bytes]
+DescriptionKey: TypeAlias = tuple[str, bytes]
 """A node, and the hash of a description that it stated."""
-Found: TypeAlias = DescribedLayout | UnknownDescriptionError | MessageError
+LayoutResult: TypeAlias = DescribedLayout | UnknownDescriptionError | MessageError
 """A layout, or why there is none."""
 
 
@@ -164,13 +164,15 @@ def find_descriptions(
     return {name: data for (_, name), data in found.items()}
 
 
-def _find_stated(connection: Connection, named: Iterable[Name]) -> dict[Name, bytes]:
+def _find_stated(
+    connection: Connection, named: Iterable[DescriptionKey]
+) -> dict[DescriptionKey, bytes]:
     """The bytes of descriptions by node and hash, in few statements.
 
     Missing and damaged ones are left out. Nodes that state the same share the bytes.
     """
     d, whole = descriptions.c, dict[bytes, bytes]()
-    key, found = tuple_(d.slot, d.node, d.hash), dict[Name, bytes]()
+    key, found = tuple_(d.slot, d.node, d.hash), dict[DescriptionKey, bytes]()
     keys = [(slot_of(node), node, name) for node, name in dict.fromkeys(named)]
     for part in key_batches(keys, _READ_AT_ONCE):
         rows = connection.execute(select(descriptions).where(key.in_(part))).mappings()
@@ -238,7 +240,9 @@ def find_stated_layout(connection: Connection, node: str, name: bytes) -> Descri
     return found
 
 
-def find_stated_layouts(connection: Connection, named: Iterable[Name]) -> dict[Name, Found]:
+def find_stated_layouts(
+    connection: Connection, named: Iterable[DescriptionKey]
+) -> dict[DescriptionKey, LayoutResult]:
     """Layouts of which the nodes themselves stated each part, in few statements.
 
     Args:
@@ -259,7 +263,7 @@ def find_stated_layouts(connection: Connection, named: Iterable[Name]) -> dict[N
         (node, part) for node, name in keys if name in layouts for part in layouts[name].patches
     ]
     stated |= _find_stated(connection, parts)
-    found: dict[Name, Found] = {}
+    found: dict[DescriptionKey, LayoutResult] = {}
     for node, name in keys:
         names = (name, *layouts[name].patches) if name in layouts else (name,)
         want = [each for each in names if (node, each) not in stated]

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from eskin_cloud.store.descriptions import Found, Name
+    from eskin_cloud.store.descriptions import DescriptionKey, LayoutResult
     from eskin_cloud.store.write.write_cache import Key, Row, WriteCache
 
 log = logging.getLogger(__name__)
@@ -129,7 +129,7 @@ class _Batch:
     cache: WriteCache
     now: int
     frames: list[FrameRow] = field(default_factory=list)
-    layouts: dict[Name, Found] = field(default_factory=dict)
+    layouts: dict[DescriptionKey, LayoutResult] = field(default_factory=dict)
     events: list[Row] = field(default_factory=list)
     sealed: list[Row] = field(default_factory=list)
     dead: list[Row] = field(default_factory=list)
@@ -252,7 +252,7 @@ def ingest_individually(
 def _prepare(batch: _Batch, items: Sequence[ParsedMessage]) -> None:
     boots: dict[tuple[str, int], None] = {}
     of_pages: dict[Key, None] = {}
-    of_layouts: dict[Name, None] = {}
+    of_layouts: dict[DescriptionKey, None] = {}
     for item in items:
         node, message = item.node, item.message
         if message is None:

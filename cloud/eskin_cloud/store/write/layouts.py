@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin.wire.frames import DescribedLayout
-    from eskin_cloud.store.descriptions import Found, Name
+    from eskin_cloud.store.descriptions import DescriptionKey, LayoutResult
     from eskin_cloud.store.write.write_cache import WriteCache
 
 MOST_CHANNELS: Final = 20_000
@@ -31,8 +31,8 @@ MOST_CHANNELS: Final = 20_000
 
 
 def accept_layouts(
-    connection: Connection, cache: WriteCache, named: Iterable[Name]
-) -> dict[Name, Found]:
+    connection: Connection, cache: WriteCache, named: Iterable[DescriptionKey]
+) -> dict[DescriptionKey, LayoutResult]:
     """The layouts by which messages are read, in few statements.
 
     Args:
@@ -44,8 +44,8 @@ def accept_layouts(
         Each layout, or the error: the node did not state all of it; or its patches do not fit it, a
         channel has another unit already, or the node would have too many channels.
     """
-    accepted: dict[Name, Found] = {}
-    fresh: list[Name] = []
+    accepted: dict[DescriptionKey, LayoutResult] = {}
+    fresh: list[DescriptionKey] = []
     for node, name in named:
         if cache.is_accepted(node, name):
             accepted[node, name] = _find(connection, node, name)
@@ -69,7 +69,7 @@ def accept_layouts(
     return accepted
 
 
-def _find(connection: Connection, node: str, name: bytes) -> Found:
+def _find(connection: Connection, node: str, name: bytes) -> LayoutResult:
     try:
         return find_layout(connection, node, name)
     except (UnknownDescriptionError, MessageError) as error:
@@ -90,7 +90,7 @@ def _read_units(
     connection: Connection,
     cache: WriteCache,
     used: Mapping[str, AbstractSet[bytes]],
-    stated: Mapping[Name, Found],
+    stated: Mapping[DescriptionKey, LayoutResult],
 ) -> None:
     """Read the units of the channels in the layouts that nodes have used."""
     unread = [(node, name) for node in used if node not in cache.units for name in used[node]]
