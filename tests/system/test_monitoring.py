@@ -160,7 +160,7 @@ def test_requests_for_grafanas_infinity_plugin_answer_the_rows_that_are_document
     now = time.time_ns() // 10**6
     for _, kind, url, items, columns in rows:
         filled = (
-            url.strip("` ").replace("${__from}", str(now - 60_000)).replace("${__to}", str(now))
+            url.strip("` ").replace("${__from}", str(now - 3_600_000)).replace("${__to}", str(now))
         )
         accept = {"Accept": "text/csv"} if kind.strip().startswith("CSV") else {}
         with demo.client() as client:
