@@ -304,7 +304,9 @@ def test_channels_are_grouped_filtered_and_made_when_seen(visit: Visit) -> None:
     rows.first.wait_for()
     assert rows.count() < 40
     visit.page.get_by_test_id("channel-filter").fill("t83 pressure")
-    wait_until(lambda: rows.first.get_attribute("data-channel") == "t8300.pressure", "the list is filtered")
+    wait_until(
+        lambda: rows.first.get_attribute("data-channel") == "t8300.pressure", "the list is filtered"
+    )
     assert "100 of 8,400" in groups.first.inner_text()
     rows.first.click()
     visit.wait_for_chart(mode="live")
