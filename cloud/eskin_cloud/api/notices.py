@@ -11,9 +11,9 @@ from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
-from eskin_cloud.privacy.erasures import find_erased
 from eskin_cloud.privacy.subject_notice import SubjectNotice, note
 from eskin_cloud.schemas.ingest import NoticeDocument
+from eskin_cloud.store.schema.sealed_tables import find_erased
 from eskin_cloud.store.write.ingest import UNKNOWN_NODE
 from eskin_cloud.store.write.node_sites import sites_of
 

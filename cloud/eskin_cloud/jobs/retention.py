@@ -23,8 +23,6 @@ from eskin_cloud.store.compaction import Due, PageKey, compact_frames
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
 from eskin_cloud.store.removal import (
     PatchSweep,
-    RemovalReason,
-    Sweep,
     remove,
     remove_damaged_frames,
     remove_rows,
@@ -32,6 +30,7 @@ from eskin_cloud.store.removal import (
 )
 from eskin_cloud.store.schema.frame_tables import pages
 from eskin_cloud.store.write.clock_state import load_clock, save_clock
+from eskin_cloud.store.write.removal_counts import RemovalReason, Sweep
 
 if TYPE_CHECKING:
     from collections.abc import Callable

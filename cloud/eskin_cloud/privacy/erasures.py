@@ -10,7 +10,6 @@ from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.sealed_tables import erased_subjects
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
     from collections.abc import Set as AbstractSet
 
     from sqlalchemy import Connection
@@ -26,10 +25,3 @@ def unapplied_erasures(
     rows = connection.execute(select(erased_subjects)).mappings()
     found = intact_rows(connection, erased_subjects, rows)
     return {(row["site"], row["subject"]) for row in found} - known
-
-
-def find_erased(connection: Connection, site: str, subjects: Collection[str]) -> set[str]:
-    """Which of some subjects of a site were erased."""
-    e = erased_subjects.c
-    query = select(e.subject).where(e.site == site, e.subject.in_(sorted(subjects)))
-    return set(connection.execute(query).scalars())

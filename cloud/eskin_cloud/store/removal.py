@@ -7,46 +7,22 @@ patches decrease.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from sqlalchemy import and_, delete, func, insert, select, tuple_, update
+from sqlalchemy import and_, delete, func, select, tuple_
 
 from eskin.privacy.sealed_message import read_page
 from eskin_cloud.store.patch_totals import Place, subtract_rows
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
-from eskin_cloud.store.schema.sealed_tables import is_of_erased_subject, removals, sealed_messages
+from eskin_cloud.store.schema.sealed_tables import is_of_erased_subject, sealed_messages
 from eskin_cloud.store.schema.tables import events
 from eskin_cloud.store.slot import slot_of
+from eskin_cloud.store.write.removal_counts import RemovalReason, Sweep, record_removal
 
 if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, Connection
 
     from eskin_cloud.store.write.write_cache import WriteCache
-
-
-class RemovalReason(StrEnum):
-    """Reasons of removal."""
-
-    AGE = "age"
-    ERASURE = "erasure"
-
-
-@dataclass(frozen=True, slots=True)
-class Sweep:
-    """What to remove of sealed messages.
-
-    Attributes:
-        node: The node.
-        place: Their place, as `eskin.privacy.sealed_message.name_place` names it.
-        reason: Why.
-        before: Messages that ended before it are removed, UTC ns; of erased subjects, all are.
-    """
-
-    node: str
-    place: str
-    reason: RemovalReason
-    before: int
 
 
 def remove(connection: Connection, cache: WriteCache, sweep: Sweep, *, most: int, now: int) -> int:
@@ -67,7 +43,7 @@ def remove(connection: Connection, cache: WriteCache, sweep: Sweep, *, most: int
         gone += connection.execute(delete(sealed_messages).where(key.in_(some))).rowcount
     if gone:
         _subtract(connection, cache, sweep, gone)
-        _record_removal(connection, sweep, gone, now)
+        record_removal(connection, sweep, gone, now)
     return gone
 
 
@@ -123,7 +99,7 @@ def remove_rows(connection: Connection, sweep: PatchSweep, *, most: int, now: in
             gone += connection.execute(delete(events).where(here)).rowcount
     if gone:
         as_place = Sweep(sweep.node, sweep.patch, RemovalReason.AGE, sweep.before)
-        _record_removal(connection, as_place, gone, now)
+        record_removal(connection, as_place, gone, now)
     return gone
 
 
@@ -192,13 +168,3 @@ def _subtract(connection: Connection, cache: WriteCache, sweep: Sweep, gone: int
     if row["t_first"] is None:
         row["t_last"] = None
     cache.change(pages, *key)
-
-
-def _record_removal(connection: Connection, sweep: Sweep, gone: int, now: int) -> None:
-    r = removals.c
-    here = (r.node == sweep.node) & (r.place == sweep.place) & (r.reason == sweep.reason)
-    values = {"messages": r.messages + gone, "before": sweep.before, "at": now}
-    if connection.execute(update(removals).where(here).values(values)).rowcount == 0:
-        key = {"node": sweep.node, "place": sweep.place, "reason": sweep.reason.value}
-        row = key | {"messages": gone, "before": sweep.before, "at": now}
-        connection.execute(insert(removals), row)

@@ -12,10 +12,10 @@ from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_row
 from eskin_cloud.store.descriptions import find_layout, find_patch
 from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.patch_rows import decode_runs
-from eskin_cloud.store.removal import RemovalReason
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.slot import slot_of
+from eskin_cloud.store.write.removal_counts import RemovalReason
 from eskin_sensor_node.node.ground_truth import GroundTruth, TrueFrame
 from sqlalchemy import func, select, tuple_
 

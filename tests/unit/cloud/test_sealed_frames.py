@@ -332,6 +332,28 @@ async def test_frames_of_an_erased_subject_are_gone_and_removed(stand: Stand, si
     assert late[0]["result"] == "duplicate"
 
 
+async def test_messages_that_arrive_after_the_erasure_are_not_stored(
+    stand: Stand, site: Site
+) -> None:
+    await bring_both(stand, site, 1)
+    await notice(stand, [], [site.ada.pseudonym])
+    assert await sweep(stand.cloud) == 1
+    bo = site.keystore.create("Bo")
+    mixed = site.batch(worn(2), beats(3)), site.batch(worn(4), subject=bo)
+    for waiting in mixed:
+        items = (await stand.ingest(waiting)).json()["items"]
+        assert {item["result"] for item in items} == {"stored"}
+    assert [row["subject"] for row in rows(stand, sealed_messages)] == [bo.pseudonym]
+    again = (await stand.ingest(site.batch(worn(2), beats(3)))).json()["items"]
+    assert [item["result"] for item in again] == ["duplicate", "duplicate"]
+    (page,) = [row for row in rows(stand, pages) if row["node"] == NODE]
+    assert page["frames"] == 1
+    gone = [row for row in rows(stand, removals) if row["reason"] == "erasure"]
+    assert sum(row["messages"] for row in gone) == 3
+    assert rows(stand, dead_letters) == []
+    assert await sweep(stand.cloud) == 0
+
+
 async def test_frames_expire_by_time_or_arrival(
     tmp_path: Path, identities: Identities, place: StoreLocation
 ) -> None:

@@ -11,9 +11,10 @@ import pytest
 from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.damage import FrameHeader
-from eskin_cloud.store.removal import PatchSweep, RemovalReason, Sweep, remove, remove_rows
+from eskin_cloud.store.removal import PatchSweep, remove, remove_rows
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, removals, sealed_messages
+from eskin_cloud.store.write.removal_counts import RemovalReason, Sweep
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from sqlalchemy import delete, insert, select, update
 

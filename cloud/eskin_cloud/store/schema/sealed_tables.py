@@ -16,7 +16,9 @@ from eskin_cloud.store.schema.tables import (
 from eskin_cloud.store.text_type import Text
 
 if TYPE_CHECKING:
-    from sqlalchemy import ColumnElement
+    from collections.abc import Collection
+
+    from sqlalchemy import ColumnElement, Connection
 
 PLACE_LENGTH: Final = 68
 """64 digits of a hash, a point, and a page."""
@@ -67,6 +69,13 @@ def is_of_erased_subject() -> ColumnElement[bool]:
         e.subject == sealed_messages.c.subject, e.site == n.site, n.node == sealed_messages.c.node
     )
     return exists(gone.correlate(sealed_messages))
+
+
+def find_erased(connection: Connection, site: str, subjects: Collection[str]) -> set[str]:
+    """Which of some subjects of a site were erased."""
+    e = erased_subjects.c
+    query = select(e.subject).where(e.site == site, e.subject.in_(sorted(subjects)))
+    return set(connection.execute(query).scalars())
 
 
 subject_nodes = Table(

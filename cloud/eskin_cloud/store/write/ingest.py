@@ -23,7 +23,7 @@ from eskin_cloud.store.descriptions import (
 from eskin_cloud.store.feed_entry import FeedEntry
 from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.schema.frame_tables import frames
-from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages
+from eskin_cloud.store.schema.sealed_tables import find_erased, sealed_messages
 from eskin_cloud.store.schema.tables import dead_letters, events
 from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.bulk_insert import bulk_insert
@@ -49,6 +49,7 @@ from eskin_cloud.store.write.presence import (
     record_layout,
     record_sealed_lag,
 )
+from eskin_cloud.store.write.removal_counts import RemovalReason, Sweep, record_removal
 from eskin_cloud.store.write.statements import statement_rows
 
 if TYPE_CHECKING:
@@ -130,6 +131,7 @@ class _Batch:
     now: int
     frames: list[FrameRow] = field(default_factory=list)
     layouts: dict[DescriptionKey, LayoutResult] = field(default_factory=dict)
+    erased: AbstractSet[str] = frozenset()
     events: list[Row] = field(default_factory=list)
     sealed: list[Row] = field(default_factory=list)
     dead: list[Row] = field(default_factory=list)
@@ -138,7 +140,6 @@ class _Batch:
     conflicts: int = 0
     items: Sequence[ParsedMessage] = ()
     compared: bool = False
-    site: str | None = None
     foreign: AbstractSet[str] = frozenset()
 
     def add_event(self, row: Row | None) -> None:
@@ -172,11 +173,15 @@ def ingest(
         now: UTC ns.
         dead_letters: Most dead letters that are kept.
     """
-    batch = _Batch(connection, cache, now, items=items, site=site)
+    batch = _Batch(connection, cache, now, items=items)
     if site is not None:
         nodes = {item.node for item in items}
         known = cache.sites(connection, nodes)
         batch.foreign = {node for node in nodes if known.get(node) != site and is_node(node)}
+        # Asked for in this transaction: an erasure is committed before it, or after it.
+        sealed = (item.message for item in items if isinstance(item.message, SealedMessage))
+        subjects = {message.subject for message in sealed}
+        batch.erased = find_erased(connection, site, subjects) if subjects else frozenset()
     _prepare(batch, [item for item in items if item.node not in batch.foreign])
     results = [_ingest_message(batch, item, gateway) for item in items]
     lag = _finish_frames(batch)
@@ -411,23 +416,27 @@ def _store_statements(
 def _store_sealed_by_layout(
     batch: _Batch, node: str, message: SealedMessage, described: DescribedLayout, data: bytes
 ) -> None:
-    """Store a sealed frame, or sealed statements.
+    """Store a sealed frame, or sealed statements; of an erased subject, only their number.
 
     Raises:
         MessageError: Nothing of its page or layout is biometric; nothing is stored.
     """
     here = slot_of(node), node, described.hash
-    if isinstance(message.place, tuple):
-        page = message.place[1]
-        if page not in described.biometric_pages:
-            raise MessageError(f"page {page} of the layout is not biometric; do not seal it")
-        add_sealed_frame(batch.connection, batch.cache, (*here, page), message.time)
-    elif described.biometric_pages:
-        # So retention finds the layout, also if the node has sent no frame.
-        ensure_page(batch.connection, batch.cache, (*here, described.biometric_pages[0]))
-    else:
+    page = message.place[1] if isinstance(message.place, tuple) else None
+    if page is not None and page not in described.biometric_pages:
+        raise MessageError(f"page {page} of the layout is not biometric; do not seal it")
+    if not described.biometric_pages:
         raise MessageError("no page of the layout is biometric; do not seal statements of it")
     _record_layout(batch, node, message.position, described.hash)
+    if message.subject in batch.erased:
+        erased = Sweep(node, message.place_name, RemovalReason.ERASURE, message.time[1])
+        record_removal(batch.connection, erased, 1, batch.now)
+        return
+    if page is not None:
+        add_sealed_frame(batch.connection, batch.cache, (*here, page), message.time)
+    else:
+        # So retention finds the layout, also if the node has sent no frame.
+        ensure_page(batch.connection, batch.cache, (*here, described.biometric_pages[0]))
     _add_sealed(batch, node, message, data)
 
 
@@ -480,11 +489,7 @@ def _spans(items: Sequence[ParsedMessage]) -> dict[tuple[str, int], tuple[int, i
 
 def _is_of_erased_subject(batch: _Batch, item: ParsedMessage) -> bool:
     """Whether a sealed message is of an erased subject, whose digest differs at each sealing."""
-    if not isinstance(item.message, SealedMessage):
-        return False
-    e = erased_subjects.c
-    gone = select(e.subject).where(e.subject == item.message.subject, e.site == batch.site)
-    return batch.connection.execute(gone).first() is not None
+    return isinstance(item.message, SealedMessage) and item.message.subject in batch.erased
 
 
 def _reject(batch: _Batch, item: ParsedMessage, reason: str, gateway: str) -> Receipt:
