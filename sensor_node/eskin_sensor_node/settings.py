@@ -448,10 +448,10 @@ class NodeSettings(Settings):
                     raise ValueError(f"{taxel.id} and its {role} '{name}' play different scenarios")
         return value
 
-    def companions(self, taxel: TaxelSection, seed: int) -> dict[str, Companion]:
-        """What a taxel reads along, by the names of its inputs; ``seed`` draws all true parts."""
+    def companions(self, taxel: TaxelSection) -> dict[str, Companion]:
+        """What a taxel reads along, by the names of its inputs."""
         numbers = {each.id: number for number, each in enumerate(self.taxel)}
         return {
-            role: Companion(self.taxel[numbers[name]], (seed, numbers[name]))
+            role: Companion(self.taxel[numbers[name]], numbers[name])
             for role, name in taxel.companions.items()
         }

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from eskin.wire.frames import Grid
-from eskin_sensor_node.columns.generator import ColumnGenerator
 from eskin_sensor_node.columns.inversion import PadColumnsInversion, surroundings
 from eskin_sensor_node.columns.self_test import ColumnsSelfTest
+from eskin_sensor_node.columns.sensing import SensingColumns
 from eskin_sensor_node.columns.stretch import PatchColumns, Stretch
 from eskin_sensor_node.firmware.selftest import CERTAIN, IMPOSSIBLE
-from eskin_sensor_node.kinds.registry import build_frontend, build_skin_world
 from eskin_sensor_node.machine.data_sheet import coverage
 from eskin_sensor_node.timebase import BILLION
 from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
@@ -25,13 +24,10 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin_sensor_node.columns.plan import SkinPlan
-    from eskin_sensor_node.kinds.converter import Codes
-    from eskin_sensor_node.kinds.signals import Signals
+    from eskin_sensor_node.columns.sensing import Sensed
     from eskin_sensor_node.kinds.skin_section import SkinSection
     from eskin_sensor_node.machine.clock import Clock
 
-_AIR: Final = 1 << 31
-"""Number of the first sensor that is read along, among those of taxels."""
 _SHARED: Final = 1_767_225_600 * BILLION
 """2026-01-01, UTC ns: the scenario's start where several nodes share a skin."""
 
@@ -48,18 +44,6 @@ class Fault(NamedTuple):
     taxel: str
     dead: int
     stuck: int
-
-
-class Sensed(NamedTuple):
-    """What the converters gave at some rows, and what was true.
-
-    Attributes:
-        codes: Of each input, columns × rows.
-        pressure: True mean pressure in Pa, columns × rows.
-    """
-
-    codes: dict[str, Codes]
-    pressure: Floats
 
 
 class PadColumns:
@@ -92,13 +76,13 @@ class PadColumns:
         self._neighbours = _local(skin.neighbours[self._taxels], self._taxels, len(skin))
         self._clock, self._boot = clock, boot
         self._shared = bool(section.controllers)
-        self._random = ColumnGenerator(seed, self._taxels)
-        self._world = build_skin_world(taxel, self._random, self.columns)
-        self._frontend = build_frontend(taxel, self._random)
-        self._air = []
-        for number, sensor in enumerate(section.air.values()):
-            random = ColumnGenerator(seed, np.array([_AIR + number]))
-            self._air.append((sensor.kind, build_frontend(sensor, random), random))
+        self._sensing = SensingColumns(
+            taxel,
+            seeds=seed,
+            numbers=self._taxels,
+            companions=section.companions,
+            places=self.columns,
+        )
         self._inversion = PadColumnsInversion(taxel, section.companions)
         inside = np.where(self._neighbours < len(self.columns), self._neighbours, NO_NEIGHBOUR)
         self._self_test = ColumnsSelfTest(skin.positions[self._taxels], inside)
@@ -162,7 +146,7 @@ class PadColumns:
         """Take the next stretch."""
         begin, rows, first_row = self._begin, self._rows, self._row
         sensed = self.sense(begin + self.period * np.arange(rows, dtype=np.int64))
-        self._inversion.measure(sensed.codes)
+        self._inversion.measure(sensed.readings[0].codes)
         self._self_test.take(*self._inversion.capacitance)
         self._inversion.separate(self._groups)
         lows, highs = self._inversion.pressure
@@ -171,7 +155,7 @@ class PadColumns:
             lows[broken], highs[broken] = -np.inf, np.inf
         self._pass(rows)
         grid = Grid(0, self.period, first_row, rows, self._coverage)
-        cells = [values.ravel()[self._places] for values in (lows, highs, sensed.pressure)]
+        cells = [values.ravel()[self._places] for values in (lows, highs, sensed.truth["pressure"])]
         return Stretch(begin, self._begin, (grid,), tuple(self._patches(cells, rows)))
 
     def _patches(self, cells: list[Floats], rows: int) -> Iterator[PatchColumns]:
@@ -184,13 +168,7 @@ class PadColumns:
 
     def sense(self, moments: NDArray[np.int64]) -> Sensed:
         """Codes of all columns at moments on the node's clock, ns, and the truth behind them."""
-        signals = self._world.signals(self._seconds(moments), self._random)
-        self._random.begin(self._boot, moments)
-        codes = self._frontend.digitise(signals.sensed, self._random).codes
-        pressure = signals.truth["pressure"]
-        for name, along in self._read_air(signals, moments).items():
-            codes[name] = np.broadcast_to(along, pressure.shape)
-        return Sensed(codes, pressure)
+        return self._sensing.sense(self._boot, moments, self._seconds(moments)[None])
 
     def examine(self) -> list[Fault]:
         """End a window of the self-test; gives the taxels that may be broken.
@@ -212,14 +190,6 @@ class PadColumns:
 
     def _surround(self) -> None:
         self._groups = surroundings(self._neighbours, ~self.broken)
-
-    def _read_air(self, signals: Signals, moments: NDArray[np.int64]) -> dict[str, Codes]:
-        """Codes of the sensors that all taxels read along, 1 × rows each."""
-        codes = {}
-        for name, frontend, random in self._air:
-            random.begin(self._boot, moments)
-            (codes[name],) = frontend.digitise(signals.sensed, random).codes.values()
-        return codes
 
     def _seconds(self, moments: NDArray[np.int64]) -> Floats:
         """True seconds since the scenario began."""

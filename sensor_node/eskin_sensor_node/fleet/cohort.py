@@ -190,10 +190,8 @@ class Cohort:
 
 def _together(standings: Sequence[TaxelState]) -> TaxelState:
     """Where one taxel of several shares stands."""
-    kept = [standing.drawn for standing in standings]
-    drawn = [each for some in kept if some is not None for each in some]
     columns = concatenate([standing.columns for standing in standings])
-    return TaxelState(standings[0].setting, columns, drawn if None not in kept else None)
+    return TaxelState(standings[0].setting, columns)
 
 
 def _taxels(roster: Roster) -> int:

@@ -44,6 +44,7 @@ class Roster:
     Attributes:
         settings: As given.
         entries: As given.
+        seeds: The nodes'.
         nodes: What they know, and their next numbers.
         clocks: Their clocks.
         coverages: Of each taxel, the probability that its intervals hold the truth.
@@ -55,13 +56,15 @@ class Roster:
     def __init__(self, settings: NodeSettings, entries: Sequence[RosterEntry]) -> None:
         self.settings = settings
         self.entries = entries
+        self.seeds = np.array([each.seed for each in entries], np.uint64)
+        boots = np.array([each.boot for each in entries], np.int64)
         self.clocks = Clocks(
-            [each.start for each in entries],
-            [np.random.default_rng((each.seed, each.boot)) for each in entries],
+            np.array([each.start for each in entries], np.int64),
+            self.seeds,
+            boots,
             error=round(settings.clock.rtc_error_ms * 1e6),
             drift=round(settings.clock.drift_ppm * 1e3),
         )
-        boots = np.array([each.boot for each in entries], np.int64)
         self.nodes = Nodes(self.clocks.readings, boots, np.zeros(len(entries), np.int64))
         self.coverages = taxel_coverages(settings)
         self.patches = patches(settings.taxel)

@@ -135,7 +135,7 @@ def _standing(taxel: EmulatedTaxel, design: TaxelSection) -> TaxelState:
     columns = fresh(len(unit.units), 1, longest_region(design, unit.schedule.dt))
     for k, channel in enumerate(unit.units):
         columns.store(k, 0, channel, before)
-    return TaxelState(setting, columns, [taxel.signal_chain])
+    return TaxelState(setting, columns)
 
 
 def reason_to_sample_alone(settings: NodeSettings) -> str | None:

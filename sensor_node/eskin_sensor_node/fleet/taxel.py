@@ -8,6 +8,7 @@ import numpy as np
 
 from eskin.peaks.certain_possible_peaks import MOST_AT_ONCE
 from eskin.peaks.table import EVENT
+from eskin_sensor_node.columns.sensing import SensingColumns
 from eskin_sensor_node.fleet.assembler import Part
 from eskin_sensor_node.fleet.baseline_kernels import MODES
 from eskin_sensor_node.fleet.columns import fresh
@@ -21,9 +22,7 @@ from eskin_sensor_node.fleet.report_kernels import (
     skip,
 )
 from eskin_sensor_node.fleet.self_test import bounded
-from eskin_sensor_node.fleet.sensing import SensingRows
 from eskin_sensor_node.fleet.setting import designed, longest_region
-from eskin_sensor_node.fleet.stacking import StackedGenerator
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.timebase import BILLION
@@ -33,14 +32,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from eskin.interval import Floats
     from eskin_sensor_node.firmware.schedule import Frame
-    from eskin_sensor_node.fleet.clocks import ClockColumn
+    from eskin_sensor_node.fleet.clocks import Clocks
     from eskin_sensor_node.fleet.columns import Columns
     from eskin_sensor_node.fleet.roster import Roster
     from eskin_sensor_node.fleet.setting import Setting
     from eskin_sensor_node.kinds.converter import Codes
-    from eskin_sensor_node.node.taxel import SignalChain
 
 
 class TaxelState(NamedTuple):
@@ -49,12 +46,10 @@ class TaxelState(NamedTuple):
     Attributes:
         setting: How it is set in all of them.
         columns: What their firmware remembers of it.
-        drawn: Their worlds and chains, where they are at hand.
     """
 
     setting: Setting
     columns: Columns
-    drawn: Sequence[SignalChain] | None
 
 
 class FrameReport(NamedTuple):
@@ -99,24 +94,23 @@ class TaxelRows:
         number: int,
         numbers: NDArray[np.int64],
         *,
-        clocks: ClockColumn,
+        clocks: Clocks,
         standing: TaxelState | None = None,
     ) -> None:
         taxel, sampling = roster.settings.taxel[number], roster.settings.sampling
-        entries = [roster.entries[each] for each in numbers.tolist()]
-        seeds = [each.seed for each in entries]
-        companions = [roster.settings.companions(taxel, seed) for seed in seeds]
+        companions = roster.settings.companions(taxel)
         self._columns, most = roster.layout.columns[number], roster.layout.most[number]
         setting = designed(taxel, sampling, most) if standing is None else standing.setting
-        drawn = None if standing is None else standing.drawn
-        self._sensing = SensingRows(taxel, number, seeds, companions, drawn)
-        self._sensing.amplify(setting.gain)
-        self._seeds = [(each.seed, number, each.boot) for each in entries]
+        self._sensing = SensingColumns(
+            taxel, seeds=roster.seeds[numbers], numbers=number, companions=companions
+        )
+        self._sensing.frontend.adjust(setting.gain, 0)
+        self._boots = roster.nodes.boots[numbers]
         self._clocks = clocks
         self._group = Group(roster.nodes, numbers)
         self.number = number
         self.numbers = numbers
-        self._calibrated = taxel.firmware(data_sheet(taxel, companions[0]), compiled_inversion())
+        self._calibrated = taxel.firmware(data_sheet(taxel, companions), compiled_inversion())
         self._calibrated.adjust(setting.gain, 0)
         self._setting, self._schedule = setting, setting.schedule
         quantities = self._calibrated.quantities
@@ -126,7 +120,7 @@ class TaxelRows:
         self._design = self._designed(roster.coverages[number], clock)
         longest = longest_region(taxel, self._schedule.dt)
         self.columns = (
-            fresh(len(quantities), len(seeds), longest) if standing is None else standing.columns
+            fresh(len(quantities), len(numbers), longest) if standing is None else standing.columns
         )
         self.next = self._schedule.frame(setting.first)
 
@@ -149,7 +143,7 @@ class TaxelRows:
 
     def standing(self, rows: Sequence[int]) -> TaxelState:
         """Where it stands in some of its nodes."""
-        return TaxelState(self.setting, self.columns.of(rows), self._sensing.drawn(rows))
+        return TaxelState(self.setting, self.columns.of(rows))
 
     def sample(self) -> FrameReport:
         """Take the next frame of all nodes."""
@@ -164,9 +158,11 @@ class TaxelRows:
     def measure(self) -> None:
         """Measure the next frame of all nodes, as if the taxel were alone, without messages."""
         frame = self.next
-        random = StackedGenerator((*seed, frame.start) for seed in self._seeds)
-        self._truth, codes = self._sensing.digitise(self._seconds(frame), random)
-        self._measure(codes, frame.n)
+        moments = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
+        since = self._clocks.elapsed(moments) - self._clocks.elapsed(np.asarray([frame.trigger]))
+        sensed = self._sensing.sense(self._boots, moments, np.asarray(since / BILLION))
+        self._truth = sensed.truth
+        self._measure(sensed.readings[0].codes, frame.n)
 
     def separate(self, around: Sequence[TaxelRows]) -> None:
         """Take back what neighbours hand on that are measured at the same instants, too."""
@@ -181,7 +177,7 @@ class TaxelRows:
     def report(self) -> FrameReport:
         """What all nodes report of the frame that was measured."""
         frame = self.next
-        shape = len(self._seeds), frame.n
+        shape = len(self._boots), frame.n
         lows, highs = (np.stack([b.reshape(shape) for b in self._bounds[k::2]]) for k in (0, 1))
         # Smoothing changes the bounds in which peaks are sought.
         given = (lows.copy(), highs.copy()) if self._design.smoothing > 0.0 else (lows, highs)
@@ -228,7 +224,7 @@ class TaxelRows:
 
     def _measure(self, codes: Mapping[str, Codes], n: int) -> None:
         """Fill a lower and an upper bound a channel, nodes × samples; one data sheet for all."""
-        size = len(self._seeds) * n
+        size = len(self._boots) * n
         given: list[Any] = [codes[name].ravel() for name in self._calibrated.inputs]
         self._bounds: list[Any] = [np.empty(size) for _ in range(2 * len(self.quantities))]
         self._calibrated.measure(given, size, self._bounds)
@@ -236,11 +232,5 @@ class TaxelRows:
     def _room(self, n: int) -> tuple[Any, Any]:
         """Room for the most peaks of a frame, and of one piece; unused room costs no memory."""
         most = n // 2 + 2 * MOST_AT_ONCE
-        peaks = np.empty(len(self.quantities) * len(self._seeds) * most, PEAK)
+        peaks = np.empty(len(self.quantities) * len(self._boots) * most, PEAK)
         return peaks, np.empty(most, EVENT)
-
-    def _seconds(self, frame: Frame) -> Floats:
-        """True seconds since the start, or since the burst's trigger: nodes × samples."""
-        ticks = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
-        since = self._clocks.elapsed(ticks) - self._clocks.elapsed(np.asarray([frame.trigger]))
-        return np.asarray(since / BILLION)

@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import numpy as np
+    from numpy.typing import ArrayLike
 
     from eskin.interval import Floats
     from eskin_sensor_node.kinds.converter import Codes, Converter
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
 
 
 @dataclass(frozen=True, slots=True)
 class Digitised:
-    """What the chain made of the signals.
+    """What the chains made of the signals, columns × moments.
 
     Attributes:
         truth: Quantities that come to be in the chain, without noise.
@@ -29,53 +30,32 @@ class Digitised:
     codes: dict[str, Codes]
     held: dict[str, Floats]
 
+    def part(self, begin: int, end: int) -> Digitised:
+        """Some of the moments."""
+        truth, held = (
+            {name: values[:, begin:end] for name, values in each.items()}
+            for each in (self.truth, self.held)
+        )
+        return Digitised(truth, {k: codes[:, begin:end] for k, codes in self.codes.items()}, held)
+
 
 class Frontend(ABC):
-    """An analogue chain with an ADC behind an amplifier; each kind has its own."""
+    """Analogue chains of one data sheet, a column each, with an ADC behind an amplifier."""
 
     _converter: Converter
 
     @abstractmethod
-    def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
+    def digitise(self, sensed: Mapping[str, Floats], random: ColumnGenerator) -> Digitised:
         """Run the chain on what the sensor gives."""
 
-    def adjust(self, gain: float, trim: int) -> None:
-        """Set the amplifier before the converter, and the trimmer to one of its steps."""
+    def adjust(self, gain: ArrayLike, trim: ArrayLike) -> None:
+        """Set the amplifiers before the converters, and the trimmers to steps of theirs."""
         self._converter.adjust(gain, trim)
 
-    def repeat(self, held: Floats, gain: float, trim: int) -> Codes:
-        """Codes of what is held, with another gain and step of the trimmer."""
+    def repeat(self, held: Floats, gain: ArrayLike, trim: ArrayLike) -> Codes:
+        """Codes of what is held, with other gains and steps of the trimmers."""
         return self._converter.repeat(held, gain, trim)
 
     def _digitised(self, truth: dict[str, Floats], held: dict[str, Floats]) -> Digitised:
         codes = {name: self._converter.convert(values) for name, values in held.items()}
         return Digitised(truth, codes, held)
-
-
-class CompaniedFrontend(Frontend):
-    """A chain, and others with one input each that are sampled at the same instants.
-
-    Args:
-        own: The taxel's chain; it alone is adjusted.
-        companions: Name of the input to the chain.
-    """
-
-    def __init__(self, own: Frontend, companions: Mapping[str, Frontend]) -> None:
-        self._own = own
-        self._companions = companions
-
-    def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
-        """Codes of all."""
-        own = self._own.digitise(sensed, random)
-        codes = dict(own.codes)
-        for name, companion in self._companions.items():
-            (codes[name],) = companion.digitise(sensed, random).codes.values()
-        return Digitised(own.truth, codes, own.held)
-
-    def adjust(self, gain: float, trim: int) -> None:
-        """Set the amplifier before the taxel's own converter, and its trimmer."""
-        self._own.adjust(gain, trim)
-
-    def repeat(self, held: Floats, gain: float, trim: int) -> Codes:
-        """Codes of what is held before the taxel's own amplifier."""
-        return self._own.repeat(held, gain, trim)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin_sensor_node.firmware.taxel.taxel import Taxel
     from eskin_sensor_node.kinds.frontend import Digitised
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
 
 
 class LcSection(TaxelSection):
@@ -62,15 +63,15 @@ class LcSection(TaxelSection):
 class LcFrontend(Frontend):
     """L → LC oscillator (eq. 12) → V = f/f_ref → ADC."""
 
-    def __init__(self, taxel: LcSection, random: np.random.Generator) -> None:
+    def __init__(self, taxel: LcSection, random: ColumnGenerator) -> None:
         self._capacitance = draw_part(random, taxel.capacitance, taxel.capacitance_tolerance)
         self._reference = draw_part(random, taxel.reference, taxel.reference_tolerance)
         self._converter = Converter(taxel, random)
         self._noise = taxel.noise
 
-    def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
+    def digitise(self, sensed: Mapping[str, Floats], random: ColumnGenerator) -> Digitised:
         """Codes of the detector's voltage."""
         frequency = 1.0 / (2.0 * np.pi * np.sqrt(sensed["inductance"] * self._capacitance))
         voltage = frequency / self._reference
-        noisy = voltage + draw_noise(random, self._noise, voltage.shape)
+        noisy = voltage + draw_noise(random, self._noise)
         return self._digitised({"frequency": frequency}, {"voltage": noisy})

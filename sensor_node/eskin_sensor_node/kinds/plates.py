@@ -12,6 +12,7 @@ from eskin_sensor_node.kinds.settings import Positive, Tolerance
 
 if TYPE_CHECKING:
     from eskin.interval import Floats
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
 
 
 class Actuated(Section):
@@ -24,8 +25,12 @@ class Actuated(Section):
     actuator_step_tolerance: Tolerance = Field(default=2e-3, description="of what a step adds")
 
 
-def draw_actuator(taxel: Actuated, random: np.random.Generator) -> Floats:
-    """By how much each step of the actuator, from none on, takes plates at rest apart, in m."""
-    levels = taxel.actuator_step_m * np.arange(taxel.actuator_steps + 1)
+def draw_actuator(taxel: Actuated, random: ColumnGenerator) -> Floats:
+    """By how much each step of the actuator, from none on, takes plates at rest apart, in m.
+
+    Returns:
+        Shape ``(steps + 1, columns, 1)``.
+    """
+    levels = taxel.actuator_step_m * np.arange(taxel.actuator_steps + 1)[:, None, None]
     errors = taxel.actuator_step_tolerance * random.uniform(-1.0, 1.0, taxel.actuator_steps)
-    return np.asarray(levels * np.concatenate([[1.0], 1.0 + errors]))
+    return np.asarray(levels * np.concatenate([np.ones((1, len(random), 1)), 1.0 + errors]))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin_sensor_node.firmware.taxel.taxel import Taxel
     from eskin_sensor_node.kinds.frontend import Digitised
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.kinds.noise import GaussianNoise, UniformNoise
 
 
@@ -58,7 +59,7 @@ class RcFrontend(Frontend):
         random: Draws the true parts.
     """
 
-    def __init__(self, taxel: RcSection, random: np.random.Generator) -> None:
+    def __init__(self, taxel: RcSection, random: ColumnGenerator) -> None:
         self._resistance = draw_part(random, taxel.resistance_ohm, taxel.resistance_tolerance)
         self._reference = draw_part(random, taxel.reference, taxel.reference_tolerance)
         self._transconductance = draw_part(
@@ -68,11 +69,11 @@ class RcFrontend(Frontend):
         # Before the ADC; ``None`` where the taxel is disturbed before the chain.
         self._noise: UniformNoise | GaussianNoise | None = taxel.noise
 
-    def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
+    def digitise(self, sensed: Mapping[str, Floats], random: ColumnGenerator) -> Digitised:
         """Codes of the current."""
         frequency = 1.0 / (2.0 * np.pi * self._resistance * sensed["capacitance"])
         current = np.asarray(self._transconductance * (frequency / self._reference))
         noisy = current
         if self._noise is not None:
-            noisy = current + draw_noise(random, self._noise, current.shape)
+            noisy = current + draw_noise(random, self._noise)
         return self._digitised({"current": current}, {"current": noisy})

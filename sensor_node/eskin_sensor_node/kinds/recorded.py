@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.world.replay import Recorded
 
 log = logging.getLogger(__name__)
@@ -26,7 +27,7 @@ _MOST: Final = 1e6
 
 
 class RecordedWorld(World):
-    """One channel of a recording, from the node's start on.
+    """One channel of a recording, from the start of a node on, whose taxels the columns are.
 
     A sample is taken from the recorded one that is nearest, within half of the recording's period;
     elsewhere it is missing. Of a recorded interval the world is drawn that it had, a value from
@@ -43,7 +44,7 @@ class RecordedWorld(World):
     quantity: ClassVar[str]
     """What is recorded, as the front end senses it."""
 
-    def __init__(self, taxel: Recorded, random: np.random.Generator) -> None:
+    def __init__(self, taxel: Recorded, random: ColumnGenerator) -> None:
         recording = read_recording(taxel.recording)
         self._series = recording.channel(taxel.channel)
         for complaint in recording.complaints:
@@ -51,12 +52,13 @@ class RecordedWorld(World):
         recorded = self._series.values
         self._thin = bool(np.all(recorded.inf == recorded.sup))
         values = recorded * Interval(taxel.scale)
-        share = random.random(len(self._series.times))
+        share = random.uniform(0.0, 1.0, len(self._series.times))[..., 0].T
         lo, hi = values.inf, values.sup
         self._unknown = np.isinf(lo) & np.isinf(hi)
         self._ends = np.clip(lo, _LEAST, _MOST), np.clip(hi, _LEAST, _MOST)
         with np.errstate(invalid="ignore"):
             inside = np.clip(lo + share * (hi - lo), lo, hi)
+        # Columns × recorded times.
         self._values = np.where(np.isinf(lo), hi, np.where(np.isinf(hi), lo, inside))
 
     def missing(self, seconds: Floats) -> NDArray[np.bool_]:
@@ -68,17 +70,18 @@ class RecordedWorld(World):
         """What is true where the recorded quantity has some values."""
         return {self.quantity: value}
 
-    def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
+    def signals(self, seconds: Floats, random: ColumnGenerator) -> Signals:
         """The recorded quantity, the ends of its intervals, and where it is missing."""
         del random
-        chosen, _ = self._series.nearest(_ticks(seconds))
-        ends = () if self._thin else tuple({self.quantity: end[chosen]} for end in self._ends)
-        value = self._values[chosen]
+        times = seconds.ravel()
+        chosen, _ = self._series.nearest(_ticks(times))
+        ends = () if self._thin else tuple({self.quantity: end[None, chosen]} for end in self._ends)
+        value = self._values[:, chosen]
         return Signals(
             self.truth(value),
             {self.quantity: np.clip(value, _LEAST, _MOST)},
             ends,
-            self.missing(seconds),
+            self.missing(times),
         )
 
 

@@ -176,8 +176,8 @@ class Companion:
 
     Attributes:
         taxel: Its settings.
-        seed: Draws its true parts: they are the same for each taxel that reads it.
+        number: Its own among the node's: it draws the same parts for each taxel that reads it.
     """
 
     taxel: TaxelSection
-    seed: tuple[int, ...]
+    number: int

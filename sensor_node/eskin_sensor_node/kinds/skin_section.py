@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 MOST_TAXELS: Final = 20_000
 """Of a skin; as many fit into one layout message of 64 KiB, with their patches and seams."""
 MOST_ROWS: Final = 1000
+_FIRST: Final = 1 << 31
+"""Number of the first sensor that is read along."""
 _PATCH: Final = 64
 """Taxels of a patch, which no cut goes through."""
 _THERMOMETER: Final = "thermometer"
@@ -192,8 +194,11 @@ class SkinSection(Section):
 
     @property
     def companions(self) -> dict[str, Companion]:
-        """The same as a taxel's companions; their parts are drawn by `columns` alone."""
-        return {role: Companion(sensor, ()) for role, sensor in self.air.items()}
+        """The same as a taxel's companions; their numbers come after those of all taxels."""
+        return {
+            role: Companion(sensor, _FIRST + number)
+            for number, (role, sensor) in enumerate(self.air.items())
+        }
 
 
 def _read(role: str, section: type[Sheet], given: Table, /, **own: object) -> Sheet:

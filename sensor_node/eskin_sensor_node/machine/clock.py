@@ -8,17 +8,20 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin_sensor_node.firmware.clock import Clock as FirmwareClock
+from eskin_sensor_node.kinds.generator import ColumnGenerator
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from eskin.interval import Floats
     from eskin_sensor_node.firmware.schedule import Frame
 
 
+_NUMBER: Final = 1 << 30
+"""The clock's among the taxels that draw something."""
 _STEADY: Final = 0.6
 """Share of the data sheet's bound that cutting and ageing take; temperature takes the rest."""
 _SWING_NS: Final = 1.8e12
@@ -26,26 +29,37 @@ _SWING_NS: Final = 1.8e12
 
 
 class Crystal:
-    """A quartz crystal: turns ticks (nominal ns) into true ns.
+    """Quartz crystals of some nodes, a column each: turn ticks (nominal ns) into true ns.
 
     The rate error is a constant plus a swing with the temperature, together within the bound.
 
     Args:
         drift: Greatest rate error, in parts of 1e9.
-        random: Draws the true one.
+        random: Draws the true ones, see `clock_generator`.
     """
 
-    def __init__(self, drift: int, random: np.random.Generator) -> None:
+    def __init__(self, drift: int, random: ColumnGenerator) -> None:
         self._steady = _STEADY * drift * random.uniform(-1.0, 1.0) / BILLION
         self._swing = (1.0 - _STEADY) * drift * random.uniform(-1.0, 1.0) / BILLION
         self._pace = 2.0 * math.pi / _SWING_NS
 
     def elapsed(self, ticks: NDArray[np.int64] | int) -> NDArray[np.int64]:
-        """True ns since the start, when the crystal has counted these ticks."""
+        """True ns since the start, when the crystals have counted these ticks: columns × ticks."""
         nominal = np.asarray(ticks, dtype=np.float64)
         swing = self._swing * (1.0 - np.cos(self._pace * nominal)) / self._pace
         # Toward the nominal: rounding must not carry it past the bound.
         return np.asarray(ticks) + np.trunc(self._steady * nominal + swing).astype(np.int64)
+
+
+def clock_generator(seeds: ArrayLike) -> ColumnGenerator:
+    """What draws crystals and readings of nodes with some seeds."""
+    return ColumnGenerator(seeds, _NUMBER)
+
+
+def draw_offsets(error: int, random: ColumnGenerator, boots: ArrayLike) -> NDArray[np.int64]:
+    """How wrong the readings at some nodes' starts are, within a bound, ns."""
+    random.begin(boots, np.zeros(1, np.int64))
+    return np.rint(random.uniform(-error, error)[:, 0]).astype(np.int64)
 
 
 class Clock:
@@ -62,8 +76,8 @@ class Clock:
         speed: Emulated seconds in a real second.
         rtc_error: Bound of the real-time clock's error, in ns.
         drift: Bound of the crystal's rate error, in parts of 1e9.
-        crystal: The crystal.
-        random: Draws the true offset.
+        seed: The node's; it draws the crystal.
+        boot: Number of this start; it draws the true offset.
         origin: Real time at the start, ns; ``None``: now.
     """
 
@@ -75,29 +89,30 @@ class Clock:
         speed: float,
         rtc_error: int,
         drift: int,
-        crystal: Crystal,
-        random: np.random.Generator,
+        seed: int,
+        boot: int,
         origin: int | None = None,
     ) -> None:
         self._start = start
         self._monotonic = monotonic
         self._origin = monotonic() if origin is None else origin
         self._speed = speed
-        self._crystal = crystal
+        self._random = clock_generator(seed)
+        self._crystal = Crystal(drift, self._random)
         self._rtc_error = rtc_error
         self._drift = drift
         self._booted = 0
         self.lived = 0
         """True ns of the emulated world before the machine's latest start."""
-        self._read(random)
+        self._read(boot)
 
-    def restart(self, time: int, random: np.random.Generator) -> None:
-        """Count from 0 again at a machine time; ``random`` draws the new reading's true error."""
-        true = int(self._crystal.elapsed(time - self._booted))
+    def restart(self, time: int, boot: int) -> None:
+        """Count from 0 again at a machine time; the boot draws the new reading's true error."""
+        true = self._crystal.elapsed(time - self._booted).item()
         self._start += true
         self.lived += true
         self._booted = time
-        self._read(random)
+        self._read(boot)
 
     def now(self) -> int:
         """Machine time: emulated ns since the emulation began, as the crystal counts them."""
@@ -109,7 +124,8 @@ class Clock:
 
     def elapsed(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
         """True ns since the machine's latest start."""
-        return self._crystal.elapsed(ticks)
+        found: NDArray[np.int64] = self._crystal.elapsed(ticks)[0]
+        return found
 
     def seconds(self, frame: Frame, *, triggered: bool) -> Floats:
         """True seconds of a frame's samples.
@@ -125,14 +141,14 @@ class Clock:
 
     def true_time(self, ticks: int) -> int:
         """True UTC in ns; for the audit, not for the firmware."""
-        return self._start + int(self._crystal.elapsed(ticks))
+        return self._start + int(self._crystal.elapsed(ticks).item())
 
     def seconds_until(self, time: int) -> float:
         """Real seconds until a machine time; negative when it is over."""
         return (time - self.now()) / self._speed / BILLION
 
-    def _read(self, random: np.random.Generator) -> None:
+    def _read(self, boot: int) -> None:
         error = self._rtc_error
-        reading = self._start + int(random.integers(-error, error, endpoint=True))
+        reading = self._start + int(draw_offsets(error, self._random, boot).item())
         self.known = FirmwareClock(reading, error, self._drift)
         """What the firmware knows."""

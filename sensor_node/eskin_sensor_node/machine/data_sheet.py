@@ -58,7 +58,7 @@ def coverage(
 
 def taxel_coverages(settings: NodeSettings) -> list[float]:
     """Least probability, for each taxel, that a sample's interval encloses the truth."""
-    each = [(taxel, settings.companions(taxel, 0)) for taxel in settings.taxel]
+    each = [(taxel, settings.companions(taxel)) for taxel in settings.taxel]
     found = patches(settings.taxel)
     return [
         coverage(*own, [each[k] for k in found[number].around] if number in found else ())

@@ -33,13 +33,13 @@ class Inversion:
         self._taxel = taxel.firmware(sheet, compiled_inversion())
 
     def measure(self, codes: Mapping[str, Codes]) -> dict[str, Interval]:
-        """Quantity to intervals, as many as there are codes."""
+        """Quantity to intervals, in the shape of the codes."""
         given = [array("q", codes[name].tobytes()) for name in self._taxel.inputs]
-        n = len(given[0])
+        n, shape = len(given[0]), codes[self._taxel.inputs[0]].shape
         bounds = [array("d", bytes(8 * n)) for _ in range(2 * len(self._taxel.quantities))]
         self._taxel.measure(given, n, bounds)
         self._taxel.separate(n, bounds, ())
         return {
-            quantity: Interval(np.array(bounds[2 * k]), np.array(bounds[2 * k + 1]))
+            quantity: Interval(np.array(bounds[2 * k]), np.array(bounds[2 * k + 1])).reshape(*shape)
             for k, (quantity, _) in enumerate(self._taxel.quantities)
         }

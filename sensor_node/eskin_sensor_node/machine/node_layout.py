@@ -195,9 +195,7 @@ def _describe(
         if all(taxel.id in places for taxel in taxels):
             each = [[round(_MICRO * v) for v in places[taxel.id]] for taxel in taxels]
             positions = tuple(zip(*each, strict=True))
-        widths = [
-            least_widths(taxel, settings.companions(taxel, 0))[key.quantity] for taxel in taxels
-        ]
+        widths = [least_widths(taxel, settings.companions(taxel))[key.quantity] for taxel in taxels]
         neighbours: tuple[tuple[int, int], ...] = ()
         threshold, cell_area = None, None
         if key.contact is not None:

@@ -8,8 +8,6 @@ from abc import ABC, abstractmethod
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final, TypeVar
 
-import numpy as np
-
 from eskin.errors import FirmwareError, FlashError
 from eskin.wire.messages import Position
 from eskin_sensor_node.firmware import states
@@ -286,7 +284,7 @@ class BaseNode(ABC):
         lost = self._missing(again)
         with self._flash_retry.commit():
             self._outbox.restart()
-        clock.restart(machine.now, np.random.default_rng((self._seed, self._outbox.boot)))
+        clock.restart(machine.now, self._outbox.boot)
         self._boot()
         with self._flash_retry.commit(), self._outbox.batch() as batch:
             time = earliest, clock.known.enclosure(0)[1]

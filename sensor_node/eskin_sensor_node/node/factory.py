@@ -8,15 +8,13 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from eskin.privacy import open_key
 from eskin_sensor_node.firmware import inversion
 from eskin_sensor_node.firmware.message_writer import MessageWriter
 from eskin_sensor_node.firmware.outbox import Outbox
 from eskin_sensor_node.kinds.neighbours import measured_around
 from eskin_sensor_node.machine.budget import require_flash, require_ram
-from eskin_sensor_node.machine.clock import Clock, Crystal
+from eskin_sensor_node.machine.clock import Clock
 from eskin_sensor_node.machine.flash.flash import Flash
 from eskin_sensor_node.machine.processor import require_speed
 from eskin_sensor_node.machine.sampling import require_depth
@@ -137,16 +135,14 @@ def build_clock(
         monotonic: Real time in ns from any origin.
         origin: Real time at the start, ns; ``None``: now.
     """
-    random = np.random.default_rng((seed, boot))
-    drift = round(settings.clock.drift_ppm * 1e3)
     return Clock(
         start=start,
         monotonic=monotonic,
         speed=settings.node.speed,
         rtc_error=round(settings.clock.rtc_error_ms * 1e6),
-        drift=drift,
-        crystal=Crystal(drift, random),
-        random=random,
+        drift=round(settings.clock.drift_ppm * 1e3),
+        seed=seed,
+        boot=boot,
         origin=origin,
     )
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.wire.messages import Position
+from eskin_sensor_node.columns.sensing import SensingColumns
 from eskin_sensor_node.firmware import inversion, states
 from eskin_sensor_node.firmware.assembler import Assembler, encode
 from eskin_sensor_node.kinds.neighbours import patches
@@ -19,7 +20,8 @@ from eskin_sensor_node.machine.sampling import Sampling, most_repeats
 from eskin_sensor_node.node.base import BaseNode
 from eskin_sensor_node.node.ground_truth import TrueFrame
 from eskin_sensor_node.node.self_test import NodeSelfTest
-from eskin_sensor_node.node.taxel import EmulatedTaxel, TruePart
+from eskin_sensor_node.node.taxel import EmulatedTaxel, TaxelGroup, TruePart
+from eskin_sensor_node.world.scenario.fit import Staged
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,22 +47,46 @@ def build_taxels(
     functions: ModuleType,
 ) -> list[EmulatedTaxel]:
     """The taxels of a node, in the order of its settings; arguments as of `node.node`."""
-    coverages = taxel_coverages(settings)
+    coverages, places = taxel_coverages(settings), group_taxels(settings, seed=seed, clock=clock)
     return [
         EmulatedTaxel(
             taxel,
-            seed=(seed, number),
+            group=group,
+            column=column,
             clock=clock,
             sampling=settings.sampling,
             columns=layout.columns[number],
             most=layout.most[number],
             functions=functions,
-            companions=settings.companions(taxel, seed),
+            companions=settings.companions(taxel),
             coverage=coverages[number],
             repeats=most_repeats(settings, taxel),
         )
-        for number, taxel in enumerate(settings.taxel)
+        for number, (taxel, (group, column)) in enumerate(zip(settings.taxel, places, strict=True))
     ]
+
+
+def group_taxels(
+    settings: NodeSettings, *, seed: int, clock: Clock
+) -> list[tuple[TaxelGroup, int]]:
+    """Group the taxels of a node that differ only in name and place; gives each one's column."""
+    alike: dict[str, list[int]] = {}
+    for number, taxel in enumerate(settings.taxel):
+        sheet = taxel.model_dump_json(exclude={"id", "place", "position"})
+        alike.setdefault(sheet, []).append(number)
+    found: dict[int, tuple[TaxelGroup, int]] = {}
+    for numbers in alike.values():
+        taxels = [settings.taxel[number] for number in numbers]
+        sensing = SensingColumns(
+            taxels[0],
+            seeds=seed,
+            numbers=numbers,
+            companions=settings.companions(taxels[0]),
+            places=[taxel.place for taxel in taxels if isinstance(taxel, Staged)],
+        )
+        group = TaxelGroup(sensing, clock)
+        found |= {number: (group, column) for column, number in enumerate(numbers)}
+    return [found[number] for number in range(len(settings.taxel))]
 
 
 class SamplingGroup:

@@ -9,11 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from eskin.errors import FlashError
 from eskin.privacy.subject import KEY_BYTES
-from eskin_sensor_node.machine.clock import Clock, Crystal
+from eskin_sensor_node.machine.clock import Clock
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.flash.flash import Flash
 from eskin_sensor_node.machine.node_layout import plan_layout
@@ -54,15 +52,14 @@ class OfflineNode:
             described=self.layout.described,
         )
         seed = truth.seed(settings.node.seed)
-        random = np.random.default_rng(seed)
         clock = Clock(
             start=_START,
             monotonic=lambda: self._now,
             speed=1.0,
             rtc_error=0,
             drift=0,
-            crystal=Crystal(0, random),
-            random=random,
+            seed=seed,
+            boot=self.outbox.boot,
         )
         self.node = Node(
             settings,

@@ -12,7 +12,6 @@ from eskin.errors import FirmwareError
 from eskin_sensor_node.firmware.autoranging import Readings
 from eskin_sensor_node.firmware.control_unit import ControlUnit
 from eskin_sensor_node.firmware.gap_reasons import UNRECORDED
-from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.prices import Cycles, inversion, passes
 from eskin_sensor_node.machine.schedule import build_schedule
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from eskin.interval import Floats
+    from eskin_sensor_node.columns.sensing import Sensed, SensingColumns
     from eskin_sensor_node.firmware.adaptation import Adaptation
     from eskin_sensor_node.firmware.assembler import Assembler
     from eskin_sensor_node.firmware.channel import ChannelUnit
@@ -30,9 +30,8 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.firmware.selftest import SelfTest
     from eskin_sensor_node.kinds.converter import Codes
-    from eskin_sensor_node.kinds.frontend import Digitised
+    from eskin_sensor_node.kinds.frontend import Digitised, Frontend
     from eskin_sensor_node.kinds.settings import Companion, TaxelSection
-    from eskin_sensor_node.kinds.signals import Signals
     from eskin_sensor_node.machine.clock import Clock
     from eskin_sensor_node.machine.node_layout import Column
     from eskin_sensor_node.settings import SamplingSection
@@ -72,16 +71,18 @@ class SampleHold:
     """The held samples of one input, of one frame, to convert again with another range.
 
     Args:
-        values: What is held before the amplifier.
-        signal_chain: Converts it.
+        values: What is held before the amplifiers, columns × samples.
+        column: The taxel's.
+        frontend: Converts them.
 
     Attributes:
         conversions: How often something was converted again.
     """
 
-    def __init__(self, values: Floats, signal_chain: SignalChain) -> None:
+    def __init__(self, values: Floats, column: int, frontend: Frontend) -> None:
         self._values = values
-        self._signal_chain = signal_chain
+        self._column = column
+        self._frontend = frontend
         self._known: dict[tuple[float, int], Codes] = {}
         self.conversions = 0
 
@@ -91,9 +92,8 @@ class SampleHold:
         def convert(gain: float, trim: int) -> int:
             self.conversions += 1
             if (gain, trim) not in self._known:
-                self._known[gain, trim] = self._signal_chain.frontend.repeat(
-                    self._values, gain, trim
-                )
+                codes = self._frontend.repeat(self._values, gain, trim)
+                self._known[gain, trim] = codes[self._column]
             return int(self._known[gain, trim][k])
 
         return convert
@@ -104,16 +104,28 @@ class Reader:
 
     Args:
         unit: Its control unit.
-        signal_chain: What is before it.
+        group: What is before it.
+        column: Its column there.
+        last: Greatest code of its converter.
         inputs: Names of the inputs, in their order.
 
     Attributes:
         repeats: What was converted again since it began.
     """
 
-    def __init__(self, unit: ControlUnit, signal_chain: SignalChain, inputs: Sequence[str]) -> None:
+    def __init__(
+        self,
+        unit: ControlUnit,
+        group: TaxelGroup,
+        column: int,
+        *,
+        last: int,
+        inputs: Sequence[str],
+    ) -> None:
         self._unit = unit
-        self._signal_chain = signal_chain
+        self._group = group
+        self._column = column
+        self._last = last
         self._inputs = inputs
         self.begin()
 
@@ -123,18 +135,20 @@ class Reader:
 
     def read(self, digitised: Digitised) -> Readings:
         """The codes of each input, after the firmware has repeated what it wanted."""
-        codes = [array("q", digitised.codes[name].tobytes()) for name in self._inputs]
+        column = self._column
+        codes = [array("q", digitised.codes[name][column].tobytes()) for name in self._inputs]
         if not self._unit.adaptive:
             return Readings(codes, ())
         amplified = [name for name in self._inputs if name in digitised.held]
         readings = Readings(codes, [array("b", bytes(len(codes[0]))) for _ in amplified])
         for i, name in enumerate(amplified):
-            self._repeat(readings, i, SampleHold(digitised.held[name], self._signal_chain))
+            frontend = self._group.sensing.frontend
+            self._repeat(readings, i, SampleHold(digitised.held[name], column, frontend))
         return readings
 
     def _repeat(self, readings: Readings, i: int, held: SampleHold) -> None:
         codes = np.asarray(readings.codes[i])
-        for k in np.flatnonzero((codes <= 0) | (codes >= self._signal_chain.last)).tolist():
+        for k in np.flatnonzero((codes <= 0) | (codes >= self._last)).tolist():
             self._unit.repeat(readings, i, k, held.sample(k))
         samples = sum(mark != 0 for mark in readings.ranges[i])
         self.repeats = Repeats(
@@ -142,32 +156,48 @@ class Reader:
         )
 
 
-class SignalChain:
-    """World, analogue front end and actuator of one taxel; they stay the same through each reset.
+class TaxelGroup:
+    """Taxels of a node that have one data sheet, sampled in columns; it outlives each reset.
 
     Args:
-        taxel: Its settings.
-        seed: Draws them.
-        companions: What it reads along, by the names of its inputs.
-
-    Attributes:
-        world: Gives the true signals at instants since the start (a burst: since its trigger).
-        frontend: Turns signals into codes.
-        last: Greatest code of its converter.
+        sensing: Worlds, chains and actuators.
+        clock: The node's clock.
     """
 
-    def __init__(
-        self, taxel: TaxelSection, seed: tuple[int, ...], companions: Mapping[str, Companion]
-    ) -> None:
-        parts = np.random.default_rng(seed)
-        self.world = build_world(taxel, parts)
-        self.frontend = build_frontend(taxel, parts, companions)
-        self.last = (1 << taxel.adc_bits) - 1
+    def __init__(self, sensing: SensingColumns, clock: Clock) -> None:
+        self.sensing = sensing
+        self._clock = clock
+        self._gains = np.ones((len(sensing), 1))
+        self._trims, self._plates = np.zeros((2, len(sensing), 1), np.int64)
+        self._latest: tuple[tuple[int, ...], Sensed] | None = None
 
-    def adjust(self, chosen: Adaptation) -> None:
-        """Set amplifier, trimmer and plates as the control unit has chosen."""
-        self.frontend.adjust(chosen.gain, chosen.trim)
-        self.world.move(chosen.plate)
+    def adjust(self, column: int, chosen: Adaptation) -> None:
+        """Set amplifier, trimmer and plates of a taxel as its control unit has chosen."""
+        settings = (
+            (self._gains, chosen.gain), (self._trims, chosen.trim), (self._plates, chosen.plate),
+        )  # fmt: skip
+        if all(values[column, 0] == value for values, value in settings):
+            return
+        for values, value in settings:
+            values[column] = value
+        self.sensing.frontend.adjust(self._gains, self._trims)
+        self.sensing.world.move(self._plates)
+        self._latest = None
+
+    def sense(self, boot: int, frame: Frame, *, triggered: bool) -> Sensed:
+        """Sample all taxels at a frame's moments; those of one frame are sampled once.
+
+        Args:
+            boot: The node's.
+            frame: One taxel's.
+            triggered: Whether its times count from the trigger of its burst.
+        """
+        key = boot, frame.start, frame.dt, frame.n
+        if self._latest is None or self._latest[0] != key:
+            moments = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
+            seconds = self._clock.seconds(frame, triggered=triggered)
+            self._latest = key, self.sensing.sense(boot, moments, seconds[None])
+        return self._latest[1]
 
 
 class EmulatedTaxel:
@@ -175,7 +205,8 @@ class EmulatedTaxel:
 
     Args:
         taxel: Its settings.
-        seed: Draws the true parts, the same at each boot.
+        group: Where it is sampled.
+        column: Its column there.
         clock: The node's clock.
         sampling: The node's stretches.
         columns: Of each quantity, where its samples stand in frames.
@@ -192,7 +223,8 @@ class EmulatedTaxel:
         *,
         companions: Mapping[str, Companion],
         coverage: float,
-        seed: tuple[int, ...],
+        group: TaxelGroup,
+        column: int,
         clock: Clock,
         sampling: SamplingSection,
         columns: Sequence[Column],
@@ -202,11 +234,11 @@ class EmulatedTaxel:
     ) -> None:
         self._taxel = taxel
         self._inverted: list[int] = []
-        self._seed = seed
         self._sampling, self._columns, self._most = sampling, columns, most
         self._repeats = repeats
         self._functions = functions
-        self.signal_chain = SignalChain(taxel, seed, companions)
+        self.group = group
+        self._column = column
         self._companions = companions
         self._coverage = coverage
         self._clock = clock
@@ -235,7 +267,13 @@ class EmulatedTaxel:
             clock=self._clock.known,
             assembler=assembler,
         )
-        self.reader = Reader(self.control_unit, self.signal_chain, self._calibrated.inputs)
+        self.reader = Reader(
+            self.control_unit,
+            self.group,
+            self._column,
+            last=(1 << taxel.adc_bits) - 1,
+            inputs=self._calibrated.inputs,
+        )
         self._inverted = list(self._calibrated.inverted)
         self.next: Frame = self.control_unit.schedule.frame(0)
         self._adjust()
@@ -275,13 +313,18 @@ class EmulatedTaxel:
             FirmwareError: The firmware failed.
         """
         frame = self.next
-        signals, random = self._sense(frame)
+        sensed = self._sense(frame)
         gaps: list[Record] = []
         truth: list[TruePart] = []
-        for begin, end, present in signals.runs(frame.n):
+        for begin, end, present in sensed.runs(frame.n):
             part = frame.part(begin, end)
             if present:
-                truth += self._measure(part, signals.part(begin, end), random)
+                self._truth = self._own_truth(sensed, begin, end)
+                digitised = [each.part(begin, end) for each in sensed.readings]
+                with self._firmware_errors():
+                    readings = [self.reader.read(each) for each in digitised]
+                    sent = self.control_unit.process(part, *readings)
+                truth += self._true_parts(part, sent)
             else:
                 gaps.append(self._record_gap(part))
         self._advance()
@@ -293,11 +336,10 @@ class EmulatedTaxel:
         Raises:
             FirmwareError: The firmware failed.
         """
-        signals, random = self._sense(self.next)
-        digitised = self.signal_chain.frontend.digitise(signals.sensed, random)
-        self._truth = signals.truth | digitised.truth
+        sensed = self._sense(self.next)
+        self._truth = self._own_truth(sensed, 0, self.next.n)
         with self._firmware_errors():
-            self.control_unit.measure(self.next, self.reader.read(digitised))
+            self.control_unit.measure(self.next, self.reader.read(sensed.readings[0]))
 
     def separate(self) -> None:
         """Subtract the crosstalk of measured neighbours.
@@ -318,24 +360,15 @@ class EmulatedTaxel:
         with self._firmware_errors():
             sent = self.control_unit.report()
         self._advance()
-        return self._true_parts(frame, sent, self._truth)
+        return self._true_parts(frame, sent)
 
-    def _sense(self, frame: Frame) -> tuple[Signals, np.random.Generator]:
+    def _sense(self, frame: Frame) -> Sensed:
         self.reader.begin()
-        random = np.random.default_rng((*self._seed, self._boot, frame.start))
-        seconds = self._clock.seconds(frame, triggered=self.control_unit.schedule.burst > 0)
-        return self.signal_chain.world.signals(seconds, random), random
+        triggered = self.control_unit.schedule.burst > 0
+        return self.group.sense(self._boot, frame, triggered=triggered)
 
-    def _measure(
-        self, frame: Frame, signals: Signals, random: np.random.Generator
-    ) -> list[TruePart]:
-        digitised = self.signal_chain.frontend.digitise(signals.sensed, random)
-        truth = signals.truth | digitised.truth
-        ends = [self.signal_chain.frontend.digitise(end, random) for end in signals.ends]
-        with self._firmware_errors():
-            readings = [self.reader.read(each) for each in ends or [digitised]]
-            sent = self.control_unit.process(frame, *readings)
-        return self._true_parts(frame, sent, truth)
+    def _own_truth(self, sensed: Sensed, begin: int, end: int) -> dict[str, Floats]:
+        return {name: values[self._column, begin:end] for name, values in sensed.truth.items()}
 
     @contextmanager
     def _firmware_errors(self) -> Iterator[None]:
@@ -344,9 +377,7 @@ class EmulatedTaxel:
         except Exception as error:
             raise FirmwareError(f"{self.name}: {type(error).__name__}: {error}") from error
 
-    def _true_parts(
-        self, frame: Frame, sent: Sequence[ChannelUnit], truth: Mapping[str, Floats]
-    ) -> list[TruePart]:
+    def _true_parts(self, frame: Frame, sent: Sequence[ChannelUnit]) -> list[TruePart]:
         """The truth behind what is sent; the hardware is set for the next frame."""
         self._adjust()
         return [
@@ -355,7 +386,7 @@ class EmulatedTaxel:
                 unit.column,
                 frame.start,
                 frame.dt,
-                truth[unit.name.rpartition(".")[2]],
+                self._truth[unit.name.rpartition(".")[2]],
             )
             for unit in sent
         ]
@@ -419,4 +450,4 @@ class EmulatedTaxel:
 
     def _adjust(self) -> None:
         """Set the hardware as the control unit has chosen, for the next frame."""
-        self.signal_chain.adjust(self.control_unit.adaptation)
+        self.group.adjust(self._column, self.control_unit.adaptation)

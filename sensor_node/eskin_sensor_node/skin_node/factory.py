@@ -5,13 +5,11 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from eskin_sensor_node.columns.factory import plan
 from eskin_sensor_node.columns.pad_columns import PadColumns
 from eskin_sensor_node.firmware.message_writer import MessageWriter
 from eskin_sensor_node.machine.budget import require_flash, require_ram
-from eskin_sensor_node.machine.clock import Clock, Crystal
+from eskin_sensor_node.machine.clock import Clock
 from eskin_sensor_node.machine.node_layout import describe
 from eskin_sensor_node.machine.processor import require_speed
 from eskin_sensor_node.node.factory import build_clock, build_outbox, first_moment
@@ -71,15 +69,14 @@ class _Numbers:
 
 def warm_up(settings: NodeSettings) -> None:
     """Write the first frames of a skin, so that all kernels are compiled."""
-    random = np.random.default_rng(0)
     clock = Clock(
         start=0,
         monotonic=lambda: 0,
         speed=1.0,
         rtc_error=0,
         drift=0,
-        crystal=Crystal(0, random),
-        random=random,
+        seed=0,
+        boot=0,
     )
     skin = plan(settings)
     columns = PadColumns(settings.skin, skin, seed=0, boot=0, clock=clock)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from eskin_sensor_node.firmware import inversion
 from eskin_sensor_node.kinds.registry import Taxel
-from eskin_sensor_node.machine.clock import Clock, Crystal
+from eskin_sensor_node.machine.clock import Clock
 from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.machine.radio import Radio
 from eskin_sensor_node.node.factory import build_outbox
@@ -74,15 +74,14 @@ def clock_at(
     ticks: Callable[[], int], *, rtc_error: int = 2_000_000, drift: int = 0, seed: int = 3
 ) -> Clock:
     """A clock of which the test turns the hands."""
-    random = np.random.default_rng(seed)
     return Clock(
         start=START,
         monotonic=ticks,
         speed=1.0,
         rtc_error=rtc_error,
         drift=drift,
-        crystal=Crystal(drift, random),
-        random=random,
+        seed=seed,
+        boot=1,
     )
 
 

@@ -141,7 +141,7 @@ def test_sustained_contact_is_never_erased(tmp_path: Path) -> None:
     bench.node.taxels[0].control_unit.calibrate()
     bench.run_to(15.0)  # the stimulus' trough
     # From its crest on the stimulus all but stands still: a contact that stays.
-    world: Any = bench.node.taxels[0].signal_chain.world
+    world: Any = bench.node.taxels[0].group.sensing.world
     world._stimulus = 1e-9
     world._least = world._most
     unit = bench.node.taxels[0].control_unit.units[0]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import mpmath
 import numpy as np
 import pytest
+from eskin_sensor_node.columns.sensing import SensingColumns
 from eskin_sensor_node.firmware.inversion.thermometer import celsius_bounds
-from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.kinds.settings import Companion
 from eskin_sensor_node.machine.data_sheet import coverage
 from eskin_sensor_node.machine.inversion import Inversion
@@ -25,6 +25,7 @@ from tests.unit.sensor_node.scenario.scripts import HEAD, write
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from eskin_sensor_node.kinds.converter import Codes
     from eskin_sensor_node.kinds.settings import TaxelSection
 
     from eskin.interval import Floats, Interval
@@ -60,21 +61,26 @@ def test_celsius_is_enclosed_tightly(celsius: float) -> None:
         assert hi - lo <= 1e-12 * abs(celsius) + (1e-3 if celsius < -50.0 else 1e-9)
 
 
-def companions(seed: int, **noise: Any) -> dict[str, Companion]:
-    return {
-        role: Companion(taxel(role, **noise), (seed, number)) for number, role in enumerate(ROLES)
-    }
+def companions(**noise: Any) -> dict[str, Companion]:
+    return {role: Companion(taxel(role, **noise), number) for number, role in enumerate(ROLES)}
+
+
+def sensed(
+    design: TaxelSection, read_along: dict[str, Companion], seed: int, n: int
+) -> tuple[dict[str, Floats], dict[str, Codes]]:
+    """What is true at n moments, and the codes of a taxel and what it reads along."""
+    columns = SensingColumns(design, seeds=seed, numbers=len(ROLES), companions=read_along)
+    seconds = np.sort(np.random.default_rng(seed).uniform(0.0, 60.0, n))
+    found = columns.sense(1, np.rint(seconds * 1e9).astype(np.int64), seconds[None])
+    codes = {name: values[0] for name, values in found.readings[0].codes.items()}
+    return {name: values[0] for name, values in found.truth.items()}, codes
 
 
 def measure(
     design: TaxelSection, read_along: dict[str, Companion], seed: int, n: int = 1000
 ) -> tuple[dict[str, Floats], dict[str, Interval]]:
-    random = np.random.default_rng(seed)
-    world = build_world(design, random)
-    frontend = build_frontend(design, random, read_along)
-    signals = world.signals(np.sort(random.uniform(0.0, 60.0, n)), random)
-    codes = frontend.digitise(signals.sensed, random).codes
-    return signals.truth, Inversion(design, read_along).measure(codes)
+    truth, codes = sensed(design, read_along, seed, n)
+    return truth, Inversion(design, read_along).measure(codes)
 
 
 @settings(
@@ -89,7 +95,7 @@ def test_pad_holds_the_truth_with_any_sensors_of_the_air(
         "permittivity_per_percent": data.draw(st.sampled_from([-1e-3, 0.0, 1e-3])),
         "place": data.draw(st.sampled_from(["t00", "t05", "t06", "t10", "t15"])),
     }
-    found = companions(seed)
+    found = companions()
     truth, told = measure(taxel("pad", **changes), {role: found[role] for role in roles}, seed)
     for quantity in ("plate_distance", "contact_area", "pressure"):
         assert np.all(told[quantity].contains(truth[quantity])), quantity
@@ -99,7 +105,7 @@ def test_own_sensors_of_the_air_make_pressure_much_tighter() -> None:
     design = taxel("pad", place="t05")
     widths = [
         float(np.mean(measure(design, read_along, 3)[1]["pressure"].wid))
-        for read_along in ({}, companions(3))
+        for read_along in ({}, companions())
     ]
     assert widths[1] < 0.25 * widths[0]
 
@@ -114,17 +120,18 @@ def test_each_sensor_s_error_is_taken_in_by_the_pad() -> None:
     }
     design = taxel("pad", **exact, adc_bits=20, noise=QUIET, place="t20")
     for seed in range(20):
-        read_along = companions(seed)
+        read_along = companions()
         truth, told = measure(design, read_along, seed, 200)
         assert np.all(told["plate_distance"].contains(truth["plate_distance"]))
         # Nothing but their errors is uncertain: other true sensors would not do.
         others = {
             role: Companion(
-                each.taxel.model_copy(update={"tolerance_K": 0.0, "error_percent": 0.0}), each.seed
+                each.taxel.model_copy(update={"tolerance_K": 0.0, "error_percent": 0.0}),
+                each.number,
             )
             for role, each in read_along.items()
         }
-        narrow = Inversion(design, others).measure(_codes(design, read_along, seed))
+        narrow = Inversion(design, others).measure(codes_of(design, read_along, seed))
         missed = ~narrow["plate_distance"].contains(truth["plate_distance"])
         if np.any(missed):
             break
@@ -157,9 +164,7 @@ def test_tolerance_of_a_slope_is_taken_in(
     design: Any = taxel("pad", **changes, **limits)
     precise = {"tolerance_K": 0.0, "tolerance_per_K": 0.0, "error_percent": 0.0}
     found = {
-        role: Companion(
-            taxel(role, scenario=scene, noise=QUIET).model_copy(update=precise), (1, number)
-        )
+        role: Companion(taxel(role, scenario=scene, noise=QUIET).model_copy(update=precise), number)
         for number, role in enumerate(roles)
     }
     missed = 0
@@ -168,42 +173,39 @@ def test_tolerance_of_a_slope_is_taken_in(
         assert np.all(told["plate_distance"].contains(truth["plate_distance"]))
         # Nothing else is as uncertain: a slope that is taken as exact would not do.
         exactly = design.model_copy(update={f"{slope}_tolerance": 0.0})
-        random = np.random.default_rng(seed)
-        world, frontend = build_world(design, random), build_frontend(design, random, found)
-        codes = frontend.digitise(world.signals(np.arange(5.0), random).sensed, random).codes
-        told = Inversion(exactly, found).measure(codes)
+        told = Inversion(exactly, found).measure(sensed(design, found, seed, 5)[1])
         missed += not np.all(told["plate_distance"].contains(float(design.plate_distance_m)))
     assert missed > 5
 
 
-def _codes(design: TaxelSection, read_along: dict[str, Companion], seed: int) -> Any:
-    random = np.random.default_rng(seed)
-    world = build_world(design, random)
-    frontend = build_frontend(design, random, read_along)
-    signals = world.signals(np.sort(random.uniform(0.0, 60.0, 200)), random)
-    return frontend.digitise(signals.sensed, random).codes
+def codes_of(design: TaxelSection, read_along: dict[str, Companion], seed: int) -> Any:
+    return sensed(design, read_along, seed, 200)[1]
 
 
 def test_sensor_that_is_read_along_is_the_one_that_the_node_has() -> None:
-    read_along = companions(4, noise=QUIET)
-    design = taxel("pad", place="t05")
-    random = np.random.default_rng(1)
-    build_world(design, random)
-    build_frontend(design, random, read_along)
-    instants = np.sort(random.uniform(0.0, 60.0, 200))
-    codes = _codes(design, read_along, 1)["thermometer"]
-    for seed, same in (((4, 0), True), ((5, 0), False)):
-        sensor = taxel("thermometer", noise=QUIET)
-        true = np.random.default_rng(seed)
-        sensed = build_world(sensor, true).signals(instants, random).sensed
-        own = build_frontend(sensor, true).digitise(sensed, random).codes["share"]
-        assert np.array_equal(codes, own) == same
+    noise = {"kind": "gaussian", "sigma": 1e-3}
+    design, sensor = taxel("pad", place="t05"), taxel("thermometer", noise=noise)
+    moments = np.arange(200) * 300_000_000
+    codes = {
+        (seed, number): SensingColumns(each, seeds=seed, numbers=number, companions=along)
+        .sense(1, moments, moments[None] / 1e9)
+        .readings[0]
+        .codes
+        for each, along, seed, number in (
+            (design, {"thermometer": Companion(sensor, 0)}, 4, 2),
+            (sensor, {}, 4, 0),
+            (sensor, {}, 5, 0),
+        )
+    }
+    for seed, same in ((4, True), (5, False)):
+        read = codes[4, 2]["thermometer"]
+        assert np.array_equal(read, codes[seed, 0]["share"]) == same
 
 
 def test_broken_thermometer_leaves_the_pad_open_and_never_wrong() -> None:
     design = taxel("pad", place="t05")
-    read_along = companions(1)
-    codes = dict(_codes(design, read_along, 1))
+    read_along = companions()
+    codes = dict(codes_of(design, read_along, 1))
     codes["thermometer"] = np.zeros_like(codes["thermometer"])
     told = Inversion(design, read_along).measure(codes)
     assert np.all(np.isfinite(told["capacitance"].wid))
@@ -213,11 +215,11 @@ def test_broken_thermometer_leaves_the_pad_open_and_never_wrong() -> None:
 
 def test_coverage_of_what_is_read_along_counts() -> None:
     noise = {"kind": "gaussian", "sigma": 1e-7, "k": 3.0}
-    pad, read_along = taxel("pad", noise=noise), companions(0, noise=noise)
+    pad, read_along = taxel("pad", noise=noise), companions(noise=noise)
     beyond = 1.0 - pad.noise.coverage
     assert 3.0 * beyond <= 1.0 - coverage(pad, read_along) <= 3.0 * beyond + 1e-15
     assert coverage(pad, {}) == pytest.approx(pad.noise.coverage, abs=1e-15)
-    assert coverage(taxel("pad"), companions(0)) == 1.0
+    assert coverage(taxel("pad"), companions()) == 1.0
     assert 2.0 * beyond <= 1.0 - taxel("coil", noise=noise).coverage <= 2.0 * beyond + 1e-15
 
 
@@ -231,8 +233,8 @@ def test_node_reads_the_same_thermometer_for_itself_and_for_its_pads(tmp_path: P
     bench.close()
     assert_truth_is_inside(found)
     assert {each.channel for each in found} >= {"t00.pressure", "a01.temperature"}
-    assert bench.settings.companions(bench.settings.taxel[0], 7) == {
-        "thermometer": Companion(bench.settings.taxel[1], (7, 1))
+    assert bench.settings.companions(bench.settings.taxel[0]) == {
+        "thermometer": Companion(bench.settings.taxel[1], 1)
     }
 
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
-from eskin_sensor_node.machine.clock import Clock, Crystal
+from eskin_sensor_node.machine.clock import Clock, Crystal, clock_generator
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -34,7 +34,7 @@ def test_lasting_enclosure_moves_on_with_the_samples(
 
 def test_crystal_drifts_by_its_own_amount_and_never_stands_still() -> None:
     ticks = np.arange(0, 10**13, 10**10)
-    rates = [np.diff(Crystal(50_000, np.random.default_rng(s)).elapsed(ticks)) for s in range(9)]
+    rates = [np.diff(Crystal(50_000, clock_generator(s)).elapsed(ticks)[0]) for s in range(9)]
     errors = np.array([rate.mean() / 1e10 - 1.0 for rate in rates])
     assert np.unique(errors).size == 9
     assert np.abs(errors).max() > 1e-5
@@ -44,15 +44,14 @@ def test_crystal_drifts_by_its_own_amount_and_never_stands_still() -> None:
 
 def test_emulated_time_runs_at_its_speed_from_the_present() -> None:
     real = [5_000]
-    random = np.random.default_rng(1)
     clock = Clock(
         start=START,
         monotonic=lambda: real[0],
         speed=20.0,
         rtc_error=0,
         drift=0,
-        crystal=Crystal(0, random),
-        random=random,
+        seed=1,
+        boot=1,
     )
     assert clock.ticks() == 0
     real[0] += 1_000_000_000

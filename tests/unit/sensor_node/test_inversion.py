@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from eskin_sensor_node.columns.sensing import SensingColumns
 from eskin_sensor_node.kinds.registry import KINDS as REGISTRY
-from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.machine.inversion import Inversion
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -81,13 +81,12 @@ def measure(
     design: TaxelSection, seed: int, n: int, span: float | None = None
 ) -> tuple[dict[str, Floats], dict[str, Interval]]:
     """The truth and what the firmware says, at random instants."""
-    random = np.random.default_rng(seed)
-    world, frontend = build_world(design, random), build_frontend(design, random)
+    columns = SensingColumns(design, seeds=seed, numbers=0, companions={})
     span = SPANS.get(str(design.kind), 3.0) if span is None else span
-    seconds = np.sort(random.uniform(0.0, span, n))
-    signals = world.signals(seconds, random)
-    digitised = frontend.digitise(signals.sensed, random)
-    return signals.truth | digitised.truth, Inversion(design).measure(digitised.codes)
+    seconds = np.sort(np.random.default_rng(seed).uniform(0.0, span, n))
+    sensed = columns.sense(1, np.arange(n), seconds[None])
+    codes = {name: values[0] for name, values in sensed.readings[0].codes.items()}
+    return {k: values[0] for k, values in sensed.truth.items()}, Inversion(design).measure(codes)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from eskin_sensor_node.kinds.generator import ColumnGenerator
 from eskin_sensor_node.kinds.pad.physics import PadWorld
 from eskin_sensor_node.world.scenario.file import scenario_text
 from hypothesis import given
@@ -140,11 +141,10 @@ def test_stuck_pad_keeps_its_capacitance_while_its_plates_move(tmp_path: Path) -
     fault = '\n[[fault]]\ntaxel = "t10"\nkind = "stuck"\nat_s = 4.5\n'
     scene.write_text(scenario_text("hand.toml") + fault)
     design = taxel("pad", scenario=str(scene), place="t10", actuator_steps=3)
-    world = PadWorld(design, np.random.default_rng(3))  # type: ignore[arg-type]  # it is a pad
+    world = PadWorld(design, ColumnGenerator(3, 0), ["t10"])  # type: ignore[arg-type]  # it is a pad
 
     def capacitance(second: float) -> Floats:
-        signals = world.signals(np.array([second]), np.random.default_rng(0))
-        return signals.truth["capacitance"]
+        return world.truth(np.array([second]))[0]["capacitance"]
 
     world.move(2)
     kept = capacitance(4.6)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_sensor_node.firmware.calibration import EPSILON_0 as EPSILON_0_OF_FIRMWARE
+from eskin_sensor_node.kinds.generator import ColumnGenerator
 from eskin_sensor_node.kinds.parameters import TRUE_VACUUM_PERMITTIVITY
 from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.machine.inversion import Inversion
@@ -64,8 +65,10 @@ def test_area_of_a_plate_in_a_vacuum_is_enclosed(epsilon_0: float) -> None:
     design: Any = vacuum("touch")
     area = np.linspace(2e-5, 1e-4, 200)
     capacitance = epsilon_0 * area / design.plate_distance_m
-    random = np.random.default_rng(1)
-    codes = build_frontend(design, random).digitise({"capacitance": capacitance}, random).codes
+    random = ColumnGenerator(1, 0)
+    frontend = build_frontend(design, random)
+    random.begin(1, np.arange(200))
+    codes = frontend.digitise({"capacitance": capacitance}, random).codes
     told = Inversion(design).measure(codes)
     assert np.all(told["area"].contains(area))
     assert np.max(told["area"].wid / area) < 5e-6  # the paper's 8.854e-12 is 21e-6 away
@@ -76,8 +79,10 @@ def test_distance_of_plates_in_a_vacuum_is_enclosed(epsilon_0: float) -> None:
     design: Any = vacuum("pad")
     distance = np.linspace(0.5e-3, 1e-3, 200)
     capacitance = epsilon_0 * design.plate_area_m2 / distance
-    random = np.random.default_rng(1)
-    codes = build_frontend(design, random).digitise({"capacitance": capacitance}, random).codes
+    random = ColumnGenerator(1, 0)
+    frontend = build_frontend(design, random)
+    random.begin(1, np.arange(200))
+    codes = frontend.digitise({"capacitance": capacitance}, random).codes
     told = Inversion(design).measure(codes)
     assert np.all(told["plate_distance"].contains(distance))
     assert np.max(told["plate_distance"].wid / distance) < 5e-6
@@ -86,8 +91,10 @@ def test_distance_of_plates_in_a_vacuum_is_enclosed(epsilon_0: float) -> None:
 @pytest.mark.parametrize("kind", ["touch", "pad"])
 def test_emulated_plates_stand_in_nature_s_vacuum(kind: str) -> None:
     design: Any = vacuum(kind)
-    random = np.random.default_rng(2)
-    true = build_world(design, random).signals(np.linspace(0.0, 5.0, 100), random).truth
+    random = ColumnGenerator(2, 0)
+    world = build_world(design, random)
+    random.begin(1, np.arange(100))
+    true = world.signals(np.linspace(0.0, 5.0, 100), random).truth
     if kind == "touch":
         found = true["capacitance"] * design.plate_distance_m / true["area"]
     else:

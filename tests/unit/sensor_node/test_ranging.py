@@ -12,6 +12,7 @@ from eskin_sensor_node.firmware.adaptation import Adaptation
 from eskin_sensor_node.firmware.autoranging import MOST, Autoranging, Readings
 from eskin_sensor_node.firmware.taxel.capacitive import CapacitiveTaxel
 from eskin_sensor_node.kinds.converter import Converter
+from eskin_sensor_node.kinds.generator import ColumnGenerator
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.ledger import INTERRUPT_NS, REPEAT_NS
@@ -77,7 +78,7 @@ def sole(folder: Path, functions: ModuleType) -> Bench:
 def palm(folder: Path, functions: ModuleType) -> Bench:
     given = table("touch", stimulus_Hz=1e-9, sampling_Hz=250.0, **FINE)
     bench = Bench(folder, "palm", functions=functions, taxel=(given,), sampling=SAMPLING)
-    world: Any = bench.node.taxels[0].signal_chain.world
+    world: Any = bench.node.taxels[0].group.sensing.world
     before, world._most = world._most, world._least
     bench.run_to(0.92)
     world._least = world._most = before
@@ -200,7 +201,7 @@ def test_what_lies_beyond_an_end_is_bounded_by_the_range_that_goes_on_there(
     chosen.gain, chosen.trim = gain, int(share * design.trimmer_steps)
     ranging = Autoranging(made, chosen, MOST)
     made.adjust(chosen.gain, chosen.trim)
-    converter = Converter(design, np.random.default_rng(seed))
+    converter = Converter(design, ColumnGenerator(seed, 0))
     converter.adjust(chosen.gain, chosen.trim)
     beyond = ranging._ranges(side)
     assume(beyond)
@@ -212,9 +213,9 @@ def test_what_lies_beyond_an_end_is_bounded_by_the_range_that_goes_on_there(
     margin = chosen._overlap(beyond[-1][0], beyond[-1], end) / beyond[-1][0]
     held = np.array([begin + inside * (end - side * margin - begin)])
     assume(side * (end - side * margin - begin) > 0.0)
-    readings = Readings([converter.convert(held).tolist()], [[0]])
+    readings = Readings([converter.convert(held)[0].tolist()], [[0]])
     if readings.codes[0][0] in {0, converter.last}:
-        ranging.repeat(readings, 0, 0, lambda *by: int(converter.repeat(held, *by)[0]))
+        ranging.repeat(readings, 0, 0, lambda *by: int(converter.repeat(held, *by)[0, 0]))
     bounds = [[0.0] for _ in range(4)]
     ranging.measure(readings, 1, bounds)
     lo, hi = bounds[2][0], bounds[3][0]

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_sensor_node.firmware.selftest import CERTAIN, SelfTest
+from eskin_sensor_node.kinds.generator import ColumnGenerator
 from eskin_sensor_node.kinds.pad.inversion import PadInversion
-from eskin_sensor_node.kinds.pad.physics import Pads
+from eskin_sensor_node.kinds.pad.physics import PadWorld
 from eskin_sensor_node.kinds.pad.settings import PadSection
 from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.machine.inversion import Inversion
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
 
 TIMES = np.arange(2000) / 100.0
+MOMENTS = np.rint(TIMES * 1e9).astype(np.int64)
 EXACT = {
     f"{part}_tolerance": 0.0
     for part in (
@@ -55,8 +57,9 @@ def pad_of(scene: str, place: str, **changes: Any) -> PadSection:
 
 
 def truth(design: TaxelSection, times: Floats = TIMES) -> dict[str, Floats]:
-    random = np.random.default_rng(1)
-    return build_world(design, random).signals(times, random).truth
+    random = ColumnGenerator(1, 0)
+    signals = build_world(design, random).signals(times, random)
+    return {name: values[0] for name, values in signals.truth.items()}
 
 
 def test_pad_is_the_parallel_plates_of_its_covered_and_its_free_part(tmp_path: Path) -> None:
@@ -152,12 +155,12 @@ def test_dead_taxel_saturates_and_its_intervals_still_hold(
     )
     scene = write(tmp_path, HEAD + FAULT.format("dead", 3.0))
     design = taxel(kind, scenario=scene, place="t05", **changes)
-    random = np.random.default_rng(1)
+    random = ColumnGenerator(1, 0)
     world, frontend = build_world(design, random), build_frontend(design, random)
+    random.begin(1, MOMENTS)
     signals = world.signals(TIMES, random)
-    measured = Inversion(design).measure(frontend.digitise(signals.sensed, random).codes)
-    values = measured[quantity]
-    assert np.array_equal(~values.is_common_interval, TIMES >= 3.0)
+    values = Inversion(design).measure(frontend.digitise(signals.sensed, random).codes)[quantity]
+    assert np.array_equal(~values.is_common_interval[0], TIMES >= 3.0)
     assert np.all(values.contains(signals.truth[quantity]))
 
 
@@ -197,7 +200,7 @@ def test_felt_pressure_and_distances_hold_the_truth(
     random = np.random.default_rng(seed)
     script = read_scenario("hand.toml")
     stage = Stage(script, [design.place], seed=seed)
-    pad = Pads.draw([design], [random], stage=stage, faults=script.fault)
+    pad = PadWorld(design, ColumnGenerator(seed, 0), [design.place], stage=stage)
     true, stimulus = pad.truth(np.sort(random.uniform(0.0, 20.0, 500)))
     inversion = PadInversion(design)
     error = 0.0 if thin else 1e-3
@@ -214,31 +217,32 @@ def test_felt_pressure_and_distances_hold_the_truth(
 
 def test_crosstalk_of_unknown_neighbours_is_taken_in() -> None:
     design = pad_of("hand.toml", "t06", **KNOWN, adc_bits=20)
-    random = np.random.default_rng(1)
-    signals = build_world(design, random).signals(TIMES, random)
-    codes = build_frontend(design, random).digitise(signals.sensed, random).codes
+    random = ColumnGenerator(1, 0)
+    world, frontend = build_world(design, random), build_frontend(design, random)
+    random.begin(1, MOMENTS)
+    signals = world.signals(TIMES, random)
+    digitised = frontend.digitise(signals.sensed, random)
     for crosstalk, holds in ((0.1, True), (0.0, False)):
         believed = design.model_copy(update={"crosstalk": crosstalk})
-        told = Inversion(believed).measure(codes)["pressure"]
+        told = Inversion(believed).measure(digitised.codes)["pressure"]
         assert np.all(told.contains(signals.truth["pressure"])) == holds
 
 
 def test_touch_is_certain_on_a_skin_of_packaged_pads() -> None:
     script = read_scenario("hand.toml")
     stage = Stage(script)
-    designs = [pad_of("hand.toml", name) for name in stage.skin.names]
-    randoms = [np.random.default_rng((3, number)) for number in range(len(designs))]
-    true, stimulus = Pads.draw(designs, randoms, stage=stage, faults=[]).truth(TIMES)
-    felt = []
-    for design, random, row in zip(designs, randoms, true["capacitance"], strict=True):
-        codes = build_frontend(design, random).digitise({"capacitance": row}, random).codes
-        measured = Inversion(design).measure(codes)["capacitance"]
-        air = Interval(stimulus.temperature), Interval(stimulus.humidity)
-        inversion = PadInversion(design)
-        felt.append(inversion.felt(inversion.plate_distance(measured, *air)))
-    own = unmix(Interval.stack(felt), stage.skin.neighbours, bound=0.1, most=5e4)
+    design, random = pad_of("hand.toml", "t05"), ColumnGenerator(3, np.arange(len(stage.skin)))
+    world = PadWorld(design, random, stage.skin.names, stage=stage)
+    frontend, inversion = build_frontend(design, random), PadInversion(design)
+    random.begin(1, MOMENTS)
+    true, stimulus = world.truth(TIMES)
+    digitised = frontend.digitise({"capacitance": true["capacitance"]}, random)
+    measured = Inversion(design).measure(digitised.codes)["capacitance"]
+    air = Interval(stimulus.temperature), Interval(stimulus.humidity)
+    felt = inversion.felt(inversion.plate_distance(measured, *air))
+    own = unmix(felt, stage.skin.neighbours, bound=0.1, most=5e4)
     assert np.all(own.contains(true["pressure"]))
-    told = PadInversion(designs[0]).quantities(own)
+    told = inversion.quantities(own)
     assert told["pressure"].inf[5].max() > 0.8 * true["pressure"][5].max()
     assert told["contact_area"].inf[5].max() > 0.15 * true["contact_area"][5].max()
     assert told["contact_distance"].sup[5].min() < 0.96e-3
@@ -253,16 +257,15 @@ def test_faults_of_a_skin_are_found_from_its_intervals(tmp_path: Path) -> None:
     scene = write(tmp_path, HEAD + press + faults)
     script = read_scenario(scene)
     skin = script.skin.build()
-    taxels = [pad_of(scene, name, plate_area_m2=9e-5, resistance_ohm=4e4) for name in skin.names]
-    rows = []
-    for number, each in enumerate(taxels):
-        random = np.random.default_rng((1, number))
-        world, frontend = build_world(each, random), build_frontend(each, random)
-        sensed = world.signals(TIMES[:400], random).sensed
-        rows.append(Inversion(each).measure(frontend.digitise(sensed, random).codes)["capacitance"])
+    design = pad_of(scene, "t05", plate_area_m2=9e-5, resistance_ohm=4e4)
+    random = ColumnGenerator(1, np.arange(len(skin)))
+    world, frontend = build_world(design, random, skin.names), build_frontend(design, random)
+    random.begin(1, MOMENTS[:400])
+    digitised = frontend.digitise(world.signals(TIMES[:400], random).sensed, random)
+    measured = Inversion(design).measure(digitised.codes)["capacitance"]
     test = SelfTest([[int(k) for k in row if k >= 0] for row in skin.neighbours])
-    for number, row in enumerate(rows):
-        test.take(number, row.inf.tolist(), row.sup.tolist(), len(row.inf))
+    for number, (low, high) in enumerate(zip(measured.inf, measured.sup, strict=True)):
+        test.take(number, low.tolist(), high.tolist(), len(low))
     dead, stuck = zip(*test.examine(), strict=True)
     assert [number for number, answer in enumerate(stuck) if answer == CERTAIN] == [5]
     assert [number for number, answer in enumerate(dead) if answer == CERTAIN] == [11]

@@ -10,9 +10,7 @@ from eskin_sensor_node.kinds.capacitive.settings import (
 from eskin_sensor_node.kinds.kind import Kind
 from eskin_sensor_node.kinds.rc import RcFrontend
 
-CAPACITIVE = Kind(
-    settings=CapacitiveSection, world=CapacitiveWorld, frontend=RcFrontend, in_columns=True
-)
+CAPACITIVE = Kind(settings=CapacitiveSection, world=CapacitiveWorld, frontend=RcFrontend)
 RECORDED_CAPACITANCE = Kind(
     settings=RecordedCapacitanceSection, world=RecordedCapacitanceWorld, frontend=RcFrontend
 )

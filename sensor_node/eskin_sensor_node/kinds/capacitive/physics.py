@@ -9,22 +9,21 @@ from eskin_sensor_node.kinds.recorded import RecordedWorld
 from eskin_sensor_node.kinds.signals import Signals, World, raised_sine
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from eskin.interval import Floats
     from eskin_sensor_node.kinds.capacitive.settings import CapacitiveSection
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
 
 
 class CapacitiveWorld(World):
     """``C = (1-s)·Cmin + s·Cmax`` with the raised sine s."""
 
-    def __init__(self, taxel: CapacitiveSection, random: np.random.Generator) -> None:
+    def __init__(self, taxel: CapacitiveSection, random: ColumnGenerator) -> None:
         tolerance = taxel.capacitance_tolerance
         self._least = draw_part(random, taxel.capacitance_min, tolerance)
         self._most = draw_part(random, taxel.capacitance_max, tolerance)
         self._stimulus = taxel.stimulus
 
-    def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
+    def signals(self, seconds: Floats, random: ColumnGenerator) -> Signals:
         """True capacitance in F."""
         del random
         share = raised_sine(seconds, self._stimulus)

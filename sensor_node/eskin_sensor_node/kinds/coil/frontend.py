@@ -12,16 +12,15 @@ from eskin_sensor_node.kinds.parameters import draw_noise, draw_part
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import numpy as np
-
     from eskin.interval import Floats
     from eskin_sensor_node.kinds.coil.settings import CoilSection
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
 
 
 class CoilFrontend(LcFrontend):
     """Beside the oscillator's: the coil's driven current → two synchronous demodulators → ADCs."""
 
-    def __init__(self, taxel: CoilSection, random: np.random.Generator) -> None:
+    def __init__(self, taxel: CoilSection, random: ColumnGenerator) -> None:
         super().__init__(taxel, random)
         drive = draw_part(random, taxel.drive, taxel.drive_tolerance)
         self._drive = drive * draw_part(
@@ -41,13 +40,11 @@ class CoilFrontend(LcFrontend):
             "quadrature": ("susceptance", Converter(own, random)),
         }
 
-    def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
+    def digitise(self, sensed: Mapping[str, Floats], random: ColumnGenerator) -> Digitised:
         """Codes of the detector's voltage, and of the current's two parts."""
         oscillator = super().digitise(sensed, random)
         codes = {
-            name: converter.convert(
-                self._drive * sensed[part] + draw_noise(random, self._noise, sensed[part].shape)
-            )
+            name: converter.convert(self._drive * sensed[part] + draw_noise(random, self._noise))
             for name, (part, converter) in self._demodulators.items()
         }
         return Digitised(oscillator.truth, oscillator.codes | codes, oscillator.held)

@@ -16,48 +16,57 @@ import numpy as np
 from eskin_sensor_node.kinds.parameters import draw_part
 from eskin_sensor_node.kinds.signals import Signals, World
 from eskin_sensor_node.world.scenario import Stage, read_scenario
-from eskin_sensor_node.world.skin import break_off
+from eskin_sensor_node.world.skin import break_off, placed_faults
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from eskin.interval import Floats
     from eskin_sensor_node.kinds.coil.settings import CoilSection
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.world.scenario import Stimulus
-    from eskin_sensor_node.world.skin import FaultSection
 
 _OPEN_LINE: Final = 1e6
 """Inductance in H of a line that is broken: the oscillator stands almost still."""
 
 
-class Coils:
-    """Some coils with their true parts, each a row of an array.
+class CoilWorld(World):
+    """Coils of a skin.
 
     Args:
-        taxels: Their data sheets.
-        randoms: Draw the true parts, one generator for each.
-        stage: Plays their scenario for them, in this order.
-        faults: Those of the scenario.
+        taxel: Their data sheet.
+        random: Draws a column of a part at once.
+        places: Where they are in their skin: coils of one node, or all at one place, in many nodes.
+        stage: Plays their scenario for them; ``None``: as the data sheet has it.
     """
 
     def __init__(
         self,
-        taxels: Sequence[CoilSection],
-        randoms: Sequence[np.random.Generator],
+        taxel: CoilSection,
+        random: ColumnGenerator,
+        places: Sequence[str],
         *,
-        stage: Stage,
-        faults: Sequence[FaultSection],
+        stage: Stage | None = None,
     ) -> None:
-        parts = [_draw(taxel, random) for taxel, random in zip(taxels, randoms, strict=True)]
-        base, change, damping, self._resistance, hertz = np.array(parts).T[:, :, None]
-        self._base, self._change, self._damping = base, change, damping
-        self._omega = 2.0 * np.pi * hertz
-        rows = {taxel.place: row for row, taxel in enumerate(taxels)}
-        self._faults = [(rows[fault.taxel], fault) for fault in faults if fault.taxel in rows]
-        self._stage = stage
+        script = read_scenario(taxel.scenario)
+        self._base = draw_part(random, taxel.inductance, taxel.inductance_tolerance)
+        self._change = draw_part(random, taxel.inductance_change, taxel.inductance_change_tolerance)
+        self._damping = draw_part(random, taxel.damping_per_m, taxel.damping_tolerance)
+        self._resistance = draw_part(
+            random, taxel.coil_resistance_ohm, taxel.coil_resistance_tolerance
+        )
+        self._omega = 2.0 * np.pi * draw_part(random, taxel.excitation, taxel.excitation_tolerance)
+        self._faults = placed_faults(script.fault, places)
+        self._stage = stage or Stage(script, list(dict.fromkeys(places)))
+
+    def signals(self, seconds: Floats, random: ColumnGenerator) -> Signals:
+        """Truth as `truth` has it, all of which is sensed."""
+        del random
+        truth, _ = self.truth(seconds)
+        return Signals(truth, truth)
 
     def truth(self, seconds: Floats) -> tuple[dict[str, Floats], Stimulus]:
-        """What is at some times, each quantity an array of coils × times, and what caused it.
+        """What is at some times, each quantity an array of columns × times, and what caused it.
 
         Returns:
             Inductance at the oscillator in H (with faults), distance of the metal in m; what eddy
@@ -93,29 +102,3 @@ class Coils:
     def _fall(self, stimulus: Stimulus) -> Floats:
         """``ΔL·e^(-αd)`` in H."""
         return np.asarray(self._change * np.exp(-self._damping * stimulus.metal_distance))
-
-
-class CoilWorld(World):
-    """One coil of a node."""
-
-    def __init__(self, taxel: CoilSection, random: np.random.Generator) -> None:
-        script = read_scenario(taxel.scenario)
-        stage = Stage(script, [taxel.place])
-        self._coils = Coils([taxel], [random], stage=stage, faults=script.fault)
-
-    def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
-        """True inductance in H, distance in m, amplitude, phase in rad, parts of 1/Z in S."""
-        del random
-        truth = {name: values[0] for name, values in self._coils.truth(seconds)[0].items()}
-        return Signals(truth, truth)
-
-
-def _draw(taxel: CoilSection, random: np.random.Generator) -> tuple[float, ...]:
-    """Inductance without metal, its greatest change, damping, resistance, excitation."""
-    return (
-        draw_part(random, taxel.inductance, taxel.inductance_tolerance),
-        draw_part(random, taxel.inductance_change, taxel.inductance_change_tolerance),
-        draw_part(random, taxel.damping_per_m, taxel.damping_tolerance),
-        draw_part(random, taxel.coil_resistance_ohm, taxel.coil_resistance_tolerance),
-        draw_part(random, taxel.excitation, taxel.excitation_tolerance),
-    )

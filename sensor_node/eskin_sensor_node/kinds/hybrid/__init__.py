@@ -7,4 +7,4 @@ from eskin_sensor_node.kinds.hybrid.physics import HybridWorld
 from eskin_sensor_node.kinds.hybrid.settings import HybridSection
 from eskin_sensor_node.kinds.kind import Kind
 
-HYBRID = Kind(settings=HybridSection, world=HybridWorld, frontend=HybridFrontend, in_columns=True)
+HYBRID = Kind(settings=HybridSection, world=HybridWorld, frontend=HybridFrontend)

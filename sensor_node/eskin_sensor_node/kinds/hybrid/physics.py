@@ -16,14 +16,15 @@ from eskin_sensor_node.kinds.signals import Signals, World
 
 if TYPE_CHECKING:
     from eskin.interval import Floats
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.kinds.hybrid.settings import HybridSection
 
 
 class HybridWorld(World):
     """MagFES current and EcFES voltage, both zero at the trigger."""
 
-    def __init__(self, taxel: HybridSection, random: np.random.Generator) -> None:
-        def part(value: float) -> float:
+    def __init__(self, taxel: HybridSection, random: ColumnGenerator) -> None:
+        def part(value: float) -> Floats:
             return draw_part(random, value, taxel.part_tolerance)
 
         self._amplitude = part(taxel.amplitude)
@@ -33,7 +34,7 @@ class HybridWorld(World):
         self._omega = 2.0 * math.pi * taxel.supply
         self._phase = math.radians(taxel.phase_deg)
 
-    def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
+    def signals(self, seconds: Floats, random: ColumnGenerator) -> Signals:
         """True current in A and voltage in V, at times since the trigger."""
         del random
         most = self._amplitude / self._coil_resistance
@@ -43,7 +44,7 @@ class HybridWorld(World):
         }
         return Signals(truth, truth)
 
-    def _response(self, seconds: Floats, tau: float) -> Floats:
+    def _response(self, seconds: Floats, tau: Floats) -> Floats:
         x, angle = self._omega * tau, self._omega * seconds + self._phase
         start = math.sin(self._phase) - x * math.cos(self._phase)
         response = np.sin(angle) - x * np.cos(angle) - start * np.exp(-seconds / tau)

@@ -7,9 +7,7 @@ from eskin_sensor_node.kinds.inductive.settings import InductiveSection, Recorde
 from eskin_sensor_node.kinds.kind import Kind
 from eskin_sensor_node.kinds.lc import LcFrontend
 
-INDUCTIVE = Kind(
-    settings=InductiveSection, world=InductiveWorld, frontend=LcFrontend, in_columns=True
-)
+INDUCTIVE = Kind(settings=InductiveSection, world=InductiveWorld, frontend=LcFrontend)
 RECORDED_INDUCTANCE = Kind(
     settings=RecordedInductanceSection, world=RecordedInductanceWorld, frontend=LcFrontend
 )

@@ -12,6 +12,7 @@ from eskin_sensor_node.kinds.signals import Signals, World
 
 if TYPE_CHECKING:
     from eskin.interval import Floats
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.kinds.inductive.settings import (
         InductiveSection,
         RecordedInductanceSection,
@@ -24,7 +25,7 @@ _LEAST_SHARE: Final = 1e-18
 class InductiveWorld(World):
     """``L = L0 - ΔL·e^(-alpha·d)`` over a distance that swings harmonically."""
 
-    def __init__(self, taxel: InductiveSection, random: np.random.Generator) -> None:
+    def __init__(self, taxel: InductiveSection, random: ColumnGenerator) -> None:
         self._base = draw_part(random, taxel.inductance, taxel.inductance_tolerance)
         self._change = draw_part(random, taxel.inductance_change, taxel.inductance_change_tolerance)
         self._damping = draw_part(random, taxel.damping_per_m, taxel.damping_tolerance)
@@ -32,7 +33,7 @@ class InductiveWorld(World):
         self._amplitude = taxel.distance_amplitude_m
         self._stimulus = taxel.stimulus
 
-    def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
+    def signals(self, seconds: Floats, random: ColumnGenerator) -> Signals:
         """True distance in m and inductance in H."""
         del random
         swing = np.sin(2.0 * np.pi * self._stimulus * seconds)
@@ -47,7 +48,7 @@ class RecordedInductanceWorld(RecordedWorld):
 
     quantity: ClassVar[str] = "inductance"
 
-    def __init__(self, taxel: RecordedInductanceSection, random: np.random.Generator) -> None:
+    def __init__(self, taxel: RecordedInductanceSection, random: ColumnGenerator) -> None:
         super().__init__(taxel, random)
         self._base = draw_part(random, taxel.inductance, taxel.inductance_tolerance)
         self._change = draw_part(random, taxel.inductance_change, taxel.inductance_change_tolerance)

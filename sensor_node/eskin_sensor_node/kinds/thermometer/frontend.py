@@ -16,13 +16,14 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin_sensor_node.kinds.frontend import Digitised
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.kinds.thermometer.settings import ThermometerSection
 
 
 class ThermometerFrontend(Frontend):
     """Temperature → platinum resistor (IEC 60751) → divider → ADC."""
 
-    def __init__(self, taxel: ThermometerSection, random: np.random.Generator) -> None:
+    def __init__(self, taxel: ThermometerSection, random: ColumnGenerator) -> None:
         self._nominal = taxel.nominal_ohm
         self._constant, self._growing = (
             bound * random.uniform(-1.0, 1.0)
@@ -34,7 +35,7 @@ class ThermometerFrontend(Frontend):
         self._converter = Converter(taxel, random)
         self._noise = taxel.noise
 
-    def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
+    def digitise(self, sensed: Mapping[str, Floats], random: ColumnGenerator) -> Digitised:
         """Codes of the divider's share of the supply."""
         true = sensed["temperature"]
         shown = true + self._constant + self._growing * np.abs(true)
@@ -42,5 +43,5 @@ class ThermometerFrontend(Frontend):
         ratio = 1.0 + A * shown + B * shown**2 + C * (below - 100.0) * below**3
         resistance = self._nominal * ratio
         share = resistance / (resistance + self._series)
-        noisy = share + draw_noise(random, self._noise, share.shape)
+        noisy = share + draw_noise(random, self._noise)
         return self._digitised({}, {"share": noisy})

@@ -7,4 +7,4 @@ from eskin_sensor_node.kinds.touch.frontend import TouchFrontend
 from eskin_sensor_node.kinds.touch.physics import TouchWorld
 from eskin_sensor_node.kinds.touch.settings import TouchSection
 
-TOUCH = Kind(settings=TouchSection, world=TouchWorld, frontend=TouchFrontend, in_columns=True)
+TOUCH = Kind(settings=TouchSection, world=TouchWorld, frontend=TouchFrontend)

@@ -6,12 +6,20 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin_sensor_node.kinds.parameters import TRUE_VACUUM_PERMITTIVITY, draw_noise, draw_part
+from eskin_sensor_node.kinds.parameters import (
+    TRUE_VACUUM_PERMITTIVITY,
+    at_step,
+    draw_noise,
+    draw_part,
+)
 from eskin_sensor_node.kinds.plates import draw_actuator
 from eskin_sensor_node.kinds.signals import Signals, World, raised_sine
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from eskin.interval import Floats
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.kinds.touch.settings import TouchSection
 
 _LEAST_AREA: Final = 1e-12
@@ -21,7 +29,7 @@ _LEAST_AREA: Final = 1e-12
 class TouchWorld(World):
     """Covered area, capacitance and stored energy ½CV²; noise falls on the area."""
 
-    def __init__(self, taxel: TouchSection, random: np.random.Generator) -> None:
+    def __init__(self, taxel: TouchSection, random: ColumnGenerator) -> None:
         self._least = draw_part(random, taxel.area_min_m2, taxel.area_tolerance)
         self._most = draw_part(random, taxel.area_max_m2, taxel.area_tolerance)
         self._distance = draw_part(random, taxel.plate_distance_m, taxel.plate_distance_tolerance)
@@ -32,17 +40,17 @@ class TouchWorld(World):
         self._stimulus = taxel.stimulus
         self._noise = taxel.noise
         self._apart = draw_actuator(taxel, random)
-        self._steps = 0
+        self.move(0)
 
-    def move(self, steps: int) -> None:
-        """Move the plates to one of their actuator's steps."""
-        self._steps = steps
+    def move(self, steps: ArrayLike) -> None:
+        """Move the plates."""
+        self._moved = self._distance + at_step(self._apart, steps)
 
-    def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
+    def signals(self, seconds: Floats, random: ColumnGenerator) -> Signals:
         """True area in m², capacitance in F, energy in J; the chain senses a noisy capacitance."""
         share = raised_sine(seconds, self._stimulus)
         area = (1.0 - share) * self._least + share * self._most
-        noisy = np.maximum(area + draw_noise(random, self._noise, area.shape), _LEAST_AREA)
+        noisy = np.maximum(area + draw_noise(random, self._noise), _LEAST_AREA)
         capacitance = self._capacitance(area)
         energy = 0.5 * capacitance * (self._supply * self._supply)
         return Signals(
@@ -51,4 +59,4 @@ class TouchWorld(World):
         )
 
     def _capacitance(self, area: Floats) -> Floats:
-        return np.asarray(self._permittivity * area / (self._distance + self._apart[self._steps]))
+        return np.asarray(self._permittivity * area / self._moved)

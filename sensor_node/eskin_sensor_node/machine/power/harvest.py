@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from eskin.interval import Floats
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.settings import EnergySection
 
@@ -109,8 +110,8 @@ class Harvester:
 class Layers:
     """True layers of one node: touches to energy in the supercapacitor."""
 
-    def __init__(self, sheet: EnergySection, random: np.random.Generator) -> None:
-        drawn = {name: draw_part(random, *part) for name, part in _parts(sheet).items()}
+    def __init__(self, sheet: EnergySection, random: ColumnGenerator) -> None:
+        drawn = {name: draw_part(random, *part).item() for name, part in _parts(sheet).items()}
         drawn["permittivity"], drawn["gain"] = TRUE_VACUUM_PERMITTIVITY, sheet.piezo_gain
         self._piezo = drawn["efficiency"] * _per_swing(drawn)
         self._tribo = drawn["efficiency"] * _per_area(drawn)

@@ -9,8 +9,7 @@ from eskin_sensor_node.kinds.parameters import draw_part
 from eskin_sensor_node.machine.power.data_sheet import idle_power, pulse_energy
 
 if TYPE_CHECKING:
-    import numpy as np
-
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.machine.work_counters import WorkCounters
     from eskin_sensor_node.settings import EnergySection
 
@@ -38,17 +37,17 @@ class Loads:
         random: Draws the true costs.
     """
 
-    def __init__(self, sheet: EnergySection, random: np.random.Generator) -> None:
+    def __init__(self, sheet: EnergySection, random: ColumnGenerator) -> None:
         self._pulse = _drawn(random, pulse_energy(sheet))
         self._idle = _drawn(random, idle_power(sheet))
-        self._more = float(random.uniform(0.05, 0.95))
-        self._written = draw_part(random, sheet.written, sheet.written_tolerance)
-        self._conversion = draw_part(random, sheet.conversion, sheet.conversion_tolerance)
-        self._cycle = draw_part(random, sheet.cycle, sheet.cycle_tolerance)
-        self._sent = draw_part(random, sheet.sent, sheet.sent_tolerance)
-        self._received = draw_part(random, sheet.received, sheet.received_tolerance)
-        self._sleeping = draw_part(random, sheet.sleeping, sheet.sleeping_tolerance)
-        self._wake_up = draw_part(random, sheet.wake_up, sheet.wake_up_tolerance)
+        self._more = random.uniform(0.05, 0.95).item()
+        self._written = draw_part(random, sheet.written, sheet.written_tolerance).item()
+        self._conversion = draw_part(random, sheet.conversion, sheet.conversion_tolerance).item()
+        self._cycle = draw_part(random, sheet.cycle, sheet.cycle_tolerance).item()
+        self._sent = draw_part(random, sheet.sent, sheet.sent_tolerance).item()
+        self._received = draw_part(random, sheet.received, sheet.received_tolerance).item()
+        self._sleeping = draw_part(random, sheet.sleeping, sheet.sleeping_tolerance).item()
+        self._wake_up = draw_part(random, sheet.wake_up, sheet.wake_up_tolerance).item()
 
     def costs(self, work: WorkCounters) -> Costs:
         """True energies of some work."""
@@ -65,9 +64,9 @@ class Loads:
         )
 
 
-def _drawn(random: np.random.Generator, bounds: Interval) -> float:
+def _drawn(random: ColumnGenerator, bounds: Interval) -> float:
     low, high = float(bounds.inf), float(bounds.sup)
-    return low + (high - low) * float(random.uniform(0.05, 0.95))
+    return low + (high - low) * random.uniform(0.05, 0.95).item()
 
 
 def bounds(sheet: EnergySection, work: WorkCounters) -> dict[str, Interval]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from eskin.wire.messages import ResetCause
+from eskin_sensor_node.kinds.generator import ColumnGenerator
 from eskin_sensor_node.machine.power.harvest import Harvester, Layers
 from eskin_sensor_node.machine.power.supply import Supply
 from eskin_sensor_node.machine.work_counters import WorkCounters
@@ -30,7 +29,7 @@ class PowerPlant:
         machine: Which it feeds, and stops below the brown-out voltage.
         section: Data sheets of its parts.
         taxels: Those whose touches it harvests.
-        seed: Draws the true parts, the same at each start.
+        seed: The node's and a number among its taxels; they draw the true parts.
         watch: Takes, while the firmware runs, the supply's code and the work since the last look.
     """
 
@@ -43,7 +42,7 @@ class PowerPlant:
         seed: tuple[int, ...],
         watch: Callable[[int, WorkCounters], None],
     ) -> None:
-        random = np.random.default_rng(seed)
+        random = ColumnGenerator(*seed)
         self.supply = Supply(section, random)
         self._layers = Layers(section, random)
         self._harvester = Harvester(taxels)

@@ -13,6 +13,7 @@ from eskin_sensor_node.kinds.parameters import draw_part
 from eskin_sensor_node.machine.power.loads import Loads
 
 if TYPE_CHECKING:
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.machine.work_counters import WorkCounters
     from eskin_sensor_node.settings import EnergySection
 
@@ -47,9 +48,10 @@ class Supply:
         random: Draws the true parts.
     """
 
-    def __init__(self, sheet: EnergySection, random: np.random.Generator) -> None:
+    def __init__(self, sheet: EnergySection, random: ColumnGenerator) -> None:
         def part(name: str) -> float:
-            return draw_part(random, getattr(sheet, name), getattr(sheet, f"{name}_tolerance"))
+            drawn = draw_part(random, getattr(sheet, name), getattr(sheet, f"{name}_tolerance"))
+            return float(drawn.item())
 
         self._sheet = sheet
         self._capacitance = part("capacitance")
@@ -102,7 +104,7 @@ class Supply:
     def code(self) -> int:
         """The converter's code of its voltage under the current that measuring draws."""
         terminal = self.voltage - self._series * self._current
-        return int(self._converter.convert(np.array([terminal]))[0])
+        return int(self._converter.convert(np.array([terminal])).item())
 
 
 class _SupplySheet:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from eskin.interval import Interval
 from eskin_sensor_node.kinds.pad.inversion import PadInversion
 from eskin_sensor_node.kinds.registry import build_frontend
@@ -15,55 +13,40 @@ from eskin_sensor_node.world.skin import unmix
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from eskin.interval import Floats
+    from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.kinds.pad.settings import PadSection
     from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.world.skin.skin import Indices
 
 
 class Chains:
-    """The measuring chains of some equal taxels, each with its true parts and its noise.
+    """The measuring chains of some equal taxels, a column each.
 
     Args:
-        taxels: Their data sheets.
-        parts: Draw the true parts, one generator for each.
-        noises: Draw the noise, likewise.
+        taxel: Their data sheet.
+        random: Draws their true parts, then their noise.
     """
 
-    def __init__(
-        self,
-        taxels: Sequence[TaxelSection],
-        parts: Sequence[np.random.Generator],
-        noises: Sequence[np.random.Generator],
-    ) -> None:
-        self._frontends = [
-            build_frontend(taxel, random) for taxel, random in zip(taxels, parts, strict=True)
-        ]
-        # Equal data sheets have equal inversions.
-        self._inversion = Inversion(taxels[0])
-        self._noises = noises
+    def __init__(self, taxel: TaxelSection, random: ColumnGenerator) -> None:
+        self._frontend = build_frontend(taxel, random)
+        self._inversion = Inversion(taxel)
+        self._random = random
 
     def measure(
-        self, sensed: Mapping[str, Floats]
+        self, sensed: Mapping[str, Floats], moments: NDArray[np.int64]
     ) -> tuple[dict[str, Floats], dict[str, Interval]]:
-        """Run all chains on what the sensors give, each quantity taxels × times.
+        """Run all chains on what the sensors give at moments in ns, each quantity taxels × times.
 
         Returns:
             The quantities that come to be in the chains, and the intervals.
         """
-        shape = next(iter(sensed.values())).shape
-        done = [
-            frontend.digitise({name: rows[number] for name, rows in sensed.items()}, random)
-            for number, (frontend, random) in enumerate(
-                zip(self._frontends, self._noises, strict=True)
-            )
-        ]
-        truth = {name: np.stack([each.truth[name] for each in done]) for name in done[0].truth}
-        codes = {
-            name: np.concatenate([each.codes[name] for each in done]) for name in done[0].codes
-        }
-        measured = self._inversion.measure(codes)
-        return truth, {name: values.reshape(shape) for name, values in measured.items()}
+        self._random.begin(0, moments)
+        done = self._frontend.digitise(sensed, self._random)
+        return done.truth, self._inversion.measure(done.codes)
 
 
 class SkinInversion:

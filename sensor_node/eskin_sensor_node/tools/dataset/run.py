@@ -8,14 +8,18 @@ import numpy as np
 import pyarrow as pa
 
 from eskin.interval import Interval
-from eskin_sensor_node.kinds.coil.physics import Coils
-from eskin_sensor_node.kinds.pad.physics import Pads
+from eskin_sensor_node.kinds.coil.physics import CoilWorld
+from eskin_sensor_node.kinds.generator import ColumnGenerator
+from eskin_sensor_node.kinds.pad.physics import PadWorld
+from eskin_sensor_node.timebase import BILLION
 from eskin_sensor_node.tools.dataset.columns import HI, LO, SURROUNDINGS, TRUE, schema
 from eskin_sensor_node.tools.dataset.measurement import Chains, SkinInversion
 from eskin_sensor_node.world.scenario import LABELS, Stage
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from numpy.typing import NDArray
 
     from eskin.interval import Floats
     from eskin_sensor_node.kinds.settings import TaxelSection
@@ -24,7 +28,8 @@ if TYPE_CHECKING:
 
 _ROWS: Final = 1 << 18
 """Of a batch: what fits into memory with ease."""
-_PAD_PARTS, _PAD_NOISE, _COIL_PARTS, _COIL_NOISE, _AROUND_PARTS, _AROUND_NOISE = range(1, 7)
+_PADS, _COILS, _AROUND = 0, 1 << 30, 1 << 31
+"""Numbers of the first taxels of each kind."""
 
 Columns = dict[str, "Floats"]
 
@@ -43,23 +48,22 @@ class Run:
         script, n = plan.script, len(plan.pads)
         stage = Stage(script, seed=seed)
         self._names = np.array(stage.skin.names, dtype=object)
-        parts = self._randoms(_PAD_PARTS, n)
-        self._pads = Pads.draw(plan.pads, parts, stage=stage, faults=script.fault)
-        self._pad_chains = Chains(plan.pads, parts, self._randoms(_PAD_NOISE, n))
+        random = ColumnGenerator(seed, _PADS + np.arange(n))
+        self._pads = PadWorld(plan.pads[0], random, stage.skin.names, stage=stage)
+        self._pad_chains = Chains(plan.pads[0], random)
         broken = [stage.skin.numbers[fault.taxel] for fault in script.fault]
         self._inversion = SkinInversion(
             plan.pads[0], stage.skin.neighbours, crosstalk=script.skin.crosstalk, broken=broken
         )
-        self._coils: Coils | None = None
+        self._coils: CoilWorld | None = None
         if plan.coils:
-            parts = self._randoms(_COIL_PARTS, n)
-            self._coils = Coils(plan.coils, parts, stage=stage, faults=script.fault)
-            self._coil_chains = Chains(plan.coils, parts, self._randoms(_COIL_NOISE, n))
+            random = ColumnGenerator(seed, _COILS + np.arange(n))
+            self._coils = CoilWorld(plan.coils[0], random, stage.skin.names, stage=stage)
+            self._coil_chains = Chains(plan.coils[0], random)
         self._broken = broken
         sensors: list[TaxelSection] = [plan.thermometer, plan.hygrometer, plan.electrode]
-        parts, noises = (self._randoms(each, 3) for each in (_AROUND_PARTS, _AROUND_NOISE))
         self._around = [
-            Chains([sensor], [parts[k]], [noises[k]]) for k, sensor in enumerate(sensors)
+            Chains(sensor, ColumnGenerator(seed, _AROUND + k)) for k, sensor in enumerate(sensors)
         ]
 
     def batches(self) -> Iterator[pa.RecordBatch]:
@@ -71,8 +75,10 @@ class Run:
 
     def _batch(self, seconds: Floats) -> pa.RecordBatch:
         true, stimulus = self._pads.truth(seconds)
-        air_true, air = self._surroundings(stimulus)
-        measured = self._pad_chains.measure({"capacitance": true["capacitance"]})[1]
+        moments = np.rint(seconds * BILLION).astype(np.int64)
+        air_true, air = self._surroundings(stimulus, moments)
+        capacitance = {"capacitance": true["capacitance"]}
+        measured = self._pad_chains.measure(capacitance, moments)[1]
         contacts = self._inversion.infer(
             measured["capacitance"], air["temperature"], air["humidity"]
         )
@@ -80,7 +86,8 @@ class Run:
         if self._coils is not None:
             coil_true, _ = self._coils.truth(seconds)
             chain, seen = self._coil_chains.measure(
-                {name: coil_true[name] for name in ("inductance", "conductance", "susceptance")}
+                {name: coil_true[name] for name in ("inductance", "conductance", "susceptance")},
+                moments,
             )
             truth, intervals = truth | coil_true | chain, intervals | self._believed(seen)
         return self._rows(seconds, stimulus, truth, intervals)
@@ -106,12 +113,14 @@ class Run:
             columns[quantity.column(HI)] = _flat(intervals[quantity.name].sup, shape)
         return pa.RecordBatch.from_pydict(columns, schema=schema(self._plan.quantities))
 
-    def _surroundings(self, stimulus: Stimulus) -> tuple[Columns, dict[str, Interval]]:
+    def _surroundings(
+        self, stimulus: Stimulus, moments: NDArray[np.int64]
+    ) -> tuple[Columns, dict[str, Interval]]:
         """Readings of the ambient sensors: one of each, which all taxels read along."""
         truth = {each.name: getattr(stimulus, each.name)[None, :] for each in SURROUNDINGS}
         read: dict[str, Interval] = {}
         for chains in self._around:
-            read |= chains.measure(truth)[1]
+            read |= chains.measure(truth, moments)[1]
         return truth, read
 
     def _believed(self, seen: dict[str, Interval]) -> dict[str, Interval]:
@@ -125,9 +134,6 @@ class Run:
         for row, fault in zip(self._broken, self._plan.script.fault, strict=True):
             found[row, seconds >= fault.at_s] = fault.kind
         return found
-
-    def _randoms(self, stream: int, n: int) -> list[np.random.Generator]:
-        return [np.random.default_rng((self._seed, stream, number)) for number in range(n)]
 
 
 def _flat(values: Floats, shape: tuple[int, int]) -> Floats:

@@ -72,7 +72,7 @@ class Script(Section):
     def local(self, seconds: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Number of the loop, and the time within it, at times in s since the start."""
         if not self.repeat:
-            return np.zeros(len(seconds), np.int64), seconds
+            return np.zeros(seconds.shape, np.int64), seconds
         loops = np.maximum(np.floor(seconds / self.duration_s), 0.0).astype(np.int64)
         return loops, seconds - loops * self.duration_s
 

@@ -50,23 +50,28 @@ class Stage:
         self._casts: dict[int, Cast] = {}
 
     def stimulus(self, seconds: Floats) -> Stimulus:
-        """True causes at times since the start; what comes before is as the start."""
-        script = self._script
-        loops, local = script.local(seconds)
-        shape = len(self._positions), len(seconds)
+        """True causes; what comes before the start is as the start.
+
+        Args:
+            seconds: Times since the start; of a single taxel also rows × times, where nodes with
+                clocks of their own have it: what is of taxels × times has the same shape then.
+        """
+        script, times = self._script, seconds.ravel()
+        loops, local = script.local(times)
+        shape = len(self._positions), len(times)
         play = _Play(self, shape)
         for loop in np.unique(loops).tolist():
             play.perform(self._cast(loop), local, loops == loop)
-        own = self._crosstalk.places
+        own, rows = self._crosstalk.places, (-1, seconds.shape[-1])
         return Stimulus(
-            covered=np.minimum(play.covered[own], 1.0),
-            pressure=play.pressure[own],
-            felt=self._crosstalk.felt(play.pressure),
-            metal_distance=play.distance[own],
-            metal_quality=play.quality[own],
-            labels=play.labels[own],
-            temperature=script.ambient.temperature(local),
-            humidity=script.ambient.humidity(local),
+            covered=np.minimum(play.covered[own], 1.0).reshape(rows),
+            pressure=play.pressure[own].reshape(rows),
+            felt=self._crosstalk.felt(play.pressure).reshape(rows),
+            metal_distance=play.distance[own].reshape(rows),
+            metal_quality=play.quality[own].reshape(rows),
+            labels=play.labels[own].reshape(rows),
+            temperature=script.ambient.temperature(local).reshape(seconds.shape),
+            humidity=script.ambient.humidity(local).reshape(seconds.shape),
             bioelectric=script.bioelectric.voltage(seconds),
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eskin_sensor_node.world.skin.crosstalk import Crosstalk, unmix
-from eskin_sensor_node.world.skin.fault import FaultSection, break_off
+from eskin_sensor_node.world.skin.fault import FaultSection, break_off, placed_faults
 from eskin_sensor_node.world.skin.shapes import CylinderShape, FlatShape, HandShape, Shape
 from eskin_sensor_node.world.skin.skin import Skin
 
@@ -16,5 +16,6 @@ __all__ = [
     "Shape",
     "Skin",
     "break_off",
+    "placed_faults",
     "unmix",
 ]

@@ -29,6 +29,15 @@ class FaultSection(Section):
     at_s: float = Field(default=0.0, ge=0, description="when")
 
 
+def placed_faults(
+    faults: Sequence[FaultSection], places: Sequence[str]
+) -> list[tuple[int, FaultSection]]:
+    """The faults of the taxels at some places, each with its taxel's row."""
+    return [
+        (row, fault) for fault in faults for row, place in enumerate(places) if place == fault.taxel
+    ]
+
+
 def break_off(
     values: Floats,
     seconds: Floats,
@@ -41,13 +50,14 @@ def break_off(
 
     Args:
         values: Taxels × times; changed in place.
-        seconds: The times.
+        seconds: The times, or taxels × times.
         faults: Each with its taxel's row.
         intact: Gives the values without faults at other times.
         dead: The value of a taxel whose line is open.
     """
+    times = np.broadcast_to(seconds, values.shape)
     for row, fault in faults:
-        after = seconds >= fault.at_s
+        after = times[row] >= fault.at_s
         if np.any(after):
             stays = dead if fault.kind == "dead" else intact(np.array([fault.at_s]))[row, 0]
             values[row, after] = stays

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from eskin_sensor_node.kinds.generator import ColumnGenerator
 from eskin_sensor_node.machine.power.harvest import Harvester, Layers, Touches, harvest_bounds
 from eskin_sensor_node.machine.power.loads import Loads, bounds
 from eskin_sensor_node.machine.power.supply import Supply
@@ -72,7 +73,7 @@ def test_saving_encloses_what_true_prices_save(hand: Sequence[Budget]) -> None:
     watts, share = saving(full, frugal)
     section = full.design.settings.energy
     for seed in range(50):
-        loads = Loads(section, np.random.default_rng(seed))
+        loads = Loads(section, ColumnGenerator(seed, 0))
         one, other = (sum(loads.costs(each.work)) / SECONDS for each in (full, frugal))
         assert watts.contains(one - other)
         assert float(share.inf) <= (one - other) / (one + 6e-6)
@@ -88,10 +89,9 @@ def test_bounds_enclose_true_prices_and_true_layers() -> None:
     harvest = harvest_bounds(section, touches)
     total = harvest["piezoelectric"] + harvest["triboelectric"]
     for seed in range(50):
-        random = np.random.default_rng(seed)
-        for name, true in Loads(section, random).costs(work)._asdict().items():
+        for name, true in Loads(section, ColumnGenerator(seed, 0)).costs(work)._asdict().items():
             assert bounds(section, work)[name].contains(true), name
-        assert total.contains(Layers(section, random).energy(touches))
+        assert total.contains(Layers(section, ColumnGenerator(seed, 0)).energy(touches))
 
 
 def test_touches_of_the_hand_are_harvested_however_time_is_cut() -> None:
@@ -125,14 +125,15 @@ def net_powers(budget: Budget, draws: int) -> list[float]:
     section, found = budget.design.settings.energy, []
     for seed in range(draws):
         random = np.random.default_rng(seed)
-        supply, layers = Supply(section, random), Layers(section, random)
+        parts = ColumnGenerator(seed, 0)
+        supply, layers = Supply(section, parts), Layers(section, parts)
         supply.energy *= random.uniform(0.6, 1.0)
         gained, before = layers.energy(budget.touches), supply.energy
         # In steps as the plant has them, that the supply burns and leaks what it truly does.
         for _ in range(4 * budget.seconds):
             supply.pass_span(WorkCounters(span=250_000_000), 0.0)
         leaked = before - supply.energy
-        spent = sum(Loads(section, random).costs(budget.work))
+        spent = sum(Loads(section, ColumnGenerator(seed, 0)).costs(budget.work))
         found.append((gained - spent - leaked) / budget.seconds)
     return found
 

@@ -57,7 +57,7 @@ def test_every_sample_of_a_scenario_encloses_the_truth(small_hand: NodeSettings,
 def test_parts_noise_and_crosstalk_lie_inside_their_tolerances(small_hand: NodeSettings) -> None:
     """Where nothing presses, the same true signal gives different codes, all near each other."""
     columns = columns_of(small_hand)
-    codes = columns.sense(np.arange(5) * 20 * MILLI).codes["current"]
+    codes = columns.sense(np.arange(5) * 20 * MILLI).readings[0].codes["current"]
     at_rest = codes.mean(axis=1)
     assert 1e-4 < at_rest.std() / at_rest.mean() < 1e-2
     assert np.ptp(codes, axis=1).max() <= 3
@@ -82,11 +82,12 @@ def test_samples_do_not_depend_on_how_stretches_are_cut(
 def test_a_boot_draws_other_noise_and_keeps_the_parts(press: NodeSettings) -> None:
     moments = np.arange(200) * 20 * MILLI
     first, again, second = (
-        columns_of(press, boot=boot).sense(moments).codes["current"] for boot in (1, 1, 2)
+        columns_of(press, boot=boot).sense(moments).readings[0].codes["current"]
+        for boot in (1, 1, 2)
     )
     assert first.tobytes() == again.tobytes() != second.tobytes()
     assert np.abs(first.mean(axis=1) - second.mean(axis=1)).max() < 0.5
-    other = columns_of(press, seed=8).sense(moments).codes["current"]
+    other = columns_of(press, seed=8).sense(moments).readings[0].codes["current"]
     assert np.abs(first.mean(axis=1) - other.mean(axis=1)).max() > 1.0
 
 

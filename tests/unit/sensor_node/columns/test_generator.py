@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from eskin_sensor_node.columns.generator import ColumnGenerator, block
+from eskin_sensor_node.kinds.generator import ColumnGenerator, block
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

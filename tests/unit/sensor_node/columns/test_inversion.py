@@ -161,11 +161,11 @@ def test_a_stretch_of_a_skin_is_the_firmware_s_of_the_codes_that_were_sensed(
     ]
     around = [[place[other] for other in names if other in place] for names in all_beside]
     numbers = [[skin.numbers[other] for other in names] for names in all_beside]
-    expected = by_firmware(node.skin, sensed.codes, numbers, around)
+    expected = by_firmware(node.skin, sensed.readings[0].codes, numbers, around)
     assert (place.keys() == set(skin.names)) is (share is None)
     assert lo.tobytes() == expected[0][order].T.tobytes()
     assert hi.tobytes() == expected[1][order].T.tobytes()
-    assert truth.tobytes() == sensed.pressure[order].T.tobytes()
+    assert truth.tobytes() == sensed.truth["pressure"][order].T.tobytes()
 
 
 @pytest.mark.parametrize("air", [True, False])
@@ -191,7 +191,7 @@ def test_unmeasured_neighbours_widen(tmp_path: Path) -> None:
     sensed = columns.sense(np.array([1_700_000_000]))
     skin = node.skin.skin.neighbours
     order = np.argsort(columns.columns)
-    codes = {name: each[order] for name, each in sensed.codes.items()}
+    codes = {name: each[order] for name, each in sensed.readings[0].codes.items()}
     lows, highs = in_columns(node.skin, codes, skin, np.ones(25, np.bool_))
     lows, highs = lows.copy(), highs.copy()
     less, more = in_columns(node.skin, codes, skin, np.arange(25) != 12)

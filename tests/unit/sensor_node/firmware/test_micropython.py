@@ -63,7 +63,7 @@ def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.Monk
     bench = Bench(tmp_path, "palm", taxel=taxels, sampling={"stretch_ms": 200.0})
     bench.run_to(2.0)
     # At once, and beyond what it is set to by now.
-    world: Any = bench.node.taxels[2].signal_chain.world
+    world: Any = bench.node.taxels[2].group.sensing.world
     world._least = world._most = world._least / 4.0
     bench.run_to(3.0)
     plate = bench.node.taxels[1].control_unit.adaptation.plate

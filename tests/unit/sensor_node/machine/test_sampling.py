@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
 import pytest
+from eskin_sensor_node.kinds.generator import ColumnGenerator
 from eskin_sensor_node.machine.ledger import INTERRUPT_NS, WAKE_NS
 from eskin_sensor_node.machine.power.loads import Loads, bounds
 from eskin_sensor_node.machine.prices import PRICES
@@ -72,7 +72,7 @@ def test_an_interrupt_each_sample_certainly_costs_more_energy(lives: dict[int, L
     less, more = (bounds(section, lives[depth].work) for depth in (FRAME, 1))
     assert float(less["waking"].sup) < float(more["waking"].inf)
     for seed in range(20):
-        loads = Loads(section, np.random.default_rng(seed))
+        loads = Loads(section, ColumnGenerator(seed, 0))
         costs = [sum(loads.costs(lives[depth].work)) for depth in (FRAME, 7, 1)]
         assert costs == sorted(costs)
         true = loads.costs(lives[1].work)

@@ -18,6 +18,7 @@ from eskin_sensor_node.firmware.energy import (
     EnergyManager,
     thrice,
 )
+from eskin_sensor_node.kinds.generator import ColumnGenerator
 from eskin_sensor_node.machine.power.data_sheet import energy_sheet
 from eskin_sensor_node.machine.power.supply import Flows, Supply
 from eskin_sensor_node.machine.work_counters import WorkCounters
@@ -35,7 +36,7 @@ IDLE = WorkCounters(asleep=SPAN, on=SPAN, span=SPAN)
 
 def made(seed: int = 1, **keys: Any) -> tuple[Supply, EnergyManager]:
     section = EnergySection(on=True, **keys)
-    return Supply(section, np.random.default_rng(seed)), EnergyManager(energy_sheet(section))
+    return Supply(section, ColumnGenerator(seed, 0)), EnergyManager(energy_sheet(section))
 
 
 def busy(cycles: int, conversions: int, sent: int, received: int = 0) -> WorkCounters:
@@ -232,7 +233,7 @@ def test_brown_out_and_recovery_have_their_thresholds() -> None:
     while not supply.failing:
         assert supply.voltage >= 2.2
         supply.pass_span(heavy, 0.0)
-    voltages = []
+    voltages = [supply.voltage]
     while not supply.restored:
         supply.pass_span(IDLE, 1e-3)
         voltages.append(supply.voltage)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pytest
+from eskin_sensor_node.kinds.generator import ColumnGenerator
 from eskin_sensor_node.kinds.recorded import RecordedWorld
 from eskin_sensor_node.kinds.registry import Taxel, build_frontend, build_world
 from eskin_sensor_node.machine.inversion import Inversion
@@ -64,10 +65,11 @@ def wave(folder: Path) -> Path:
 
 def test_recorded_values_are_the_truth_and_the_intervals_hold_them(tmp_path: Path) -> None:
     taxel = sheet(wave(tmp_path), scale=1e-12)
-    random = np.random.default_rng(1)
+    random = ColumnGenerator(1, 0)
     world, frontend = build_world(taxel, random), build_frontend(taxel, random)
+    random.begin(1, np.arange(len(TIMES)))
     signals = world.signals(TIMES, random)
-    assert signals.truth["capacitance"] == pytest.approx(WAVE * 1e-12)
+    assert signals.truth["capacitance"][0] == pytest.approx(WAVE * 1e-12)
     measured = Inversion(taxel).measure(frontend.digitise(signals.sensed, random).codes)
     assert np.all(measured["capacitance"].contains(signals.truth["capacitance"]))
     assert measured["capacitance"].wid.max() < 4e-12
@@ -76,11 +78,12 @@ def test_recorded_values_are_the_truth_and_the_intervals_hold_them(tmp_path: Pat
 def test_inductance_travels_the_chain_of_a_coil(tmp_path: Path) -> None:
     path = recording(tmp_path, [f"{t},a,{6e-3 + t * 1e-4}\n" for t in range(10)])
     taxel = sheet(path, "inductance")
-    random = np.random.default_rng(1)
+    random = ColumnGenerator(1, 0)
     world, frontend = build_world(taxel, random), build_frontend(taxel, random)
+    random.begin(1, np.arange(10))
     signals = world.signals(np.arange(10.0), random)
     measured = Inversion(taxel).measure(frontend.digitise(signals.sensed, random).codes)
-    assert signals.truth["inductance"] == pytest.approx(6e-3 + np.arange(10) * 1e-4)
+    assert signals.truth["inductance"][0] == pytest.approx(6e-3 + np.arange(10) * 1e-4)
     assert np.all(measured["inductance"].contains(signals.truth["inductance"]))
 
 
@@ -90,9 +93,9 @@ def test_recorded_intervals_give_a_world_from_inside_of_them(tmp_path: Path) -> 
     times = np.arange(200.0)
     values = []
     for seed in (1, 1, 2):
-        random = np.random.default_rng(seed)
+        random = ColumnGenerator(seed, 0)
         found = build_world(sheet(path), random).signals(times, random)
-        values.append(found.truth["capacitance"] - times)
+        values.append(found.truth["capacitance"][0] - times)
     assert np.array_equal(values[0], values[1])
     assert not np.array_equal(values[0], values[2])
     assert 10.0 <= values[0].min() < 10.1
@@ -106,7 +109,7 @@ def test_nothing_is_made_up_in_gaps_after_the_end_and_where_it_is_unbounded(
     path = recording(tmp_path, rows, "time,channel,lo,hi\n")
     taxel = sheet(path)
     with caplog.at_level(logging.WARNING):
-        world = build_world(taxel, np.random.default_rng(1))
+        world = build_world(taxel, ColumnGenerator(1, 0))
     assert "line 6: gap of 4 s in a before this" in caplog.text
     assert isinstance(world, RecordedWorld)
     times = np.arange(12.0)
@@ -115,14 +118,14 @@ def test_nothing_is_made_up_in_gaps_after_the_end_and_where_it_is_unbounded(
 
 def test_sample_between_two_recorded_ones_takes_the_nearest(tmp_path: Path) -> None:
     path = recording(tmp_path, ["0,a,1\n", "1,a,2\n", "2,a,3\n"])
-    world = build_world(sheet(path), np.random.default_rng(1))
-    found = world.signals(np.array([0.0, 0.4, 0.6, 1.4, 2.0, 2.4]), np.random.default_rng(1))
-    assert found.truth["capacitance"].tolist() == [1.0, 1.0, 2.0, 2.0, 3.0, 3.0]
+    world = build_world(sheet(path), ColumnGenerator(1, 0))
+    found = world.signals(np.array([0.0, 0.4, 0.6, 1.4, 2.0, 2.4]), ColumnGenerator(1, 0))
+    assert found.truth["capacitance"][0].tolist() == [1.0, 1.0, 2.0, 2.0, 3.0, 3.0]
 
 
 def test_channel_that_is_not_in_the_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"rec\.csv: channel: 'b' is not in it; it has a"):
-        build_world(sheet(wave(tmp_path), channel="b"), np.random.default_rng(1))
+        build_world(sheet(wave(tmp_path), channel="b"), ColumnGenerator(1, 0))
 
 
 def test_node_replays_a_recording_and_every_block_holds_its_truth(tmp_path: Path) -> None:
