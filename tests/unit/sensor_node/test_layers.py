@@ -32,11 +32,12 @@ def test_firmware_imports_what_every_port_has_and_computes_alike() -> None:
 
 def test_only_what_senses_knows_the_world() -> None:
     knowing = {
-        file.name
-        for file in (ROOM / "node").glob("*.py")
+        str(file.relative_to(ROOM))
+        for room in ("node", "skin_node", "fleet", "columns")
+        for file in (ROOM / room).glob("*.py")
         if any("eskin_sensor_node.kinds.registry.build_" in name for name in imported_names(file))
     }
-    assert knowing == {"taxel.py"}
+    assert knowing == {"columns/sensing.py"}
 
 
 def kinds_named(file: Path) -> set[str]:
