@@ -246,6 +246,38 @@ def test_message_that_does_not_fit_its_layout_is_a_dead_letter(
     assert bodies(inside) == [SMALL.frame(2).encode()]
 
 
+def test_layout_may_change_in_mid_boot(inside: Inside, node: Node) -> None:
+    """Frames of the new layout wait at the node, and hold up none of the old one."""
+    node.describe(SMALL)
+    old = SMALL.frame(1), SMALL.frame(3)
+    new = WIDER.frame(2), WIDER.statements(4), WIDER.frame(5)
+    for each in sorted((*old, *new), key=lambda message: message.position):
+        node.say(each)
+    assert bodies(inside) == [each.encode() for each in old]
+    assert node.acknowledged == {0, 1, 3}
+    assert node.wanted[0] == (WIDER.layout.content_hash,)
+    node.describe(WIDER)
+    for each in (*old, *new):
+        node.say(each)
+    assert sorted(bodies(inside)) == sorted(each.encode() for each in (*old, *new))
+    assert node.acknowledged == {0, 1, 2, 3, 4, 5}
+    assert inside.rejected() == {}
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_frame_torn_at_any_byte_is_a_dead_letter(inside: Inside, node: Node, rows: int) -> None:
+    node.describe(SMALL)
+    whole = SMALL.frame(1, rows=rows).encode()
+    for length in range(len(whole)):
+        node.send(Stream.FRAMES, whole[:length])
+    assert sum(inside.rejected().values()) == len(whole)
+    assert all(letter.reason for letter in inside.spool.dead_letters())
+    assert bodies(inside) == []
+    assert node.acknowledged == {0}
+    node.say(SMALL.frame(1, rows=rows))
+    assert bodies(inside) == [whole]
+
+
 def test_layout_that_contradicts_its_patches_makes_dead_letters(inside: Inside, node: Node) -> None:
     one_page = SkinOf(*MIXED.patches)  # a page of two privacy classes
     node.describe(one_page)
