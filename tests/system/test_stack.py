@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import stat
 import subprocess
+import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +14,9 @@ import httpx
 
 from eskin.identity import Identity
 from eskin.wire.timestamp import parse_timestamp
-from tests.support.processes import ESKIN, free_port, wait_until
+from tests.support.files import ask
+from tests.support.processes import ESKIN, Running, free_port, wait_until
+from tests.support.skin_watcher import Seen
 from tests.unit.services.party import Party
 
 if TYPE_CHECKING:
@@ -54,6 +58,38 @@ def test_audit_passes_while_the_demo_runs(demo: RunningDemo) -> None:
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert "passed" in done.stdout
+
+
+OF_HAND = "SELECT t, t_end - t, samples FROM frames WHERE node = 'hand'"
+
+
+def next_frames_of_hand(demo: RunningDemo, count: int) -> list[tuple[int, ...]]:
+    """Wait for frames: first sample, span and number of samples of each."""
+    newest = max(t for t, *_ in ask(demo.store, OF_HAND))
+    found: set[tuple[int, ...]] = set()
+
+    def are_there() -> bool:
+        found.update(row for row in ask(demo.store, OF_HAND) if row[0] > newest)
+        return len(found) >= count
+
+    wait_until(are_there, f"{count} more frames")
+    return sorted(found)[:count]
+
+
+def test_watching_changes_nothing_that_a_node_sends(demo: RunningDemo, tmp_path: Path) -> None:
+    unwatched = next_frames_of_hand(demo, 40)
+    seen, port = tmp_path / "seen", httpx.URL(demo.access["url"]).port
+    words = [sys.executable, "-m", "tests.support.skin_watcher", str(port), "hand", str(seen)]
+    token = {"ESKIN_TOKEN": demo.access["token"]}
+    with Running(words, log=tmp_path / "log", env=token) as watcher:
+        watcher.wait_for(lambda: seen.exists() and len(Seen.read(seen).frames) > 5, "frames come")
+        watched = next_frames_of_hand(demo, 40)
+        assert Seen.read(seen).wrong == []
+    for frames in (unwatched, watched):
+        assert {frame[1:] for frame in frames} == {frame[1:] for frame in unwatched}
+        steps = {second[0] - first[0] for first, second in pairwise(frames)}
+        assert len(steps) <= 2  # 13 and 12 rows of 4 ms
+        assert sum(steps) / len(steps) == 50e6
 
 
 def test_access_file_is_for_its_owner_and_opens_the_api(demo: RunningDemo) -> None:
