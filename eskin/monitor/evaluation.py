@@ -94,16 +94,6 @@ class Evaluation:
         """
         return self._walk(self.formula, _EXPLAINED[cause])
 
-    def whatever_comes(self) -> Pair:
-        """Where it is certain, and not impossible, if nothing is known from the frontier on."""
-
-        def pair(atom: Candidates) -> Pair:
-            certain, possible = _verdict(atom)
-            later = Runs.between(atom.frontier, END)
-            return certain & ~later, possible | later
-
-        return self._walk(self.formula, pair)
-
     def whatever_the_best(self) -> Pair:
         """Where it may fail not, and may hold, by what is before the frontier alone."""
 

@@ -166,14 +166,15 @@ class _Channel:
                 "gap of a channel that is silent",
                 value=len(self.samples),
             )
-        if self.samples:
-            earliest = max(earliest, self.samples[-1][0])
+        # Moments ascend strictly.
+        after = self.samples[-1][0] if self.samples else -END
+        earliest = max(earliest, after)
         if self.until is not None:
             earliest = max(earliest, self.until)
-        if not (earliest <= latest and lo <= hi):
+        if not (earliest <= latest and after < latest and lo <= hi):
             raise MonitorError(
                 f"a sample of {self.name} in [{earliest}, {latest}] ns with [{lo}, {hi}] is "
-                "reversed, or before the last one, or has NaN; correct it",
+                "reversed, or not after the last one, or has NaN; correct it",
                 value=(earliest, latest, lo, hi),
             )
         self.samples.append((earliest, latest, lo, hi, period))

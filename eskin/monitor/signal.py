@@ -27,9 +27,9 @@ class Signal:
     """Interval samples at uncertain moments, each held until the next one.
 
     The value is x_k in ``[lo[k], hi[k]]`` from the moment t_k in ``[earliest[k], latest[k]]`` until
-    the next moment. Moments keep their order; of equal ones the last counts. Before a gap x_k is
-    held for one period. Elsewhere any value is possible: before the first sample, in the rest of a
-    gap, and after the moment of the last sample.
+    the next moment. Moments ascend strictly. Before a gap x_k is held for one period. Elsewhere any
+    value is possible: before the first sample, in the rest of a gap, and after the moment of the
+    last sample.
 
     Args:
         earliest, latest: Whole ns, int64, shape ``(n,)``.
@@ -38,7 +38,8 @@ class Signal:
         gap: True where a gap follows the sample; by default nowhere.
         unit: UCUM code.
         coverage: Probability with which each sample's interval encloses the truth.
-        until: The next sample is not earlier, in ns; the last one is held until then.
+        until: The next sample is not earlier, in ns; the last one is held until then, or, before a
+            gap, for one period of that time.
 
     Raises:
         MonitorError: The parts do not fit each other, or moments are out of order.
@@ -151,35 +152,31 @@ def held_samples(signal: Signal) -> HeldSamples:
         return HeldSamples(empty, empty, empty, gaps, Runs.between(known, END), known)
     earliest = np.maximum.accumulate(signal.earliest)
     latest = np.minimum.accumulate(signal.latest[::-1])[::-1]
-    if np.any(earliest > latest):
-        k = int(np.argmax(earliest > latest))
+    after = np.append(False, earliest[1:] == earliest[:-1])  # strictly after the earliest moment
+    reversed_ = (earliest > latest) | (after & (earliest == latest))
+    if np.any(reversed_):
+        k = int(np.argmax(reversed_))
         raise MonitorError(
             f"sample {k} in [{signal.earliest[k]}, {signal.latest[k]}] ns cannot lie between the "
             "one before it and the one after it; sort the samples",
             value=k,
         )
+    # A later sample comes after the last one, so nothing at the earliest moment of that is open.
+    frontier = max(2 * int(earliest[-1]) + 1, -END if until is None else 2 * until)
     ended = np.where(signal.gap, 2 * (latest + signal.period), END)
     last = np.minimum(ended, np.append(2 * latest[1:], END)) - 1
-    if not signal.gap[-1]:
-        last[-1] = max(2 * int(latest[-1]), -END if until is None else 2 * until - 1)
-    first = 2 * earliest
-    open_from = 2 * int(earliest[-1]) + 1 if until is None else 2 * until
-    gap_first = np.append(-END, 2 * (earliest + signal.period)[signal.gap])
-    gap_last = np.append(2 * latest[0] - 1, np.append(2 * latest[1:] - 1, END)[signal.gap])
-    pending = Runs.between(0, -1)
-    if not signal.gap[-1]:
-        pending = Runs.between(max(open_from, 2 * int(earliest[-1]) + 1), END)
-    elif until is not None:
-        pending = Runs.between(max(open_from, 2 * int(earliest[-1]) + 1), END)
-        gap_last[-1] = min(int(gap_last[-1]), 2 * until - 1)
+    last[-1] = min(int(last[-1]), max(2 * int(latest[-1]), frontier - 1))
+    first = 2 * earliest + after
+    gap_first = np.append(-END, (first + 2 * signal.period)[signal.gap])
+    gap_last = np.append(2 * latest[0], np.append(2 * latest[1:], frontier)[signal.gap]) - 1
     kept = first <= last
     return HeldSamples(
         first[kept],
         last[kept],
         np.flatnonzero(kept),
         Runs.of(gap_first, gap_last),
-        pending,
-        max(2 * int(earliest[-1]), -END if until is None else 2 * until),
+        Runs.between(frontier, END),
+        frontier,
     )
 
 

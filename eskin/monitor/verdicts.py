@@ -226,10 +226,9 @@ class Verdicts:
 
     @cached_property
     def _final(self) -> Runs:
-        """Decided whatever comes, or open by what is there already."""
-        certain, possible = self._evaluation.whatever_comes()
+        """Decided, as any value counts where samples may come, or open by what is there already."""
         kept, held = self._evaluation.whatever_the_best()
-        return certain | ~possible | (held & ~kept)
+        return self._certain | ~self._possible | (held & ~kept)
 
     def _cause(self, runs: list[Runs], t: int) -> Because:
         if self.at(t) is not Verdict.POSSIBLE:

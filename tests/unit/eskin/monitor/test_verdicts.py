@@ -36,7 +36,7 @@ def test_a_sample_is_held_until_the_next() -> None:
 
 def test_a_sample_before_a_gap_is_held_for_one_period() -> None:
     found = verdicts("p > 3", Sample(0, 0, 5, 5, gap=True), Sample(50, 50, 5, 5, gap=True))
-    assert found.codes_at([-1, 0, 9, 10, 49, 50, 59, 60]).tolist() == [P, C, C, P, P, C, C, P]
+    assert found.codes_at([-1, 0, 9, 10, 49, 50, 51, 60]).tolist() == [P, C, C, P, P, C, P, P]
 
 
 def test_an_uncertain_moment_leaves_its_edges_open() -> None:

@@ -78,11 +78,9 @@ def held(
         last = max((k for k, moment in enumerate(moments) if moment <= t), default=-1)
         if last < 0:
             return unknown(t)
-        if samples[last].gap:
-            return values[last] if t < moments[last] + period else unknown(t)
-        if last == len(samples) - 1 and t > moments[last]:
-            return unknown(t)
-        return values[last]
+        pending = last == len(samples) - 1 and t > moments[last]
+        lost = samples[last].gap and t >= moments[last] + period
+        return unknown(t) if pending or lost else values[last]
 
     return value
 

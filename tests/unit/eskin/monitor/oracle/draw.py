@@ -102,9 +102,8 @@ def draw_samples(random: Random, count: int, step: int, *, exact: bool) -> Sampl
         lo.append(low)
         hi.append(high)
     gap = tuple(random.random() < 0.12 for _ in range(count))
-    ends = count > 0 and gap[-1]
-    # Any moments have an order that is possible.
-    latest = [max(b, *earliest[: k + 1]) for k, b in enumerate(latest)]
+    # Any moments can ascend.
+    latest = [max(b, *(t + step for t in earliest[:k]), earliest[k]) for k, b in enumerate(latest)]
     return Samples(
         tuple(earliest),
         tuple(latest),
@@ -112,7 +111,7 @@ def draw_samples(random: Random, count: int, step: int, *, exact: bool) -> Sampl
         tuple(hi),
         random.randint(1, 4) * step,
         gap,
-        (now + random.randint(-2, 4)) * step if random.random() < 0.3 and not ends else None,
+        (now + random.randint(-2, 4)) * step if random.random() < 0.3 else None,
         kilo,
     )
 

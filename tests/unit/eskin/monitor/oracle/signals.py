@@ -50,10 +50,15 @@ class Samples:
 
     @cached_property
     def moments(self) -> list[tuple[int, int]]:
-        """The moments that are possible in their order."""
+        """The moments that are possible in their order; where one ascends, without its end."""
         least = list(accumulate(self.earliest, max))
         greatest = list(accumulate(reversed(self.latest), min))[::-1]
         return list(zip(least, greatest, strict=True))
+
+    def _may_have_begun(self, k: int, t: Instant) -> bool:
+        """Whether a sample's moment may be at an instant, or before it."""
+        least = self.moments[k][0]
+        return t > least or (t == least and (k == 0 or self.moments[k - 1][0] < least))
 
     def sets(self) -> Trace[frozenset[Interval]]:
         """The intervals that may hold at each instant; unknown is the whole line."""
@@ -67,15 +72,13 @@ class Samples:
             held: set[Interval] = set()
             for k, (least, greatest) in enumerate(self.moments):
                 following = k + 1 < n
-                if t < least or (following and t >= self.moments[k + 1][1]):
+                if not self._may_have_begun(k, t) or (following and t >= self.moments[k + 1][1]):
                     continue
                 if not self.gap[k] or t < greatest + self.period:
                     held.add((self.lo[k], self.hi[k]))
-                if self.gap[k]:
-                    unknown = t >= least + self.period
-                else:
-                    unknown = not following and t > least and self._may_have_ended(t)
-                if unknown:
+                if self.gap[k] and self._may_have_begun(k, t - self.period):
+                    held.add(ANY)
+                if not following and t > least and self._may_have_ended(t):
                     held.add(ANY)
             if not n or t < self.moments[0][1]:
                 held.add(ANY)
@@ -108,12 +111,10 @@ class Samples:
             k = bisect_right(moments, t) - 1
             if k < 0:
                 return elsewhere(t)
-            if self.gap[k]:
-                unknown = t >= moments[k] + self.period
-            else:
-                last = k + 1 == len(moments)
-                unknown = last and t > moments[k] and self._may_have_ended(t)
-            return elsewhere(t) if unknown else values[k]
+            lost = self.gap[k] and t >= moments[k] + self.period
+            last = k + 1 == len(moments)
+            pending = last and t > moments[k] and self._may_have_ended(t)
+            return elsewhere(t) if lost or pending else values[k]
 
         return make(times, value)
 

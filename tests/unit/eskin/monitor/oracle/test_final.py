@@ -53,6 +53,18 @@ def test_no_later_sample_changes_a_final_verdict() -> None:
     assert final > 2 * possible
 
 
+def test_what_is_decided_is_final() -> None:
+    decided = 0
+    for seed in range(SCENES):
+        scene = draw_scene(Random(f"decided {seed}"))
+        verdicts = ask(scene)
+        for t in scene.instants:
+            if verdicts.at(t) is not Verdict.POSSIBLE:
+                assert verdicts.final(t), (seed, t, write(scene.formula))
+                decided += 1
+    assert decided > SCENES
+
+
 def test_verdicts_are_final_once_samples_came_for_all_that_they_look_at() -> None:
     final = 0
     for seed in range(SCENES):

@@ -69,11 +69,13 @@ def values(samples: Samples, k: int, near: Sequence[Rational]) -> list[Rational]
 def moments(samples: Samples, k: int, near: Sequence[Instant]) -> list[Instant]:
     """Ends of a sample's moments, and other instants within."""
     least, greatest = samples.moments[k]
-    return list(dict.fromkeys((least, greatest, *(t for t in near if least < t < greatest))))
+    middle = Fraction(least + greatest) / 2
+    within = (t for t in near if least < t < greatest)
+    return list(dict.fromkeys((least, greatest, middle, *within)))
 
 
 def in_order(chosen: Sequence[Instant]) -> bool:
-    return all(a <= b for a, b in pairwise(chosen))
+    return all(a < b for a, b in pairwise(chosen))
 
 
 def draw_world(random: Random, formula: Formula, known: Signals, instants: Sequence[int]) -> World:
@@ -109,11 +111,12 @@ def draw_signal(
 ) -> Trace[Rational]:
     """A signal from random corners; where no sample holds, it may change at any instant."""
     chosen: list[Instant] = []
-    for k in range(len(samples)):
-        allowed = moments(samples, k, instants)
-        if chosen:
-            allowed = [t for t in allowed if t >= chosen[-1]] or [chosen[-1]]
-        chosen.append(random.choice(allowed))
+    for k, (least, greatest) in enumerate(samples.moments):
+        before = chosen[-1] if chosen else least - 1
+        after = samples.moments[k + 1][1] if k + 1 < len(samples) else greatest + 1
+        allowed = [t for t in moments(samples, k, instants) if before < t < after]
+        middle = Fraction(max(before, least) + greatest) / 2
+        chosen.append(random.choice(allowed or [middle]))
     heights = [random.choice(values(samples, k, near)) for k in range(len(samples))]
     some = [-FAR, FAR, *(v for n in near for v in (n - BESIDE, n, n + BESIDE))]
     changes = sorted(random.sample(instants, min(len(instants), random.randrange(4))))
