@@ -29,9 +29,9 @@ from eskin_cloud.store.schema.tables import feed
 from eskin_cloud.store.write.bulk_insert import insert_many
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
-    from sqlalchemy import ColumnElement, Connection, RowMapping
+    from sqlalchemy import ColumnElement, Connection, MappingResult, RowMapping
 
     from eskin.wire.frames import Patch
     from eskin_cloud.store.patch_run import PatchRun
@@ -120,8 +120,8 @@ def find_compactable_frames(store: Store, due: Due) -> list[PageKey]:
         query = select(p.slot, p.node, p.layout, p.page, p.compacted).where(p.frames > 0)
         found = []
         for *key, since in connection.execute(query).all():
-            first = _heads(connection, (key[0], key[1], key[2], key[3]), since, 1)
-            if first and due.includes(first[0]):
+            first = _heads(connection, (key[0], key[1], key[2], key[3]), since, 1).first()
+            if first is not None and due.includes(first):
                 found.append((key[0], key[1], key[2], key[3]))
     return found
 
@@ -145,14 +145,12 @@ def _within(page: PageKey) -> ColumnElement[bool]:
     return and_(f.slot == page[0], f.node == page[1], f.page == page[3], f.layout == page[2])
 
 
-def _heads(
-    connection: Connection, page: PageKey, since: int | None, most: int
-) -> Sequence[RowMapping]:
+def _heads(connection: Connection, page: PageKey, since: int | None, most: int) -> MappingResult:
     f = frames.c
-    query = select(*_HEADS).where(_within(page)).order_by(f.t, f.boot, f.sequence).limit(most)
+    query = select(*_HEADS).where(_within(page)).order_by(f.t, f.boot, f.sequence)
     if since is not None:
         query = query.where(f.t >= since)
-    return connection.execute(query).mappings().all()
+    return connection.execute(query.limit(most)).mappings()
 
 
 def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames | None:
@@ -166,17 +164,17 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
     except (UnknownDescriptionError, MessageError):
         return None  # damaged, and reported: its frames stay
     since = totals.compacted
-    heads = _heads(connection, page, since, _FRAMES + 1)
     numbers = described.page_ranges[page[3]]
-    count = _count(heads, due, _SAMPLES * len(numbers))
-    if not count:
+    with _heads(connection, page, since, _FRAMES + 1) as heads:  # most rows take few of them
+        taken, following = _take(heads, due, _SAMPLES * len(numbers))
+    if not taken:
         return None
-    until = heads[count]["t"] if count < len(heads) else heads[count - 1]["t"] + 1
-    last = heads[count - 1]
-    query = select(frames).where(_within(page), f.t <= last["t"])
+    last = taken[-1]["t"]
+    until = last + 1 if following is None else following["t"]
+    query = select(frames).where(_within(page), f.t <= last)
     if since is not None:
         query = query.where(f.t >= since)
-    query = query.order_by(f.t, f.boot, f.sequence).limit(count)
+    query = query.order_by(f.t, f.boot, f.sequence).limit(len(taken))
     columns = sum(len(described.patches[number].taxels) for number in numbers)
     gone: list[RowMapping] = []
     cells = 0
@@ -208,19 +206,23 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
     )  # fmt: skip
 
 
-def _count(heads: Sequence[RowMapping], due: Due, samples: int) -> int:
-    """How many of the first frames become a row; 0 if they are not enough yet."""
-    end, found = heads[0]["t_end"] if heads else 0, 0
-    for k, head in enumerate(heads):
-        if k and (head["t"] - end > _GAP or k == _FRAMES or found >= MOST_CELLS // 2):
-            return k
+def _take(
+    heads: Iterator[RowMapping], due: Due, samples: int
+) -> tuple[list[RowMapping], RowMapping | None]:
+    """The first frames, which become a row, and the next one; none if they are not enough yet."""
+    taken: list[RowMapping] = []
+    end, found = -(2**63), 0
+    for head in heads:
+        if taken and (head["t"] - end > _GAP or len(taken) == _FRAMES or found >= MOST_CELLS // 2):
+            return taken, head
         if not due.includes(head):
-            return k if due.includes_few(heads[:k]) else 0
+            return (taken if due.includes_few(taken) else []), head
+        taken.append(head)
         end, found = max(end, head["t_end"]), found + head["samples"]
-        span = end - heads[0]["t"]
+        span = end - taken[0]["t"]
         if span >= SHORTEST and (found >= samples or span >= _LONGEST):
-            return k + 1
-    return len(heads) if due.includes_few(heads) else 0
+            return taken, next(heads, None)
+    return (taken if due.includes_few(taken) else []), None
 
 
 def _most_rows(row: RowMapping) -> int:
