@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 FLIPS = {
     "flash": 80,
     "fleet": 40,
-    "spool": 60,
+    "spool": 30,
     "keys": 80,
     "identity": 80,
     "authority": 60,
     "broker": 60,
-    "store": 40,
-    "store_log": 40,
-    "frames": 40,
+    "store": 15,
+    "store_log": 15,
+    "frames": 15,
 }
 
 

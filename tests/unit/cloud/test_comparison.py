@@ -16,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from eskin.interval import Verdict
+from tests.support.examples import examples
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch, tube_of
 
@@ -144,7 +145,7 @@ def ask(store: Store, window: Window) -> list[ComparisonSegment]:
 
 
 @settings(
-    max_examples=40,
+    max_examples=examples(40),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
@@ -182,7 +183,7 @@ def value_at(signal: list[tuple[int, int, float]], moment: int) -> float | None:
 
 
 @settings(
-    max_examples=25,
+    max_examples=examples(25),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

@@ -10,6 +10,7 @@ from eskin_cloud.access import Scope, create_token
 from eskin_cloud.app import gateway_application, people_application
 from hypothesis import HealthCheck, Phase, given, settings
 
+from tests.support.examples import examples
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.described import check_answer
 from tests.unit.cloud.messages import CHANNEL, NODE, gap, peak, status, stretch
@@ -34,7 +35,7 @@ def validate(schema: Any, headers: dict[str, str]) -> int:
         count += 1
 
         @settings(
-            max_examples=15,
+            max_examples=examples(15),
             deadline=None,
             database=None,
             phases=(Phase.explicit, Phase.generate),

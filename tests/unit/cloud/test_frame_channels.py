@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 from eskin.interval import Interval
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
 from eskin.wire.messages import Position
+from tests.support.examples import examples
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.messages import START, stretch, tube_of
 from tests.unit.cloud.skins import describe
@@ -119,7 +120,9 @@ windows = st.builds(
     st.integers(0, 500),
 )
 _SLOWLY = settings(
-    deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    deadline=None,
+    max_examples=examples(25),
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 
 

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from eskin.wire.frames import Frame, Statements
+from tests.support.examples import examples
 from tests.unit.cloud.clouds import emptied
 from tests.unit.cloud.skins import (
     HAND,
@@ -125,7 +126,9 @@ def present(store: Store, model: Model, node: str, some: Sequence[Layout | Patch
 
 
 @settings(
-    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    deadline=None,
+    max_examples=examples(40),
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(steps=STEPS)
 def test_each_is_stored_once_and_none_is_lost(store: Store, steps: list[Any]) -> None:

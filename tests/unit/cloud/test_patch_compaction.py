@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import pytest
 from eskin_cloud.store import compaction
 from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.damage import PatchRowHeader, is_intact_row
@@ -33,7 +34,6 @@ from tests.unit.cloud.skins import HAND, PATCHES, describe, frame, layout, patch
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import pytest
     from eskin_cloud.store import Store
     from eskin_cloud.store.location import StoreLocation
 
@@ -369,8 +369,9 @@ os._exit(0)
 """
 
 
+@pytest.mark.parametrize("stride", [13, pytest.param(5, marks=pytest.mark.nightly)])
 def test_kill_between_any_statements_leaves_every_sample_once(
-    store: Store, place: StoreLocation
+    store: Store, place: StoreLocation, stride: int
 ) -> None:
     describe(store, HAND, *PATCHES)
     put(store, *(said(k) for k in range(150)))
@@ -378,7 +379,7 @@ def test_kill_between_any_statements_leaves_every_sample_once(
     shown = str(place) if isinstance(place, Path) else place.render_as_string(hide_password=False)
     status, number = 9, 0
     while status == 9:
-        number += 5
+        number += stride
         command = [sys.executable, "-c", KILLED, shown, str(number)]
         status = subprocess.run(command, check=False, env=dict(os.environ), timeout=120).returncode
         assert stored(store) == before

@@ -34,6 +34,7 @@ from eskin.errors import MessageError, StoreError
 from eskin.interval import Interval
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
 from eskin.wire.messages import Position
+from tests.support.examples import examples
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.skins import describe
 
@@ -176,7 +177,7 @@ def require_true(found: Aggregates, samples: list[tuple[int, float, float]], lev
 
 
 @settings(
-    max_examples=20,
+    max_examples=examples(20),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow,
                            HealthCheck.data_too_large],
@@ -203,7 +204,7 @@ def test_tiles_are_those_of_the_samples(store: Store, steps: list[list[Frame] | 
 
 
 @settings(
-    max_examples=15,
+    max_examples=examples(15),
     deadline=None,
     suppress_health_check=[
         HealthCheck.function_scoped_fixture,

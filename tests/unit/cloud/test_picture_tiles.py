@@ -10,6 +10,7 @@ from eskin_cloud.store.read.window import Window
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+from tests.support.examples import examples
 from tests.unit.cloud.test_patch_tiles import (
     PLAIN,
     SKEWED,
@@ -37,7 +38,7 @@ windows = st.builds(
 
 
 @settings(
-    max_examples=40,
+    max_examples=examples(40),
     deadline=None, phases=[Phase.explicit, Phase.generate],
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow,
                            HealthCheck.data_too_large],

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from eskin.interval import Verdict
 from eskin.union_bound import union_coverage
+from tests.support.examples import examples
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch, tube_of
 
@@ -130,7 +131,7 @@ def check_hull(series: Series, said: list[Frame], window: Window) -> None:
 
 
 @settings(
-    max_examples=60,
+    max_examples=examples(60),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
@@ -199,7 +200,7 @@ questions = st.one_of(
 
 
 @settings(
-    max_examples=60,
+    max_examples=examples(60),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

@@ -60,7 +60,7 @@ def drawn(random: np.random.Generator, sequence: int, first: int, last: int) -> 
     )
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.nightly)])
 def test_buckets_equal_brute_force(store: Store, seed: int) -> None:
     random = np.random.default_rng(seed)
     said = [stretch(0, [0.1], [0.3], time=(START, START), dt=1)]

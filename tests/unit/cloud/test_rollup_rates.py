@@ -29,14 +29,17 @@ if TYPE_CHECKING:
     from eskin_cloud.store import Store
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_rates_far_apart_need_few_chunks(store: Store, seed: int) -> None:
+@pytest.mark.parametrize(
+    ("seed", "frames"),
+    [(0, 4), *(pytest.param(seed, 7, marks=pytest.mark.nightly) for seed in range(2))],
+)
+def test_rates_far_apart_need_few_chunks(store: Store, seed: int, frames: int) -> None:
     random = np.random.default_rng(seed)
     said = [stretch(0, [0.1], [0.3], time=(START, START), dt=1)]
     put(store, *said)
     compact_all(store)
     grains = [lowest_level(store)]
-    for number in range(1, 8):
+    for number in range(1, frames + 1):
         dt = int(random.choice([1, 900, 10**6, 10**9, 10**12]))
         n = int(random.choice([1, 5, 300, 1000]))
         sides = np.sort(random.choice(BOUNDS[1:-2], (2, n)), axis=0)

@@ -39,12 +39,15 @@ def drawn(random: np.random.Generator, sequence: int) -> Frame:
     return stretch(sequence, *sides, time=(begin, begin + int(random.integers(0, 5))), dt=dt)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_slow_frames_among_fast_ones_equal_brute_force(store: Store, seed: int) -> None:
+@pytest.mark.parametrize(
+    ("seed", "steps"),
+    [(2, 2), *(pytest.param(seed, 4, marks=pytest.mark.nightly) for seed in range(3))],
+)
+def test_slow_frames_among_fast_ones_equal_brute_force(store: Store, seed: int, steps: int) -> None:
     random = np.random.default_rng(seed)
     said = [stretch(0, [0.1], [0.3], time=(START, START), dt=MS)]
     put(store, *said)
-    for step in range(4):
+    for step in range(steps):
         fresh = [drawn(random, 10 * step + k) for k in range(1, random.integers(3, 9))]
         said += fresh
         put(store, *fresh[:2])

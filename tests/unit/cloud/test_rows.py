@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import pytest
 from eskin_cloud.query.occupancy import measure_occupancy
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.series import read_series
@@ -23,15 +24,13 @@ from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    import pytest
     from eskin_cloud.store import Store
     from eskin_cloud.store.read.lookup import Channel
 
-FRAMES: Final = 6000
 SAMPLES: Final = 100
 PERIOD: Final = 100_000_000
 """So that a frame is as long as the shortest compacted row."""
-SPAN: Final = FRAMES * SAMPLES * PERIOD
+LENGTH: Final = SAMPLES * PERIOD
 FEW: Final = 2000
 SETTLED: Final = Predicate(9.0, None, strict=True)
 """Of a state that no sample is in: bounds tell it."""
@@ -79,13 +78,13 @@ def asked(store: Store) -> Iterator[tuple[Connection, Channel, Callable[[], int]
         yield connection, find_channel(connection, NODE, CHANNEL), count
 
 
-def fill(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("eskin_cloud.store.compaction._LONGEST", SAMPLES * PERIOD)  # many rows
+def fill(store: Store, number_of_frames: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eskin_cloud.store.compaction._LONGEST", LENGTH)  # many rows
     random = np.random.default_rng(1)
-    for first in range(0, FRAMES, 1000):
+    for first in range(0, number_of_frames, 1000):
         said = []
-        for number in range(first, first + 1000):
-            at = START + number * SAMPLES * PERIOD
+        for number in range(first, min(first + 1000, number_of_frames)):
+            at = START + number * LENGTH
             lo = random.random(SAMPLES)
             said.append(stretch(number, lo, lo + 1, time=(at, at), dt=PERIOD))
         put(store, *said)
@@ -99,21 +98,23 @@ def fill(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         engine.dispose()
 
 
-def drawn(random: np.random.Generator) -> Window:
+def drawn(random: np.random.Generator, length: int) -> Window:
     """A window of any length, anywhere over the data or beyond."""
-    span = int(10 ** random.uniform(0, np.log10(2 * SPAN)))
-    start = START + int(random.integers(-SPAN // 10, SPAN))
+    span = int(10 ** random.uniform(0, np.log10(2 * length)))
+    start = START + int(random.integers(-length // 10, length))
     return Window(start, start + span)
 
 
+@pytest.mark.parametrize("number_of_frames", [2400, pytest.param(6000, marks=pytest.mark.nightly)])
 def test_random_windows_of_a_built_store_are_answered_from_few_rows(
-    store: Store, monkeypatch: pytest.MonkeyPatch
+    store: Store, number_of_frames: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fill(store, monkeypatch)
+    span = number_of_frames * LENGTH
+    fill(store, number_of_frames, monkeypatch)
     random = np.random.default_rng(2)
     most = 0
     for _ in range(40):
-        window, points = drawn(random), int(random.choice([1, 10, 300, 1000]))
+        window, points = drawn(random, span), int(random.choice([1, 10, 300, 1000]))
         with asked(store) as (connection, channel, count):
             read_series(connection, channel, window, points=points)
             most = max(most, count())
@@ -122,7 +123,7 @@ def test_random_windows_of_a_built_store_are_answered_from_few_rows(
             most = max(most, count())
     assert most <= FEW
     with asked(store) as (connection, channel, count):
-        read_series(connection, channel, Window(START, START + SPAN), points=1000)
+        read_series(connection, channel, Window(START, START + span), points=1000)
         assert 16 < count() <= FEW // 2, "the whole takes less than its parts"
     with asked(store) as (connection, _, count):
         connection.execute(select(patch_rows.c.t)).all()

@@ -23,6 +23,7 @@ from sqlalchemy import event, func, select
 from sqlalchemy.exc import IntegrityError
 
 from eskin.errors import QueryError
+from tests.support.examples import examples
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.commits import bring, kinds, one_commit
 from tests.unit.cloud.messages import gap, peak, status, stretch
@@ -158,7 +159,7 @@ _WORK: Final = st.tuples(
 )
 
 
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(25), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(_WORK, max_size=8))
 def test_shared_commits_equal_single_commits(
     twins: tuple[Store, Store], work: list[tuple[list[int], Any, bool]]

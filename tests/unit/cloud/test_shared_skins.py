@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from eskin.wire.frames import DescribedLayout
 from eskin.wire.timestamp import parse_timestamp
+from tests.support.examples import examples
 from tests.unit.cloud.clouds import batch, emptied, put
 from tests.unit.cloud.frame_clients import PATIENCE_S, Received, dial, serving
 from tests.unit.cloud.messages import START
@@ -78,7 +79,7 @@ def truths(world: World, t: int) -> list[list[float]]:
     return [[world.value(k, t, unknown) for k in range(size)] for unknown in UNKNOWN]
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(seed=SEEDS)
 def test_contacts_enclose_the_true_ones_at_any_instant(seed: int) -> None:
     world = make_world(seed)
@@ -113,7 +114,7 @@ def store_world(store: Store, world: World) -> None:
         put(store, *frames, node=node)
 
 
-@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(30), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=SEEDS, points=st.sampled_from([3, 10, 60]))
 @example(seed=1001, points=10)  # the last sample's end is uncertain by less than half a period
 def test_pictures_enclose_the_true_samples(store: Store, seed: int, points: int) -> None:

@@ -20,6 +20,7 @@ from sqlalchemy import event, select, update
 from eskin.wire.messages import ResetCause
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.timestamp import SECOND
+from tests.support.examples import examples
 from tests.unit.cloud.clouds import Clock, emptied, put, put_items
 from tests.unit.cloud.messages import NODE, START, gap, lying, peak, skin_of, status, stretch
 from tests.unit.cloud.skins import bring_all, describe
@@ -45,7 +46,9 @@ def results(outcome: Any) -> list[str]:
 
 
 @settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(25),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(
     batches=st.lists(
