@@ -26,8 +26,10 @@ settings.register_profile("hunt", PATIENT)
 settings.load_profile("steady")
 
 HERE = Path(__file__).parent
-FIRST = ("system", "unit/dashboard")
-"""Rooms that share what takes long to start; they begin first, so that no test waits for them."""
+SHARED = ("unit/dashboard", "system/demo")
+"""Rooms that share what takes long to start."""
+FIRST = (*SHARED, "system")
+"""Rooms that begin first, so that no test waits for them."""
 LAST = ("unit/eskin", "unit/sensor_node")
 """Rooms of many short files, which fill what is left of the time evenly."""
 
@@ -40,7 +42,7 @@ class RoomScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no
 
     def _split_scope(self, nodeid: str) -> str:
         file = nodeid.partition("::")[0]
-        rooms = (*(f"tests/{room}/" for room in FIRST), *TOGETHER)
+        rooms = (*(f"tests/{room}/" for room in SHARED), *TOGETHER)
         return next((room for room in rooms if file.startswith(room)), file)
 
 

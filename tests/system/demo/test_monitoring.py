@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from tests.support.demos import RunningDemo
 
-MONITORING = Path(__file__).parents[2] / "services" / "monitoring"
+MONITORING = Path(__file__).parents[3] / "services" / "monitoring"
 DASHBOARD = json.loads((MONITORING / "grafana-dashboard.json").read_text())
 ASKED = [
     target["expr"].replace("$__rate_interval", "1m")

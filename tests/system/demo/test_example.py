@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tests.support.demos import RunningDemo
 
 pytestmark = pytest.mark.timeout(400)  # it compiles on a machine that does other things, too
-EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "read_a_skin.py"
+EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "read_a_skin.py"
 
 
 def test_example_reads_the_demo(demo: RunningDemo) -> None:
