@@ -1,4 +1,4 @@
-"""A window of any length reads at most a few thousand rows."""
+"""A window of any length reads at most a thousand rows."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SAMPLES: Final = 100
 PERIOD: Final = 100_000_000
 """So that a frame is as long as the shortest compacted row."""
 LENGTH: Final = SAMPLES * PERIOD
-FEW: Final = 2000
+FEW: Final = 1000
 SETTLED: Final = Predicate(9.0, None, strict=True)
 """Of a state that no sample is in: bounds tell it."""
 _TOUCHED: Final = text(
