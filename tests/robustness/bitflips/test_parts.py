@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 FLIPS = {
-    "flash": 80,
+    "flash": 40,
     "fleet": 40,
     "spool": 30,
-    "keys": 80,
-    "identity": 80,
-    "authority": 60,
-    "broker": 60,
+    "keys": 40,
+    "identity": 40,
+    "authority": 30,
+    "broker": 30,
     "store": 15,
     "store_log": 15,
     "frames": 15,
