@@ -41,7 +41,7 @@ def drawn(random: np.random.Generator, sequence: int) -> Frame:
 
 @pytest.mark.parametrize(
     ("seed", "steps"),
-    [(2, 2), *(pytest.param(seed, 4, marks=pytest.mark.nightly) for seed in range(3))],
+    [(0, 2), *(pytest.param(seed, 4, marks=pytest.mark.nightly) for seed in range(3))],
 )
 def test_slow_frames_among_fast_ones_equal_brute_force(store: Store, seed: int, steps: int) -> None:
     random = np.random.default_rng(seed)
