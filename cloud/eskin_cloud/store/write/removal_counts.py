@@ -23,7 +23,7 @@ class RemovalReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """What to remove of sealed messages.
+    """What to remove of sealed messages, or was removed of a place.
 
     Attributes:
         node: The node.
