@@ -29,7 +29,7 @@ from benchmarks.pipeline import measure_pipeline
 from benchmarks.pixels import measure_pixels
 from benchmarks.pyramid import measure_pyramid
 from benchmarks.report import Row, as_table, write_json
-from benchmarks.skin import measure_skin
+from benchmarks.skin import HAND, measure_skin
 from benchmarks.skin_reads import measure_skin_reads
 from benchmarks.storage import measure_storage
 from tests.support.processes import unwound_by_signals
@@ -112,8 +112,9 @@ def _measure_skin(folder: Path, console: Console, *, reads: int, seconds: float)
         rows += measure_skin_reads(folder / "reads", seconds=reads)
     with _step(console, "frames of 8,400 taxels to 50 viewers"):
         rows += measure_frame_viewers(folder / "watched", seconds=seconds)
+    say = console.print
+    rows += measure_skin(folder / "demo", skin=HAND, seconds=seconds, viewers=3, say=say)
     for rate in (50.0, 100.0):
-        say = console.print
         rows += measure_skin(folder / f"skin-{rate:g}", rate=rate, seconds=seconds, say=say)
     return rows
 

@@ -16,7 +16,7 @@ import cbor2
 import numpy as np
 from eskin_cloud.rollup.column_aggregates import joined, pack
 from eskin_cloud.rollup.patch_tile_builder import build
-from eskin_cloud.rollup.patch_tiles import fold_chunk
+from eskin_cloud.rollup.patch_tiles import fold_chunks
 from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.damage import PatchRowHeader
 from eskin_cloud.store.disk_usage import measure_disk
@@ -186,7 +186,7 @@ class LongStore:
         """A chunk, from rows or from those below it."""
         if level == grain:
             with self._store.read() as connection:
-                return fold_chunk(connection, place, level, number)
+                return fold_chunks(connection, place, level, [number])[number]
         parts = []
         for child in range(number << STEP, (number + 1) << STEP):
             chunk, later = fold(level - STEP, child)

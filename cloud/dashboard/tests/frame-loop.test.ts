@@ -42,3 +42,15 @@ test("every other frame is left out when painting always takes long, and more wh
   expect(painted(120, () => 9)).toBeGreaterThan(55);
   expect(painted(120, () => 20)).toBeLessThan(40);
 });
+
+test("a browser that is late is asked for 35 frames a second, and for all again once it keeps pace", () => {
+  const seconds: number[] = [];
+  new FrameLoop(() => (seconds[Math.floor(now / 1000)] = (seconds[Math.floor(now / 1000)] ?? 0) + 1)).start();
+  while (now < 40_000) {
+    now += now < 2_000 ? 1.5 * FRAME_MS : FRAME_MS;
+    for (const call of waiting.splice(0)) call(now);
+  }
+  expect(seconds[1]).toBeGreaterThan(38);
+  for (const each of seconds.slice(4, 20)) expect(Math.abs(each - 35)).toBeLessThanOrEqual(1);
+  for (const each of seconds.slice(25, 39)) expect(each).toBeGreaterThanOrEqual(59);
+});

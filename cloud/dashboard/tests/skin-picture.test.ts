@@ -2,7 +2,7 @@ import { describe, expect, test } from "vitest";
 import { ColourScale, LEVELS, niceAbove, pixel, ramp } from "../src/skin/colour-scale";
 import { pitchOf, type Skin } from "../src/skin/layout";
 import { CERTAIN, IMPOSSIBLE, judgeAll, Painter, POSSIBLE, UNKNOWN } from "../src/skin/painter";
-import { rasterise, taxelAt, taxelBeside, taxelsWithin } from "../src/skin/raster";
+import { type Raster, rasterise, taxelAt, taxelBeside, taxelsWithin } from "../src/skin/raster";
 import { emptyPicture, type Picture } from "../src/skin/stretches";
 
 /** A grid of taxels a millimetre apart, row by row from below. */
@@ -16,6 +16,7 @@ function gridOf(columns: number, rows: number): Skin {
     x: Float64Array.from(numbers, (k) => 1e-3 * (k % columns)),
     y: Float64Array.from(numbers, (k) => 1e-3 * Math.floor(k / columns)),
     patches: [],
+    outline: [],
     threshold: 100,
   };
 }
@@ -55,6 +56,21 @@ function pictureOf(skin: Skin, lo: (taxel: number) => number, hi: (taxel: number
 }
 
 describe("where taxels lie", () => {
+  test("the picture has the whole outline, and the taxels keep their places on it", () => {
+    const room = { width: 200, height: 200 };
+    const outline = [{ x: [-0.004, 0.011, 0.011, -0.004], y: [-0.002, -0.002, 0.009, 0.009] }];
+    const [bare, drawn] = [gridOf(8, 6), { ...gridOf(8, 6), outline }].map((skin) => rasterise(skin, room, 1)) as [Raster, Raster];
+    const [left, bottom] = drawn.place(-0.004, -0.002);
+    const [right, top] = drawn.place(0.011, 0.009);
+    expect(Math.min(left, top)).toBeGreaterThanOrEqual(0);
+    expect(right).toBeLessThanOrEqual(drawn.width);
+    expect(bottom).toBeLessThanOrEqual(drawn.height);
+    expect(drawn.width).toBeLessThanOrEqual(200);
+    expect(drawn.cell).toBeLessThan(bare.cell);
+    expect([drawn.x[9], drawn.y[9]]).toEqual([...drawn.place(0.001, 0.001)]);
+    expect(drawn.owners[Math.floor(drawn.y[9]!) * drawn.width + Math.floor(drawn.x[9]!)]).toBe(9);
+  });
+
   test("the pitch is that of neighbours, whatever the grid", () => {
     expect(pitchOf(gridOf(80, 60))).toBeCloseTo(1e-3, 9);
     expect(pitchOf(gridOf(1, 30))).toBeCloseTo(1e-3, 9);

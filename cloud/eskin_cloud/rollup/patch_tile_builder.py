@@ -16,7 +16,7 @@ from sqlalchemy import delete, insert, select, tuple_
 
 from eskin.runtime.digest import digest
 from eskin_cloud.rollup.column_aggregates import joined, pack
-from eskin_cloud.rollup.patch_tiles import fold_chunk, read_chunk, taxels_of
+from eskin_cloud.rollup.patch_tiles import fold_chunks, read_chunk, taxels_of
 from eskin_cloud.store.patch_totals import Place, mark_chunks, read_totals, save_built
 from eskin_cloud.store.read.window import before
 from eskin_cloud.store.sample_grid import PATCH_CHUNK, STEP, TOP
@@ -42,7 +42,7 @@ _ROWS: Final = 4096
 """Rows whose chunks are marked at once."""
 _CLEARED: Final = 256
 """Old tiles that are deleted at once."""
-_AT_ONCE: Final = 16
+_AT_ONCE: Final = 64
 """Chunks that are built, and written, at once."""
 
 
@@ -181,9 +181,7 @@ def _build(connection: Connection, place: Place) -> BuiltTiles | None:
     marks = {int(chunk): int(mark) for chunk, mark in found}
     grain = row["grain"]
     level = grain
-    chunks: dict[int, ColumnAggregates | None] = {
-        n: fold_chunk(connection, place, grain, n) for n in marks
-    }
+    chunks = fold_chunks(connection, place, grain, marks)
     old, new = _digests(connection, place, level, list(chunks)), _packed(level, chunks)
     while level + STEP <= TOP:
         level += STEP

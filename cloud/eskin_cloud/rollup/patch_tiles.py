@@ -35,7 +35,7 @@ from eskin_cloud.store.schema.frame_tables import frames, patch_tiles, stale_pat
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from sqlalchemy import Connection
 
@@ -146,24 +146,31 @@ def taxels_of(connection: Connection, node: str, chunk: PackedAggregates) -> tup
     return taxels
 
 
-def fold_chunk(
-    connection: Connection, place: Place, level: int, number: int
-) -> ColumnAggregates | None:
-    """Make a chunk of compacted rows; ``None`` if it has no samples.
+def fold_chunks(
+    connection: Connection, place: Place, level: int, numbers: Iterable[int]
+) -> dict[int, ColumnAggregates | None]:
+    """Make chunks of compacted rows; ``None`` where there are no samples.
+
+    Chunks that follow each other are made at once: a row is longer than a chunk, and is read once.
 
     Raises:
         UnknownDescriptionError: A description is damaged in the store.
     """
+    chunks: dict[int, ColumnAggregates | None] = dict.fromkeys(numbers)
     bits = level + PATCH_CHUNK
-    buckets = Buckets(number << bits, 1 << level, 1 << PATCH_CHUNK)
-    # Rows are found by the times of their samples, skews included.
-    runs = read_compacted(connection, *place, buckets.window)
-    if not runs:
-        return None
-    names = {run.patch for run in runs}
-    patches = {name: find_patch(connection, place.node, name) for name in names}
-    folded = fold_runs(runs, patches, buckets)
-    return folded if len(folded.pieces) else None
+    for first, end in merged((number, number + 1) for number in chunks):
+        buckets = Buckets(first << bits, 1 << level, (end - first) << PATCH_CHUNK)
+        # Rows are found by the times of their samples, skews included.
+        runs = read_compacted(connection, *place, buckets.window)
+        if not runs:
+            continue
+        names = {run.patch for run in runs}
+        patches = {name: find_patch(connection, place.node, name) for name in names}
+        folded = fold_runs(runs, patches, buckets)
+        own = folded.pieces.first >> bits
+        for number in np.unique(own).tolist():
+            chunks[number] = folded.chosen(own == number)
+    return chunks
 
 
 def read_chunk(
@@ -187,7 +194,7 @@ def read_chunk(
     data, digest = row
     if is_intact_tile(data, digest, (*place, level, number)):
         return unpack(data)
-    folded = fold_chunk(connection, place, level, number)
+    folded = fold_chunks(connection, place, level, [number])[number]
     return None if folded is None else unpack(pack(folded))
 
 

@@ -55,12 +55,14 @@ class LayoutDocument(TypedDict):
     """What a node's frames are read by; ``layout`` is its hash.
 
     Where several nodes share the skin, all state the same layout, and ``controllers`` names them.
+    ``outline`` has the closed lines by which to draw it: x and y of their points, in m.
     """
 
     layout: str
     patches: list[PatchDocument]
     seams: list[SeamDocument]
     controllers: list[ControllerDocument]
+    outline: list[tuple[list[float], list[float]]]
 
 
 class PicturesDocument(TypedDict):
@@ -105,6 +107,10 @@ def describe_layout(node: str, described: DescribedLayout) -> LayoutDocument:
             for seam in layout.seams
         ],
         "controllers": [{"node": each.node, "pages": each.pages} for each in layout.controllers],
+        "outline": [
+            ([x / _UM_PER_M for x in line.x], [y / _UM_PER_M for y in line.y])
+            for line in layout.outline
+        ],
     }
 
 

@@ -6,7 +6,7 @@ from eskin.wire.frames.content_hash import content_hash
 from eskin.wire.frames.described_layout import DescribedLayout
 from eskin.wire.frames.frame import Frame, Grid, PatchSamples, frame_limit
 from eskin.wire.frames.frame_summary import FrameSummary
-from eskin.wire.frames.layout import Controller, Layout, Seam
+from eskin.wire.frames.layout import ClosedLine, Controller, Layout, Seam
 from eskin.wire.frames.patch import Patch, Privacy
 from eskin.wire.frames.sample_codec import (
     SampleCodes,
@@ -27,6 +27,7 @@ from eskin.wire.frames.statements import (
 
 __all__ = [
     "Because",
+    "ClosedLine",
     "Contact",
     "Controller",
     "DescribedLayout",

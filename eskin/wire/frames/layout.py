@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 from eskin.errors import MessageError
 from eskin.wire.frames.content_hash import HASH_BYTES, content_hash
+from eskin.wire.frames.differences import FARTHEST, read_differences, write_differences
 from eskin.wire.frames.neighbours import Pairs, read_pairs, require_pairs, write_pairs
 from eskin.wire.messages.cbor_map import MOST_BYTES, Fields, dump, integer, load, row, text
 from eskin.wire.messages.header import Kind
@@ -21,7 +22,9 @@ MOST_PATCHES: Final = 2000
 MOST_PAGES: Final = 256
 _MOST_SEAMS: Final = 4 * MOST_PATCHES
 _MOST_CONTROLLERS: Final = 64
-_FIELDS: Final = frozenset(range(1, 6))
+_MOST_LINES: Final = 16
+_MOST_POINTS: Final = 500
+_FIELDS: Final = frozenset(range(1, 7))
 
 
 class Seam(NamedTuple):
@@ -50,6 +53,18 @@ class Controller(NamedTuple):
     pages: int
 
 
+class ClosedLine(NamedTuple):
+    """A line on the map of the taxels' positions, whose last point is joined to its first one.
+
+    Attributes:
+        x: Of its points, in um.
+        y: The same.
+    """
+
+    x: tuple[int, ...]
+    y: tuple[int, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Layout:
     """What frames are read by; it is named by `content_hash`.
@@ -60,6 +75,7 @@ class Layout:
             patches of a page have one privacy class and one subject.
         seams: Neighbours that are in different patches, ascending.
         controllers: The machines; empty where the node that states it is the only one.
+        outline: Closed lines by which to draw the skin: a hand's, for example.
 
     Raises:
         MessageError: The parts do not fit each other.
@@ -69,6 +85,7 @@ class Layout:
     pages: tuple[int, ...]
     seams: tuple[Seam, ...] = ()
     controllers: tuple[Controller, ...] = ()
+    outline: tuple[ClosedLine, ...] = ()
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.patches) <= MOST_PATCHES:
@@ -88,6 +105,12 @@ class Layout:
         assigned = sum(each.pages for each in self.controllers)
         if self.controllers and assigned != len(self.pages):
             raise MessageError(f"field 5 has {assigned} pages; there are {len(self.pages)}")
+        for line in self.outline:
+            if len(line.x) != len(line.y) or len(line.x) < 3:
+                raise MessageError(
+                    f"field 6 has a line with {len(line.x)} x and {len(line.y)} y; expected as "
+                    "many, 3 at least"
+                )
 
     @property
     def content_hash(self) -> bytes:
@@ -134,10 +157,12 @@ class Layout:
         """
         seams = [[each.first, each.second, write_pairs(each.pairs)] for each in self.seams]
         machines = [[each.node, each.pages] for each in self.controllers]
+        lines = [[write_differences(axis) for axis in each] for each in self.outline]
         data = dump(
             {1: int(Kind.LAYOUT), 2: b"".join(self.patches), 3: list(self.pages)}
             | ({4: seams} if seams else {})
             | ({5: machines} if machines else {})
+            | ({6: lines} if lines else {})
         )
         if len(data) > MOST_BYTES:
             raise MessageError(f"layout of {len(data)} bytes; at most {MOST_BYTES} are allowed")
@@ -169,6 +194,7 @@ class Layout:
             controllers=tuple(
                 _controller(each) for each in fields.optional_items(5, _MOST_CONTROLLERS)
             ),
+            outline=tuple(_line(each) for each in fields.optional_items(6, _MOST_LINES)),
         )
 
 
@@ -184,3 +210,11 @@ def _seam(value: object) -> Seam:
 def _controller(value: object) -> Controller:
     node, pages = row(value, "field 5", 2)
     return Controller(text(node, "field 5", 63), integer(pages, "field 5", 1, MOST_PAGES))
+
+
+def _line(value: object) -> ClosedLine:
+    x, y = (
+        read_differences(axis, "field 6", -FARTHEST, FARTHEST, count=_MOST_POINTS)
+        for axis in row(value, "field 6", 2)
+    )
+    return ClosedLine(x, y)

@@ -6,20 +6,20 @@ import math
 import re
 from dataclasses import dataclass
 from enum import IntEnum
-from itertools import accumulate
 from typing import TYPE_CHECKING, Final, Self, TypeAlias
 
 from eskin.errors import MessageError
 from eskin.wire.biometric import is_biometric
 from eskin.wire.frames.content_hash import content_hash
+from eskin.wire.frames.differences import FARTHEST, read_differences, write_differences
 from eskin.wire.frames.neighbours import Pairs, read_pairs, require_pairs, write_pairs
 from eskin.wire.frames.sample_codec import MOST_COLUMNS
-from eskin.wire.messages.cbor_map import Fields, dump, integer, items, load, pair, real, text
+from eskin.wire.messages.cbor_map import Fields, dump, load, pair, real, text
 from eskin.wire.messages.command_schema import TAXEL
 from eskin.wire.messages.header import Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
 Bounds: TypeAlias = "tuple[float, float]"
 
@@ -27,8 +27,6 @@ _FIELDS: Final = frozenset(range(1, 17))
 _QUANTITY: Final = re.compile(r"[a-z][a-z0-9_]{0,30}")
 _NAME_LENGTH: Final = 31
 _UNIT_LENGTH: Final = 16
-_FARTHEST: Final = 100_000_000
-"""Of a position from the map's origin, in um: 100 m."""
 _LONGEST_SKEW: Final = 1_000_000_000_000
 WEARER: Final = "wearer"
 """The only subject that a node may name: who wears it, at the time of measurement."""
@@ -131,9 +129,9 @@ class Patch:
         """Write as CBOR."""
         optional: dict[int, object | None] = {
             8: self.subject,
-            9: [_differences(axis) for axis in self.positions],
+            9: [write_differences(axis) for axis in self.positions],
             10: write_pairs(self.neighbours),
-            11: _differences(self.skew),
+            11: write_differences(self.skew),
             12: [list(each) for each in self.alpha],
             13: [list(each) for each in self.beta],
             14: self.slew,
@@ -172,11 +170,13 @@ class Patch:
             privacy=Privacy(fields.integer(7, 0, max(Privacy))),
             subject=fields.text(8, _NAME_LENGTH) if fields.has(8) else None,
             positions=tuple(
-                _sums(axis, "field 9", -_FARTHEST, _FARTHEST)
+                read_differences(axis, "field 9", -FARTHEST, FARTHEST, count=MOST_COLUMNS)
                 for axis in fields.optional_items(9, 3)
             ),
             neighbours=read_pairs(fields.raw(10), "field 10") if fields.has(10) else (),
-            skew=(_sums(fields.raw(11), "field 11", 0, _LONGEST_SKEW) if fields.has(11) else ()),
+            skew=read_differences(fields.raw(11), "field 11", 0, _LONGEST_SKEW, count=MOST_COLUMNS)
+            if fields.has(11)
+            else (),
             alpha=tuple(
                 _bounds(each, "field 12") for each in fields.optional_items(12, MOST_COLUMNS)
             ),
@@ -208,21 +208,6 @@ def _require_shared(alpha: Sequence[Bounds], beta: Sequence[Bounds], columns: in
             raise MessageError(f"{what} has the same item for all columns; write it once")
     if any(lo <= 0.0 <= hi for lo, hi in alpha):
         raise MessageError("field 12 contains 0: nothing can be calculated back from it")
-
-
-def _differences(values: Iterable[int]) -> list[int]:
-    """The first value, then how much each differs from the one before."""
-    listed = list(values)
-    before = [0, *listed[:-1]]
-    return [value - last for value, last in zip(listed, before, strict=False)]
-
-
-def _sums(value: object, what: str, least: int, most: int) -> tuple[int, ...]:
-    steps = [integer(each, what, -2 * most, 2 * most) for each in items(value, what, MOST_COLUMNS)]
-    sums = tuple(accumulate(steps))
-    for each in sums:
-        integer(each, what, least, most)
-    return sums
 
 
 def _bounds(value: object, what: str) -> Bounds:

@@ -113,6 +113,7 @@ def plan_skin(
         controllers=tuple(
             Controller(name, len(each)) for name, each in zip(controllers, pages, strict=False)
         ),
+        outline=(skin.closed_line,),
     )
     own = shares[controllers.index(node)] if controllers else shares[0]
     return SkinPlan(layout, patches, tuple(tiles), own)

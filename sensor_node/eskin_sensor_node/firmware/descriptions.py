@@ -44,6 +44,8 @@ def describe_layout(layout: "Layout") -> bytes:
         fields[4] = [(first, second, _pairs(pairs)) for first, second, pairs in layout.seams]
     if layout.controllers:
         fields[5] = layout.controllers
+    if layout.outline:
+        fields[6] = [(_differences(x), _differences(y)) for x, y in layout.outline]
     return _written(fields)
 
 

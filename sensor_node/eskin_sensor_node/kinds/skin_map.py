@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from eskin_sensor_node.kinds.settings import TaxelSection
+    from eskin_sensor_node.world.skin import Skin
 
 _NANO: Final = 1e9
 
@@ -27,3 +28,9 @@ def skin_map(taxels: Sequence[TaxelSection]) -> list[tuple[str, float, float]]:
             # To a nanometre, so that a pitch of 20 mm reads as one.
             found.append((taxel.id, round(x * _NANO) / _NANO, round(y * _NANO) / _NANO))
     return found
+
+
+def staged_skins(taxels: Sequence[TaxelSection]) -> list[Skin]:
+    """The skins on which a node's taxels have a place, each once."""
+    scenarios = {t.scenario for t in taxels if isinstance(t, Staged) and t.position is None}
+    return [read_scenario(scenario).skin.build() for scenario in sorted(scenarios)]

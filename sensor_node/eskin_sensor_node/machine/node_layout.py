@@ -17,7 +17,7 @@ from eskin_sensor_node.firmware.descriptions import describe_layout, describe_pa
 from eskin_sensor_node.firmware.sample_codec import finest_exponent
 from eskin_sensor_node.firmware.schedule import MOST_ROWS
 from eskin_sensor_node.kinds.neighbours import touching
-from eskin_sensor_node.kinds.skin_map import skin_map
+from eskin_sensor_node.kinds.skin_map import skin_map, staged_skins
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.schedule import build_schedule
@@ -139,7 +139,11 @@ def plan_layout(settings: NodeSettings) -> NodeLayout:
     pages = _pages(
         [(len(n), rows, key.biometric) for (key, n), rows in zip(parts, capacities, strict=True)]
     )
-    layout = Layout(tuple(patch.content_hash for patch in patches), tuple(map(len, pages)))
+    layout = Layout(
+        tuple(patch.content_hash for patch in patches),
+        tuple(map(len, pages)),
+        outline=tuple(skin.closed_line for skin in staged_skins(settings.taxel)),
+    )
     page_of = {number: page for page, members in enumerate(pages) for number in members}
     places: dict[tuple[int, str], Column] = {}
     for number, ((key, taxels), patch) in enumerate(zip(parts, patches, strict=True)):

@@ -126,7 +126,8 @@ def _layout() -> dict[str, Any]:
                 "node": "hand",
             }
         )
-    return {"layout": LAYOUT.hex(), "patches": patches, "seams": [], "controllers": []}
+    empty: dict[str, list[object]] = {"seams": [], "controllers": [], "outline": []}
+    return {"layout": LAYOUT.hex(), "patches": patches} | empty
 
 
 if __name__ == "__main__":

@@ -129,7 +129,7 @@ def test_listed_events_carry_different_symbols(visit: Visit) -> None:
         row = visit.page.locator(f"[data-testid=event][data-verdict={verdict}]").first
         row.wait_for()
         symbols[verdict] = row.locator("svg").first.evaluate(PAINT)
-        assert f"{verdict} peak" in row.inner_text()
+        assert f"{verdict} peak" in (row.text_content() or "")
     assert symbols["certain"]["fill"] != "none"
     assert symbols["certain"]["dash"] == "none"
     assert symbols["possible"]["fill"] == "none"

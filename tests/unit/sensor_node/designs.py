@@ -46,6 +46,10 @@ KINDS = {
 }
 
 
+STRETCH_MS = 50.0
+"""Of nodes of the tests: half of the default, so that a second has twice as many frames."""
+
+
 def table(kind: str, /, **changes: Any) -> dict[str, Any]:
     """The ``[[taxel]]`` table of a packaged taxel, changed."""
     profile, number = KINDS[kind]
@@ -66,6 +70,8 @@ def settings(folder: Path, profile: str = "fingertip", **sections: Any) -> NodeS
         "truth": {"path": folder / "truth.sqlite"},
         **sections,
     }
+    if "sampling" not in Profile.read(profile).sections:
+        given["sampling"] = {"stretch_ms": STRETCH_MS} | sections.get("sampling", {})
     given["node"] = {"name": profile, "profile": profile, "seed": 7} | sections.get("node", {})
     return NodeSettings(**given)
 

@@ -159,6 +159,7 @@ export interface LayoutDocument {
   readonly patches: readonly PatchDocument[];
   readonly seams: readonly SeamDocument[];
   readonly controllers: readonly ControllerDocument[];
+  readonly outline: readonly (readonly [readonly number[], readonly number[]])[];
 }
 
 export interface MissingDocument {

@@ -21,11 +21,19 @@ export interface Taxels {
   readonly patches: readonly SkinPatch[];
 }
 
+/** A line whose last point is joined to its first. */
+export interface ClosedLine {
+  readonly x: readonly number[];
+  readonly y: readonly number[];
+}
+
 /** The taxels of one quantity, each where it sits. */
 export interface Skin extends Taxels {
   /** Where they sit in the map, in m. */
   readonly x: Float64Array;
   readonly y: Float64Array;
+  /** Closed lines around it on the same map, in m. */
+  readonly outline: readonly ClosedLine[];
   /** From which value on a taxel is pressed; null: none is judged. */
   readonly threshold: number | null;
 }
@@ -49,7 +57,8 @@ export function skinOf(layout: LayoutItem, quantity: string): Skin {
     threshold ??= patch.threshold;
     return true;
   });
-  return { ...found, x: Float64Array.from(x), y: Float64Array.from(y), threshold };
+  const outline = layout.outline.map(([xs, ys]) => ({ x: xs, y: ys }));
+  return { ...found, x: Float64Array.from(x), y: Float64Array.from(y), outline, threshold };
 }
 
 /** Collects the taxels of one quantity: those of all its patches, or of those that a function chooses. */
@@ -107,10 +116,14 @@ export function pitchOf({ x, y }: Pick<Skin, "x" | "y">): number {
   return distances[distances.length >> 1] ?? Math.max(width, height, 1e-3);
 }
 
-export function least(values: Float64Array): number {
-  return values.reduce((found, value) => Math.min(found, value), Infinity);
+export function least(values: Iterable<number>): number {
+  let found = Infinity;
+  for (const value of values) found = Math.min(found, value);
+  return found;
 }
 
-export function most(values: Float64Array): number {
-  return values.reduce((found, value) => Math.max(found, value), -Infinity);
+export function most(values: Iterable<number>): number {
+  let found = -Infinity;
+  for (const value of values) found = Math.max(found, value);
+  return found;
 }

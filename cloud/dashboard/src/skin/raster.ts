@@ -44,14 +44,14 @@ export interface Raster {
  */
 export function rasterise(skin: Skin, room: { width: number; height: number }, ratio: number): Raster {
   const pitch = pitchOf(skin);
-  const [left, right, bottom, top] = [least(skin.x), most(skin.x), least(skin.y), most(skin.y)];
-  const [columns, rows] = [(right - left) / pitch + 1, (top - bottom) / pitch + 1];
+  const { left, right, bottom, top } = extentOf(skin, pitch);
+  const [columns, rows] = [(right - left) / pitch, (top - bottom) / pitch];
   // Whole pixels for each taxel: an even picture, without seams.
   const fitting = Math.floor(Math.min(room.width / columns, room.height / rows, LARGEST_PX * ratio));
   const cell = Math.max(FINEST_PX, fitting);
   const scale = cell / pitch;
   const [width, height] = [Math.max(1, Math.ceil(columns * cell)), Math.max(1, Math.ceil(rows * cell))];
-  const place = (x: number, y: number): readonly [number, number] => [(x - left) * scale + cell / 2, (top - y) * scale + cell / 2];
+  const place = (x: number, y: number): readonly [number, number] => [(x - left) * scale, (top - y) * scale];
   const count = skin.taxels.length;
   const [x, y] = [new Float64Array(count), new Float64Array(count)];
   for (let k = 0; k < count; k += 1) [x[k], y[k]] = place(skin.x[k]!, skin.y[k]!);
@@ -59,6 +59,17 @@ export function rasterise(skin: Skin, room: { width: number; height: number }, r
   const areas = pixelsOf(owners, width, count, ratio);
   const borders = bordersOf(owners, { width, height, count, thickness: Math.max(1, Math.round(Math.min(cell / 5, 2 * ratio))) });
   return { width, height, cell, owners, x, y, place, ...areas, ...borders };
+}
+
+/** What a picture shows of the map, in m: all cells, and the whole outline with its line. */
+function extentOf({ x, y, outline }: Skin, pitch: number): { left: number; right: number; bottom: number; top: number } {
+  const [half, line] = [pitch / 2, pitch / 16];
+  return {
+    left: Math.min(least(x) - half, ...outline.map((each) => least(each.x) - line)),
+    right: Math.max(most(x) + half, ...outline.map((each) => most(each.x) + line)),
+    bottom: Math.min(least(y) - half, ...outline.map((each) => least(each.y) - line)),
+    top: Math.max(most(y) + half, ...outline.map((each) => most(each.y) + line)),
+  };
 }
 
 interface Cells {

@@ -5,7 +5,7 @@ import { readInterval } from "../interval/interval";
 import { printRoute } from "../state/route";
 import { formatDuration } from "../time/duration";
 import { parseInstant, printClock, printDay } from "../time/instant";
-import { Throttle, TEXT_MS } from "../time/throttle";
+import { Throttle } from "../time/throttle";
 import type { Context } from "./context";
 import { button, element, icon, setText } from "./element";
 import { NoticeBoard } from "./notice";
@@ -58,7 +58,7 @@ export function eventRow(event: EventItem, scope: EventScope, now: bigint, href:
   const location = where(event, scope);
   const link = element(
     "a",
-    { href, class: "event", title: `${kind}\n${event.time.lo} to ${event.time.hi}` },
+    { href, class: location === "" ? "event placeless" : "event", title: `${kind}\n${event.time.lo} to ${event.time.hi}` },
     symbol(event),
     element("span", { class: "event-kind" }, kind),
     element("time", { datetime: event.time.lo }, when(event, now)),
@@ -82,10 +82,12 @@ interface Filter {
 }
 
 const PAGE = 50;
-const MOST_ROWS = 300;
+const MOST_ROWS = 100;
 /** How much time to show around an event that is opened, at least (ns). */
 const AROUND = 2_000_000_000n;
 const RETRY_MS = 5_000;
+/** New events move all rows: as often as can be read is enough. */
+const WRITE_MS = 1_000;
 
 /** The latest events of the view's scope, newest first, with filters. */
 export class EventList {
@@ -97,7 +99,7 @@ export class EventList {
   private readonly filter: Filter = { kind: "", verdict: "" };
   private readonly known = new Set<string>();
   private waiting: EventItem[] = [];
-  private readonly beat = new Throttle(TEXT_MS);
+  private readonly beat = new Throttle(WRITE_MS);
   private cursor: string | null = null;
   private loading = new AbortController();
   /** Whether the rows are to be replaced: then what comes in waits, or it would be replaced, too. */
@@ -158,7 +160,7 @@ export class EventList {
     if (this.waiting.length > MOST_ROWS) this.waiting.shift();
   }
 
-  /** Writes what has come in; a few times a second is enough. */
+  /** Writes what has come in. */
   frame(at: number): void {
     if (this.outdated || !this.beat.due(at) || this.waiting.length === 0) return;
     const fresh = this.waiting.filter((event) => !this.known.has(event.id));

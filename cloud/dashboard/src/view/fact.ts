@@ -5,7 +5,7 @@ import { element } from "./element";
 /**
  * A name and its value, for a list of facts.
  *
- * @param minor whether it is left out where there is little room
+ * @param minor whether it is left out where there is little room: what is as usual
  */
 export function fact(name: string, value: HTMLElement | string, minor = false): HTMLElement[] {
   const attributes = minor ? { class: "minor" } : {};
@@ -22,13 +22,24 @@ export function seenAgo(time: string, now: bigint): string {
   return ago < 2e9 ? `${clock}, now` : `${clock}, ${formatDuration(Math.floor(ago / 1e9) * 1e9)} ago`;
 }
 
+/** From this share on a store of messages counts as filling, and is always shown. */
+const FILLING_PERCENT = 40;
+
+function percentOf({ bytes, capacity_bytes }: { bytes: number; capacity_bytes: number }): number {
+  return Math.ceil((capacity_bytes > 0 ? Math.min(1, bytes / capacity_bytes) : 0) * 100);
+}
+
+/** Whether a store of messages has the room that it usually has. */
+export function hasRoom(fill: { bytes: number; capacity_bytes: number }): boolean {
+  return percentOf(fill) < FILLING_PERCENT;
+}
+
 /** How full a store of messages is, as a bar and in words. */
 export function fillMeter(label: string, fill: { messages: number; bytes: number; capacity_bytes: number }): HTMLElement {
-  const share = fill.capacity_bytes > 0 ? Math.min(1, fill.bytes / fill.capacity_bytes) : 0;
-  const percent = Math.ceil(share * 100);
+  const percent = percentOf(fill);
   const bar = element("span", { class: "meter-fill" });
   bar.style.width = `${percent}%`;
-  const level = percent >= 80 ? "high" : percent >= 40 ? "middle" : "low";
+  const level = percent >= 80 ? "high" : percent >= FILLING_PERCENT ? "middle" : "low";
   return element(
     "span",
     { class: "meter-line" },

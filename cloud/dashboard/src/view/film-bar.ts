@@ -34,6 +34,7 @@ export class FilmBar {
   private readonly clock = element("span", { class: "film-clock", "data-testid": "film-clock" });
   private readonly most = element("span", { class: "film-most", "aria-hidden": "true" });
   private playing: boolean | null = null;
+  private isLive: boolean | null = null;
   private scrubbing = false;
   private position: number | null = null;
 
@@ -69,8 +70,11 @@ export class FilmBar {
   }
 
   showPlaying(playing: boolean, live: boolean): void {
-    this.live.setAttribute("aria-pressed", String(live));
-    this.choice.disabled = live;
+    if (live !== this.isLive) {
+      this.isLive = live;
+      this.live.setAttribute("aria-pressed", String(live));
+      this.choice.disabled = live;
+    }
     if (playing === this.playing) return;
     this.playing = playing;
     const label = playing ? "pause" : "play";
@@ -88,7 +92,8 @@ export class FilmBar {
       return;
     }
     const share = Math.max(0, Math.min(1, (x - range.x0) / (range.x1 - range.x0)));
-    this.cursor.style.transform = `translateX(${100 * share}%)`;
+    // Live, it stays next to the end of the window.
+    if (texts || !this.isLive) this.cursor.style.transform = `translateX(${100 * share}%)`;
     if (!texts) return;
     const instant = this.options.context.timeline.toInstant(x);
     const text = `${printDay(instant)} ${printClock(instant, Math.min(3, Math.max(1, decimalsFor((range.x1 - range.x0) / 1000))))}`;

@@ -3,7 +3,7 @@ import { printRoute } from "../state/route";
 import { formatDuration, formatLag } from "../time/duration";
 import type { Context } from "./context";
 import { element } from "./element";
-import { fact, fillMeter, formatBytes, seenAgo } from "./fact";
+import { fact, fillMeter, formatBytes, hasRoom, seenAgo } from "./fact";
 import { healthSymbol } from "./symbol";
 
 function outboxMeter({ outbox }: NodeItem): HTMLElement {
@@ -48,6 +48,7 @@ function broken({ faults }: NodeItem): HTMLElement[] {
   return fact(
     "broken",
     element("span", { class: warn ? "sentence warn" : "sentence", title: possible, "data-testid": "node-faults" }, faultsText(faults)),
+    faults.length === 0,
   );
 }
 
@@ -100,8 +101,8 @@ export function nodeCard(
     { class: "facts" },
     ...fact("seen", seenAgo(node.last_seen, options.now), true),
     ...fact("lag", lagOf(node)),
-    ...fact("outbox", outboxMeter(node)),
-    ...fact("gaps", gaps),
+    ...fact("outbox", outboxMeter(node), node.outbox !== null && hasRoom(node.outbox)),
+    ...fact("gaps", gaps, node.gaps === 0),
     ...battery(node),
     ...broken(node),
     ...wrongClock(node),

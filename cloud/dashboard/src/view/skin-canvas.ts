@@ -12,6 +12,7 @@ const LEAST_DRAG = 5;
 const MOST_LABELS = 12;
 /** No label is farther from the middle of its contact, in CSS pixels. */
 const MOST_APART = 60;
+const SVG = "http://www.w3.org/2000/svg";
 const ARROWS: Readonly<Record<string, readonly [number, number]>> = {
   ArrowLeft: [-1, 0],
   ArrowRight: [1, 0],
@@ -54,6 +55,7 @@ export class SkinCanvas {
   readonly root: HTMLElement;
   private readonly canvas = element("canvas", { class: "skin-canvas", "aria-hidden": "true" });
   private readonly context: CanvasRenderingContext2D;
+  private readonly outline = document.createElementNS(SVG, "path");
   private readonly labels = element("div", { class: "skin-labels", "aria-hidden": "true" });
   private readonly rings = element("div", { class: "skin-rings", "aria-hidden": "true" });
   private readonly pointer = element("i", { class: "skin-ring pointed", hidden: true });
@@ -72,11 +74,15 @@ export class SkinCanvas {
     const context = this.canvas.getContext("2d", { willReadFrequently: true });
     if (context === null) throw new Error("this browser has no 2D canvas");
     this.context = context;
+    const ground = document.createElementNS(SVG, "svg");
+    ground.classList.add("skin-outline");
+    ground.setAttribute("aria-hidden", "true");
+    ground.append(this.outline);
     const keys = "Arrows move between taxels, Enter opens the chart of one, space plays or pauses, Escape closes.";
     this.root = element(
       "div",
       { class: "skin-stage", tabindex: 0, role: "application", "aria-label": `${options.label}. ${keys}`, "data-testid": "skin-stage" },
-      element("div", { class: "skin-plate" }, this.canvas, this.rings, this.labels, this.box),
+      element("div", { class: "skin-plate" }, ground, this.canvas, this.rings, this.labels, this.box),
     );
     this.rings.append(this.pointer);
     this.watcher = new ResizeObserver(() => this.fit());
@@ -189,9 +195,19 @@ export class SkinCanvas {
     const plate = this.canvas.parentElement!;
     plate.style.width = `${raster.width / ratio}px`;
     plate.style.height = `${raster.height / ratio}px`;
+    this.drawOutline(this.skin);
     this.painter = new Painter(this.context, raster, ratio, readColours(this.context));
     this.placeRings();
     this.options.onResize();
+  }
+
+  /** Draws the skin's outline, under its taxels. */
+  private drawOutline({ outline }: Skin): void {
+    const lines = outline.map(({ x, y }) => {
+      const points = x.map((each, k) => this.placeOf([each, y[k]!])!.map((at) => at.toFixed(1)).join(" "));
+      return `M${points.join("L")}Z`;
+    });
+    this.outline.setAttribute("d", lines.join(""));
   }
 
   private placeRings(): void {

@@ -3,7 +3,7 @@ import type { GatewayItem, StorageAnswer } from "../api/contract";
 import { isAbort, messageOf } from "../api/error";
 import { formatDuration, formatLag } from "../time/duration";
 import { element } from "./element";
-import { fact, fillMeter, formatBytes, seenAgo } from "./fact";
+import { fact, fillMeter, formatBytes, hasRoom, seenAgo } from "./fact";
 import { notice } from "./notice";
 import { healthSymbol } from "./symbol";
 
@@ -11,7 +11,7 @@ function spoolFacts({ spool, nodes }: GatewayItem): HTMLElement[] {
   if (spool === null) return fact("spool", "unknown");
   const oldest = spool.oldest_ns === null ? "–" : formatDuration(spool.oldest_ns, "up");
   return [
-    ...fact("spool", fillMeter("spool fill", spool)),
+    ...fact("spool", fillMeter("spool fill", spool), hasRoom(spool)),
     ...fact("oldest", oldest, true),
     ...fact("nodes", String(nodes ?? "–"), true),
     ...(spool.dead_letters > 0 ? fact("dead letters", element("span", { class: "warn" }, String(spool.dead_letters))) : []),
@@ -31,7 +31,7 @@ export function gatewayCard(gateway: GatewayItem, now: bigint, reachable: boolea
     ...fact("lag", element("span", { "data-testid": "gateway-lag" }, formatLag(gateway.lag))),
     ...spoolFacts(gateway),
     ...fact("stored", element("span", { title: duplicate === null ? "" : `${duplicate} duplicates` }, stored?.toLocaleString("en") ?? "–")),
-    ...fact("rejected", refused),
+    ...fact("rejected", refused, rejected === 0),
   );
   const fill = spool && `spool ${formatBytes(spool.bytes)} of ${formatBytes(spool.capacity_bytes)}, reported ${spool.reported}`;
   const title = [gateway.id, `first seen ${gateway.first_heard}`, fill].filter(Boolean).join("\n");
@@ -47,7 +47,7 @@ export function storageCard({ bytes, free_bytes, samples, bytes_per_sample }: St
     ...fact("per sample", element("span", { "data-testid": "bytes-per-sample" }, each)),
     ...fact("samples", samples.toLocaleString("en"), true),
     ...fact("size", formatBytes(bytes)),
-    ...fact("reusable", formatBytes(free_bytes)),
+    ...fact("reusable", formatBytes(free_bytes), true),
   );
   const title = "The size of the store with all indices, without its free space, divided by its samples";
   return element("section", { class: "card", "data-testid": "storage", "aria-label": "store", title }, element("div", { class: "card-head" }, element("strong", {}, "Store")), facts);

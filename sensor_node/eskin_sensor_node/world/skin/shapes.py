@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from functools import lru_cache
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator
@@ -13,12 +13,46 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 from eskin.runtime.settings import Section
 from eskin_sensor_node.world.skin.skin import Skin
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from eskin.interval import Floats
+
 MOST_TAXELS: Final = 100_000
 _MILLIMETRE: Final = 1e-3
 _PALM_MM: Final = (80, 60)
 _FINGERS_MM: Final = 4 * ((20, 40),)
 _THUMB_MM: Final = (20, 20)
 _BETWEEN_FINGERS_MM: Final = 25
+_HAND_MM: Final = (
+    (-2.0, -12.0, 3.0),
+    (-8.6, 60.0, 30.0),
+    (-8.6, 109.0, 9.0),
+    (15.55, 109.0, 9.0),
+    (15.55, 63.0, 0.7),
+    (16.95, 63.0, 0.7),
+    (16.95, 109.0, 9.0),
+    (40.55, 109.0, 9.0),
+    (40.55, 63.0, 0.7),
+    (41.95, 63.0, 0.7),
+    (41.95, 109.0, 9.0),
+    (65.55, 109.0, 9.0),
+    (65.55, 63.0, 0.7),
+    (66.95, 63.0, 0.7),
+    (66.95, 109.0, 9.0),
+    (91.1, 109.0, 9.0),
+    (91.1, 50.0, 12.0),
+    (86.5, 34.5, 6.0),
+    (108.2, 34.5, 9.0),
+    (108.2, 5.5, 9.0),
+    (88.0, 5.5, 8.0),
+    (82.0, -12.0, 3.0),
+)
+"""Corners of the hand's outline, x and y, and their radii.
+
+Up from the wrist, along the fingers, and down around the thumb."""
+_ARC_POINTS: Final = 8
+"""Of half a circle."""
 _KEPT: Final = 8
 """Skins that are kept: every taxel of a node asks for the one that it is part of."""
 _BENT: Final = math.pi / 2
@@ -88,7 +122,7 @@ class CylinderShape(_Shape):
         positions = radius * normals
         positions[:, 1] = rows * self.pitch_m
         unrolled = self.pitch_m * np.stack([columns, rows], axis=1)
-        return Skin(positions, normals, self.pitch_m, unrolled)
+        return Skin(positions, normals, self.pitch_m, unrolled, _around(unrolled, self.pitch_m))
 
 
 class HandShape(_Shape):
@@ -112,7 +146,7 @@ class HandShape(_Shape):
             left = number * _BETWEEN_FINGERS_MM - _BETWEEN_FINGERS_MM / 4
             parts.append(self._patch(finger, left, _PALM_MM[1] + 5.0, bent=True))
         parts.append(self._patch(_THUMB_MM, _PALM_MM[0] + 5.0, 10.0, bent=True))
-        return Skin.join(parts)
+        return Skin.join(parts, _rounded(_HAND_MM) * _MILLIMETRE)
 
     def _patch(self, size: tuple[int, int], left: float, low: float, *, bent: bool) -> Skin:
         """A patch of so many mm, whose lower left corner stands at so many mm."""
@@ -122,14 +156,15 @@ class HandShape(_Shape):
         inside = flat.positions + np.array([pitch / 2, pitch / 2, 0.0])
         unrolled = (corner + inside)[:, :2]
         if not bent:
-            return Skin(corner + inside, flat.normals, pitch, unrolled)
+            return Skin(corner + inside, flat.normals, pitch, unrolled, _around(unrolled, pitch))
         width = size[0] * _MILLIMETRE
         radius, angles = width / _BENT, (inside[:, 0] / width - 0.5) * _BENT
         normals = np.stack([np.sin(angles), np.zeros(len(flat)), np.cos(angles)], axis=1)
         axis = np.stack(
             [np.full(len(flat), width / 2), inside[:, 1], np.full(len(flat), -radius)], axis=1
         )
-        return Skin(corner + axis + radius * normals, normals, pitch, unrolled)
+        outline = _around(unrolled, pitch)
+        return Skin(corner + axis + radius * normals, normals, pitch, unrolled, outline)
 
 
 Shape: TypeAlias = Annotated[FlatShape | CylinderShape | HandShape, Field(discriminator="shape")]
@@ -145,7 +180,42 @@ def _grid(columns: int, rows: int, pitch: float) -> Skin:
     y, x = np.divmod(np.arange(rows * columns), columns)
     positions = pitch * np.stack([x, y, np.zeros(len(x))], axis=1)
     normals = np.tile([0.0, 0.0, 1.0], (len(x), 1))
-    return Skin(positions, normals, pitch, positions[:, :2])
+    unrolled = positions[:, :2]
+    return Skin(positions, normals, pitch, unrolled, _around(unrolled, pitch))
+
+
+def _around(unrolled: Floats, pitch: float) -> Floats:
+    """The rectangle around the cells of a map."""
+    (left, low), (right, high) = unrolled.min(axis=0) - pitch / 2, unrolled.max(axis=0) + pitch / 2
+    return np.array([(left, low), (right, low), (right, high), (left, high)])
+
+
+def _rounded(corners: Sequence[tuple[float, float, float]]) -> Floats:
+    """A closed line with round corners.
+
+    Args:
+        corners: x, y and radius of each. The line turns at each, and no two arcs overlap.
+
+    Returns:
+        Its points, (n, 2).
+    """
+    places = np.array([corner[:2] for corner in corners])
+    points = []
+    for number, (_, _, radius) in enumerate(corners):
+        corner = places[number]
+        before, after = places[number - 1] - corner, places[(number + 1) % len(corners)] - corner
+        before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
+        half = math.acos(float(before @ after)) / 2.0
+        middle = corner + (before + after) / np.linalg.norm(before + after) * radius / math.sin(
+            half
+        )
+        # From where the arc touches one side, to where it touches the other.
+        ends = [corner + side * radius / math.tan(half) - middle for side in (before, after)]
+        turn = math.pi - 2.0 * half
+        shares = np.linspace(0.0, 1.0, 2 + round(_ARC_POINTS * turn / math.pi))[:, np.newaxis]
+        weights = np.sin([turn * (1.0 - shares), turn * shares]) / math.sin(turn)
+        points.append(middle + weights[0] * ends[0] + weights[1] * ends[1])
+    return np.concatenate(points)
 
 
 def _limited(columns: int, info: ValidationInfo) -> int:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Final, Self, TypeAlias
 
 import numpy as np
 
+from eskin.wire.frames import ClosedLine
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -20,6 +22,7 @@ Indices: TypeAlias = "NDArray[np.int64]"
 
 NO_NEIGHBOUR: Final = -1
 """Stands in a table of neighbours where a taxel has fewer than others."""
+_MICRO: Final = 1e6
 _REACH: Final = 1.1
 """Neighbours are at most this many pitches away: the four sides of a grid, not its diagonals."""
 
@@ -33,25 +36,28 @@ class Skin:
         normals: Unit vectors out of the skin, (n, 3).
         pitch: Distance of two neighbours along the surface, in m.
         unrolled: The centres in m on a flat map of the surface, (n, 2).
+        outline: Closed line around all cells on this map, in m, (points, 2).
     """
 
     positions: Floats
     normals: Floats
     pitch: float
     unrolled: Floats
+    outline: Floats
 
     def __post_init__(self) -> None:
-        for array in (self.positions, self.normals, self.unrolled):
+        for array in (self.positions, self.normals, self.unrolled, self.outline):
             array.flags.writeable = False
 
     @classmethod
-    def join(cls, parts: Sequence[Skin]) -> Self:
+    def join(cls, parts: Sequence[Skin], outline: Floats) -> Self:
         """Several patches of one pitch as one skin, numbered one after the other."""
         return cls(
             np.concatenate([part.positions for part in parts]),
             np.concatenate([part.normals for part in parts]),
             parts[0].pitch,
             np.concatenate([part.unrolled for part in parts]),
+            outline,
         )
 
     def __len__(self) -> int:
@@ -110,6 +116,12 @@ class Skin:
         far = np.linalg.norm(self.positions[around] - self.positions[number], axis=1)
         near: list[int] = around[far <= _REACH * self.pitch].tolist()
         return near
+
+    @property
+    def closed_line(self) -> ClosedLine:
+        """The outline as a layout states it."""
+        x, y = np.rint(_MICRO * self.outline.T).astype(np.int64).tolist()
+        return ClosedLine(tuple(x), tuple(y))
 
     @property
     def disc_radius(self) -> float:

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from eskin.interval import Verdict
 from eskin.wire.frames import (
     Because,
+    ClosedLine,
     Contact,
     Controller,
     Frame,
@@ -254,16 +255,35 @@ def test_any_patch_has_the_bytes_of_the_contract(patch: Patch) -> None:
     assert Patch.decode(data) == patch
 
 
-@given(st.lists(st.integers(1, 9), min_size=1, max_size=9), st.booleans(), st.booleans())
+COORDINATES = st.integers(-(10**8), 10**8)
+LINES = st.lists(st.tuples(COORDINATES, COORDINATES), min_size=3, max_size=500).map(
+    lambda points: ClosedLine(*zip(*points, strict=True))
+)
+
+
+@given(
+    st.lists(st.integers(1, 9), min_size=1, max_size=9),
+    st.booleans(),
+    st.booleans(),
+    st.lists(LINES, max_size=16),
+)
 @settings(max_examples=40, deadline=None)
 def test_any_layout_has_the_bytes_of_the_contract(
     pages: list[int],
     seamed: bool,  # noqa: FBT001 - as drawn
     shared: bool,  # noqa: FBT001 - as drawn
+    outline: list[ClosedLine],
 ) -> None:
     hashes = tuple(bytes([k]) * 32 for k in range(sum(pages)))
     seams = tuple(Seam(k, k + 1, ((0, 5), (3, 63))) for k in range(len(hashes) - 1))
     machines = tuple(Controller(f"hand-{k}", 1) for k in range(len(pages)))
-    layout = Layout(hashes, tuple(pages), seams if seamed else (), machines if shared else ())
+    layout = Layout(
+        hashes,
+        tuple(pages),
+        seams if seamed else (),
+        machines if shared else (),
+        tuple(outline),
+    )
     assert describe_layout(layout) == layout.encode()
+    assert Layout.decode(layout.encode()) == layout
     assert describe_layout(replace(layout, seams=())) == replace(layout, seams=()).encode()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from eskin_sensor_node.world.skin import CylinderShape, FlatShape, HandShape, Skin
 from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
+from matplotlib.path import Path
 
 SKINS = {
     "flat": FlatShape(shape="flat", rows=5, columns=7, pitch_m=2e-3).build(),
@@ -48,6 +49,21 @@ def test_cylinder_closes_around_itself_and_looks_outward() -> None:
     assert {1, 8} <= beside(skin, 0)
     radial = skin.positions * np.array([1.0, 0.0, 1.0])
     assert np.all(np.einsum("ij,ij->i", radial, skin.normals) > 0.0)
+
+
+@pytest.mark.parametrize("name", SKINS)
+def test_outline_goes_around_all_cells(name: str) -> None:
+    skin = SKINS[name]
+    inner = 0.499 * skin.pitch * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
+    corners = (skin.unrolled[:, None] + inner).reshape(-1, 2)
+    line = Path(np.vstack([skin.outline, skin.outline[:1]]), closed=True)
+    assert line.contains_points(corners).all()
+    # And is that of a hand, not a box.
+    width, height = np.ptp(skin.outline, axis=0)
+    x, y = np.vstack([skin.outline, skin.outline[:1]]).T
+    inside = abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))) / 2.0
+    assert skin.area <= inside * 1.000001
+    assert inside < (0.85 if name.startswith("hand") else 1.000001) * width * height
 
 
 def test_hand_is_the_paper_s_84_square_centimetres() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from eskin.interval import Interval, Verdict
 from eskin.wire.frames import (
     Because,
+    ClosedLine,
     Contact,
     Controller,
     Frame,
@@ -46,6 +47,7 @@ PALM = Patch(
 AIR = Patch("air", "temperature", "Cel", ("a01",), 0.5)
 WEARER = Patch("skin", "bioelectric", "V", ("b01",), 1e-5, Privacy.BIOMETRIC, "wearer")
 PATCHES = (PALM, AIR, WEARER)
+TRIANGLE = ClosedLine((-5000, 9000, 4000), (0, -100, 7000))
 LAYOUT = Layout(
     patches=tuple(patch.content_hash for patch in PATCHES),
     pages=(2, 1),
@@ -97,7 +99,7 @@ STATEMENTS = Statements(
 SMALL = (
     WEARER,
     AIR,
-    replace(LAYOUT, seams=(), controllers=()),
+    replace(LAYOUT, seams=(), controllers=(), outline=(TRIANGLE,)),
     replace(FRAME, grids=FRAME.grids[1:], patches=(replace(FRAME.patches[1], grid=0),)),
     replace(STATEMENTS, peaks=(), contacts=(), verdicts=()),
 )
