@@ -58,6 +58,7 @@ def require_no_dead_letters(*databases: Path) -> None:
         assert ask(database, "SELECT reason FROM dead_letters") == []
 
 
+@pytest.mark.nightly
 def test_gateway_killed_between_frames_and_layouts_loses_nothing(stack: RealStack) -> None:
     with connected(stack) as skin:
         for number in range(1, 6):
@@ -75,6 +76,7 @@ def test_gateway_killed_between_frames_and_layouts_loses_nothing(stack: RealStac
     require_no_dead_letters(stack.spool, stack.store)
 
 
+@pytest.mark.nightly
 def test_spooled_frames_reach_a_later_cloud_with_their_layout(stack: RealStack) -> None:
     """The node has gone, and the gateway was killed: its spool has all."""
     stack.cloud.kill()

@@ -27,6 +27,7 @@ def contacts(demo: RunningDemo, node: str) -> list[dict[str, Any]]:
     return items
 
 
+@pytest.mark.nightly
 @pytest.mark.timeout(600)
 def test_contact_over_a_seam_is_one_contact(tmp_path: Path) -> None:
     env = {"ESKIN_SKIN_CONTROLLERS": json.dumps(NODES), "ESKIN_NODE_SEED": "7"}

@@ -52,6 +52,7 @@ def is_whole(demo: RunningDemo) -> bool:
     return all(len(ranges) == 1 and ranges[0][0] == 0 for ranges in demo.sequences().values())
 
 
+@pytest.mark.nightly
 @pytest.mark.timeout(600)
 def test_skin_obeys_and_its_frames_survive_every_kill_and_enclose_the_truth(tmp_path: Path) -> None:
     data = tmp_path / "data"

@@ -46,6 +46,8 @@ KINDS = {
 }
 
 
+SMALL = frozenset({"fingertip", "palm", "forearm", "hand"})
+"""Profiles whose stretch is the default."""
 STRETCH_MS = 50.0
 """Of nodes of the tests: half of the default, so that a second has twice as many frames."""
 
@@ -70,7 +72,7 @@ def settings(folder: Path, profile: str = "fingertip", **sections: Any) -> NodeS
         "truth": {"path": folder / "truth.sqlite"},
         **sections,
     }
-    if "sampling" not in Profile.read(profile).sections:
+    if profile in SMALL:
         given["sampling"] = {"stretch_ms": STRETCH_MS} | sections.get("sampling", {})
     given["node"] = {"name": profile, "profile": profile, "seed": 7} | sections.get("node", {})
     return NodeSettings(**given)

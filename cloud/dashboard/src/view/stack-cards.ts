@@ -30,7 +30,7 @@ export function gatewayCard(gateway: GatewayItem, now: bigint, reachable: boolea
     ...fact("seen", seenAgo(gateway.last_heard, now), true),
     ...fact("lag", element("span", { "data-testid": "gateway-lag" }, formatLag(gateway.lag))),
     ...spoolFacts(gateway),
-    ...fact("stored", element("span", { title: duplicate === null ? "" : `${duplicate} duplicates` }, stored?.toLocaleString("en") ?? "–")),
+    ...fact("stored", element("span", { title: duplicate === null ? "" : `${duplicate} duplicates` }, stored?.toLocaleString("en") ?? "–"), true),
     ...fact("rejected", refused, rejected === 0),
   );
   const fill = spool && `spool ${formatBytes(spool.bytes)} of ${formatBytes(spool.capacity_bytes)}, reported ${spool.reported}`;
