@@ -10,6 +10,8 @@ const PLAY = "M5 3 L13 8 L5 13 Z";
 const PAUSE = "M5 3 V13 M11 3 V13";
 const HEIGHT = 56;
 const WHEEL_PACE = 0.0015;
+/** The strip is as high as this many times the greatest force that is certain, at most. */
+const MOST_TIMES = 3;
 /** One press of an arrow key moves by this share of the window. */
 const KEY_STEP = 0.01;
 
@@ -118,7 +120,10 @@ export class FilmBar {
     if (range === null) return;
     const shown = track.filter(({ x }) => x >= range.x0 - (range.x1 - range.x0) && x <= range.x1);
     const sums = shown.map(({ cores }) => cores.map(({ force }) => boundsOf(force)).reduce((sum, { lo, hi }) => ({ lo: sum.lo + lo, hi: sum.hi + hi }), { lo: 0, hi: 0 }));
-    const top = Math.max(1e-9, ...sums.map(({ lo, hi }) => (Number.isFinite(hi) ? hi : lo)));
+    const most = Math.max(1e-9, ...sums.map(({ lo, hi }) => (Number.isFinite(hi) ? hi : lo)));
+    const least = Math.max(0, ...sums.map(({ lo }) => lo));
+    // A moment of which little is known must not flatten all others: it is cut off.
+    const top = least > 0 ? Math.min(most, MOST_TIMES * least) : most;
     const { palette } = this.options.context;
     const toY = (force: number): number => height - Math.min(1, force / top) * (height - 14 * ratio) - 1;
     const step = typicalStep(shown);
@@ -128,7 +133,7 @@ export class FilmBar {
       const right = Math.max(left + 1, Math.floor(((until - range.x0) / (range.x1 - range.x0)) * width));
       const { lo, hi } = sums[index]!;
       if (hi <= 0) continue;
-      const bounded = Number.isFinite(hi);
+      const bounded = hi <= top;
       const [low, high] = [Math.ceil(toY(lo)), bounded ? Math.floor(toY(hi)) : 0];
       pen.fillStyle = palette.colour("certain-fill");
       pen.fillRect(left, low, right - left, height - low);
@@ -138,7 +143,7 @@ export class FilmBar {
       pen.fillRect(left, low, right - left, ratio);
       if (bounded) pen.fillRect(left, high, right - left, ratio);
     }
-    setText(this.most, sums.some(({ hi }) => hi > 0) ? `sum of forces ${formatInterval({ lo: -Infinity, hi: top }, "N")}` : stated ? "no contact in this window" : "");
+    setText(this.most, sums.some(({ hi }) => hi > 0) ? `sum of forces ${formatInterval({ lo: -Infinity, hi: most }, "N")}` : stated ? "no contact in this window" : "");
   }
 
   private instantAt(clientX: number): number | null {
