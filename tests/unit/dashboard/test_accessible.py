@@ -62,6 +62,10 @@ def test_everything_in_the_overview_has_a_name(replay: Replay, visit: Visit) -> 
     assert ("region", f"gateway {gateway['id']}") in named
     charts = [one.name for one in heard if one.name.startswith("Chart of ")]
     assert len(charts) == len(channels) == len(set(charts))
+    # An outbox with room is shown on its node's page alone.
+    visit.open("palm")
+    visit.page.locator("[data-testid=node][data-node=palm] [role=meter]").wait_for()
+    assert [one.role for one in listen(visit)].count("meter") == 1
 
 
 def test_everything_on_a_node_has_a_name(visit: Visit) -> None:
