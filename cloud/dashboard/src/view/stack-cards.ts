@@ -34,7 +34,8 @@ export function gatewayCard(gateway: GatewayItem, now: bigint, reachable: boolea
     ...fact("rejected", refused, rejected === 0),
   );
   const fill = spool && `spool ${formatBytes(spool.bytes)} of ${formatBytes(spool.capacity_bytes)}, reported ${spool.reported}`;
-  const title = [gateway.id, `first seen ${gateway.first_heard}`, fill].filter(Boolean).join("\n");
+  const counts = `stored ${stored ?? "unknown"}, duplicate ${duplicate ?? "unknown"}, rejected ${rejected ?? "unknown"}`;
+  const title = [gateway.id, `first seen ${gateway.first_heard}`, counts, fill].filter(Boolean).join("\n");
   return element("section", { class: "card", "data-testid": "gateway", "data-gateway": gateway.id, "data-health": health, "aria-label": `gateway ${gateway.id}`, title }, head, facts);
 }
 
@@ -49,7 +50,7 @@ export function storageCard({ bytes, free_bytes, samples, bytes_per_sample }: St
     ...fact("size", formatBytes(bytes)),
     ...fact("reusable", formatBytes(free_bytes), true),
   );
-  const title = "The size of the store with all indices, without its free space, divided by its samples";
+  const title = `${samples} samples, ${formatBytes(free_bytes)} reusable\nPer sample: the size of the store with all indices, without its free space`;
   return element("section", { class: "card", "data-testid": "storage", "aria-label": "store", title }, element("div", { class: "card-head" }, element("strong", {}, "Store")), facts);
 }
 
