@@ -70,7 +70,9 @@ def window_of_both(replay: Replay) -> tuple[int, int]:
         certain = [begin for begin, verdict in lone if verdict == "certain"]
         for begin, verdict in lone:
             near = any(abs(begin - other) < HALF - APART for other in certain)
-            if verdict == "possible" and near and begin < max(moments) - HALF:
+            # What lies before the oldest on the page of answers is not known.
+            whole = moments[0] + APART < begin < moments[-1] - HALF
+            if verdict == "possible" and near and whole:
                 found.append(begin)
         return bool(found)
 
