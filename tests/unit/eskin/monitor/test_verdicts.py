@@ -156,7 +156,8 @@ def test_coverage_counts_distinct_samples_of_the_horizon() -> None:
 def test_robustness_encloses_both_ends(text: str, lo: float, hi: float) -> None:
     samples = [Sample(0, 0, 1, 2), Sample(10, 10, 4, 5), Sample(20, 20, 1, 2)]
     found = verdicts(text, *samples).robustness(5)
-    assert (found.inf, found.sup) == (lo, hi)
+    assert found.inf == lo
+    assert found.sup == hi
 
 
 def test_robustness_of_what_is_unknown_is_unbounded() -> None:
