@@ -21,6 +21,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from benchmarks.pipeline import cpu_seconds
 from benchmarks.relay import NAME
+from benchmarks.said import FEW
 from eskin.identity import Identity, IdentityKind, client_context
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE
 from eskin.wire.topics import Stream, node_topic
@@ -28,33 +29,48 @@ from tests.support.brokers import mosquitto
 from tests.support.processes import Running, accepts, free_port, wait_until
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from types import TracebackType
 
     from benchmarks.flood import Flood
     from tests.support.stacks import RealStack
 
 THINGSBOARD: Final = Path(sys.prefix) / "thingsboard" / "bin" / "thingsboard-gateway"
-FAR_PEERS: Final[dict[str, dict[str, object] | None]] = {
-    "Mosquitto bridge": None,
-    "thingsboard-gateway (memory)": {
-        "type": "memory",
-        "read_records_count": 100,
-        "max_records_count": 100_000,
-    },
-    # As its own configuration has it; WAL, synchronous = NORMAL: a power cut takes the last.
-    "thingsboard-gateway (SQLite)": {
-        "type": "sqlite",
-        "data_file_path": "./data/",
-        "messages_ttl_check_in_hours": 1,
-        "messages_ttl_in_days": 7,
-        "max_read_records_count": 1000,
-        "writing_batch_size": 1000,
-        "size_limit": 1024,
-        "max_db_amount": 10,
-        "oversize_check_period": 1,
-    },
+_MEMORY: Final = {"type": "memory", "read_records_count": 100, "max_records_count": 100_000}
+_SQLITE: Final = {
+    "type": "sqlite",
+    "data_file_path": "./data/",
+    "messages_ttl_check_in_hours": 1,
+    "messages_ttl_in_days": 7,
+    "max_read_records_count": 1000,
+    "writing_batch_size": 1000,
+    "size_limit": 1024,
+    "max_db_amount": 10,
+    "oversize_check_period": 1,
 }
-"""By name; with its storage, where it has one."""
+"""As its own configuration has it; WAL, synchronous = NORMAL: a power cut takes the last."""
+
+
+class FarPeer(NamedTuple):
+    """One that brings messages to a second broker.
+
+    Attributes:
+        storage: Of thingsboard-gateway; ``None`` for a bridge.
+        rows: Rows of samples that a message states as values, as a frame has them; 0: it has one
+            text of the size of a frame, which nothing reads.
+    """
+
+    storage: Mapping[str, object] | None
+    rows: int = 0
+
+
+FAR_PEERS: Final = {
+    "Mosquitto bridge": FarPeer(None),
+    "thingsboard-gateway (memory)": FarPeer(_MEMORY),
+    "thingsboard-gateway (SQLite)": FarPeer(_SQLITE),
+    "thingsboard-gateway (memory), samples as values": FarPeer(_MEMORY, FEW.rows),
+}
+"""By name."""
 _COUNTER: Final = "gateway.counter"
 _KEY: Final = "samples"
 _ASKED: Final = "v1/devices/me/rpc/request/"
@@ -114,7 +130,7 @@ class Relayed(NamedTuple):
 
     cpu: float
     rate: float
-    lost: int
+    lost: float
 
 
 class Upstream(Running):
@@ -176,33 +192,47 @@ def measure_far(
     stack: RealStack, flood: Flood, upstream: Upstream, peer: str, messages: int
 ) -> Relayed:
     """What one of `FAR_PEERS` costs, and how fast it is."""
-    storage = FAR_PEERS[peer]
-    made = _bridge(stack, upstream) if storage is None else _thingsboard(stack, upstream, storage)
+    storage, rows = FAR_PEERS[peer]
+    if storage is None:
+        made = _bridge(stack, upstream)
+    else:
+        made = _thingsboard(stack, upstream, storage, values=rows > 0)
     with made as running:
-        _await_flow(running, flood, upstream)
+        _await_flow(running, flood, upstream, rows)
         before, used = upstream.count, cpu_seconds(running)
         running.signal(signal.SIGSTOP)
         try:
-            flood.fill([_message(number) for number in range(messages)])
+            flood.fill([_message(number, rows) for number in range(messages)])
             begun = time.monotonic()
         finally:
             running.signal(signal.SIGCONT)
-        running.wait_for(lambda: upstream.done(before, messages), "all relayed", seconds=300)
-        spent, came = cpu_seconds(running) - used, upstream.count - before
+        keys = messages * max(1, rows)
+        running.wait_for(lambda: upstream.done(before, keys), "all relayed", seconds=300)
+        spent, came = cpu_seconds(running) - used, (upstream.count - before) / max(1, rows)
         return Relayed(spent / came * 1e6, came / (upstream.heard - begun), messages - came)
 
 
-def _message(number: int) -> bytes:
-    """1.1 kB; of one key and one millisecond, thingsboard-gateway keeps one value only."""
-    return json.dumps({"ts": 1_700_000_000_000 + number, _KEY: "5a" * 550}).encode()
+def _message(number: int, rows: int) -> bytes:
+    """1.1 kB, or rows; of one key and one millisecond thingsboard-gateway keeps one value only."""
+    first = 1_700_000_000_000 + number * max(1, rows)
+    if rows == 0:
+        return json.dumps({"ts": first, _KEY: "5a" * 550}).encode()
+    (columns,) = FEW.columns
+    # Both bounds of each channel, with as many digits as they are worth.
+    names = [_KEY, *(f"c{k}" for k in range(1, 2 * columns))]
+    stated = [
+        {"ts": first + row, "values": {name: 1000.0 + row % 64 + k for k, name in enumerate(names)}}
+        for row in range(rows)
+    ]
+    return json.dumps(stated).encode()
 
 
-def _await_flow(running: Running, flood: Flood, upstream: Upstream) -> None:
+def _await_flow(running: Running, flood: Flood, upstream: Upstream, rows: int) -> None:
     """Send until one comes through, and wait until no more come."""
 
     def through() -> bool:
         before = upstream.count
-        flood.fill([_message(-1)])
+        flood.fill([_message(-1, rows)])
         deadline = time.monotonic() + 1.0
         while upstream.count == before and time.monotonic() < deadline:
             time.sleep(0.05)
@@ -228,7 +258,11 @@ def _bridge(stack: RealStack, upstream: Upstream) -> Running:
     return Running([str(mosquitto()), "-c", str(file)], log=folder / "mosquitto.log")
 
 
-def _thingsboard(stack: RealStack, upstream: Upstream, storage: dict[str, object]) -> Running:
+def _thingsboard(
+    stack: RealStack, upstream: Upstream, storage: Mapping[str, object], *, values: bool
+) -> Running:
+    """Start thingsboard-gateway; rows of values pass its converter in the cheapest way it has."""
+    text = {"type": "string", "key": _KEY, "value": f"${{{_KEY}}}"}
     folder = _folder(stack, "thingsboard")
     own = Identity.load(stack.pki / NAME).directory
     root, key, chain = (str(own / file) for file in (ROOT_FILE, KEY_FILE, CHAIN_FILE))
@@ -268,7 +302,7 @@ def _thingsboard(stack: RealStack, upstream: Upstream, storage: dict[str, object
                     "deviceProfileExpressionSource": "constant",
                     "deviceProfileExpression": "default",
                 },
-                "timeseries": [{"type": "string", "key": _KEY, "value": f"${{{_KEY}}}"}],
+                "timeseries": ["*" if values else text],
             },
         }],
     })  # fmt: skip

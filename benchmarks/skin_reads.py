@@ -50,6 +50,7 @@ _ASKED: Final = 105
 _STORED_MS: Final = 10.0
 _ASKED_MS: Final = 25.0
 _PICTURES_MS: Final = 300.0
+_HOUR_S: Final = 3600
 _DUE: Final = Due(2**62, 2**62)
 """Frames of any age are compacted."""
 
@@ -181,14 +182,21 @@ def measure_skin_reads(folder: Path, *, seconds: int) -> list[Row]:
             params = window | {"points": "1000"}
             client.get(f"/api/v1/series/{NODE}/{channel}", params=params).raise_for_status()
 
+        random, span = np.random.default_rng(4), min(seconds, _HOUR_S) * SECOND
+
         def pictures() -> None:
             arrow = {"Accept": "application/vnd.apache.arrow.stream"}
-            params = window | {"points": "100"}
+            first = start + int(random.integers(seconds * SECOND - span + 1))
+            times = {"start": format_timestamp(first), "end": format_timestamp(first + span)}
+            params = times | {"points": "100"}
             place = f"/api/v1/nodes/{NODE}/frames"
             client.get(place, params=params, headers=arrow).raise_for_status()
 
         rows.append(at_most(f"{name}, over HTTP, p99", _p99(asked), "ms", _ASKED_MS))
-        name = f"100 pictures of {_PATCHES * _COLUMNS} taxels as Arrow over HTTP, p99"
+        name = (
+            f"100 pictures of {_PATCHES * _COLUMNS} taxels, from any {span // SECOND} s of "
+            f"{seconds}, as Arrow over HTTP, p99"
+        )
         rows.append(at_most(name, _p99(pictures), "ms", _PICTURES_MS))
     return rows
 

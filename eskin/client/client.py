@@ -142,7 +142,7 @@ class Client(Queries):
             start: Included.
             end: Excluded.
             points: Most pictures.
-            quantity: Such as ``pressure``; else that of the layout's first patch.
+            quantity: Else pressure, or that of the layout's first patch where it has none.
             own: Whether only the node's own taxels are read, of a skin that several nodes share.
 
         Raises:

@@ -30,7 +30,7 @@ class PicturesQuery(WindowQuery):
     quantity: str | None = Field(
         default=None,
         max_length=31,
-        description="such as pressure; else that of the layout's first patch",
+        description="such as capacitance; else pressure, or the first patch's where there is none",
     )
     own: bool = Field(
         default=False,

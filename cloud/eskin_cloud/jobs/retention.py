@@ -25,6 +25,7 @@ from eskin_cloud.store.removal import (
     PatchSweep,
     remove,
     remove_damaged_frames,
+    remove_node_events,
     remove_rows,
     sweeps_of_erased,
 )
@@ -112,7 +113,7 @@ async def sweep(cloud: AppState, *, clock: Callable[[], int] | None = None) -> i
     return total
 
 
-async def _sweep_patches(cloud: AppState, due: _DuePage) -> int:
+async def _sweep_patches(cloud: AppState, due: _DueNode) -> int:
     """Remove what is too old of a page's patches; its frames become rows of them first."""
     total, most, store = 0, cloud.settings.retention.at_once, cloud.store
     ended = Due(-(2**63), -(2**63), max(each.before for each in due.patches))
@@ -133,6 +134,21 @@ async def _sweep_patches(cloud: AppState, due: _DuePage) -> int:
             if removed:
                 _report(cloud, each.node, each.patch, RemovalReason.AGE, removed)
             await asyncio.sleep(_PAUSE_S)
+    if due.before is not None:
+        total += await _sweep_node_events(cloud, due.node, due.before)
+    return total
+
+
+async def _sweep_node_events(cloud: AppState, node: str, before: int) -> int:
+    total, most = 0, cloud.settings.retention.at_once
+    work = partial(remove_node_events, node=node, before=before, most=most)
+    removed = most
+    while removed >= most:
+        removed = await asyncio.wrap_future(cloud.store.write(work))
+        total += removed
+        if removed:
+            _report(cloud, node, "events", RemovalReason.AGE, removed)
+        await asyncio.sleep(_PAUSE_S)
     return total
 
 
@@ -197,22 +213,24 @@ def _due_sealed(connection: Connection, rules: RetentionSection, now: int) -> li
     return list(found.values())
 
 
-class _DuePage(NamedTuple):
-    """What is removed of a node's patches.
+class _DueNode(NamedTuple):
+    """What is removed of a node.
 
     Attributes:
+        node: The node.
         pages: Pages whose frames may be too old.
-        before: Damaged frames that ended before it are removed, UTC ns; ``None`` if a patch is
-            kept for ever.
+        before: Damaged frames, and events of the node as a whole, that ended before it are
+            removed, UTC ns; ``None`` if a patch is kept for ever.
         patches: What is removed of each patch.
     """
 
+    node: str
     pages: list[PageKey]
     before: int | None
     patches: list[PatchSweep]
 
 
-def _due_patches(cloud: AppState, now: int) -> list[_DuePage]:
+def _due_patches(cloud: AppState, now: int) -> list[_DueNode]:
     """What is too old of each node's patches. A patch is kept as long as any of its channels."""
     p, rules, found = pages.c, cloud.settings.retention, []
     with cloud.store.read() as connection:
@@ -245,5 +263,5 @@ def _due_patches(cloud: AppState, now: int) -> list[_DuePage]:
             old = [(r[0], r[1], r[2], r[3]) for r in mine if r[4] is not None and r[4] < last]
             all_limited = len(sweeps) == len(kept)
             before = min(each.before for each in sweeps) if all_limited else None
-            found.append(_DuePage(old, before, sweeps))
+            found.append(_DueNode(node, old, before, sweeps))
     return found

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
+    from eskin_cloud.store.column_runs import ColumnRun
     from eskin_cloud.store.read.lookup import Channel
-    from eskin_cloud.store.read.patch_columns import ColumnRun
 
 
 class ExportPosition(NamedTuple):

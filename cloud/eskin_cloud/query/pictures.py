@@ -83,7 +83,7 @@ def find_sealed(
     connection: Connection, node: str, window: Window, quantity: str | None
 ) -> list[tuple[DescribedLayout, int]]:
     """The biometric pages whose channels are in pictures of a node's skin, by their layouts."""
-    chosen = quantity or _find_layout_of(connection, node, window).patches[0].quantity
+    chosen = quantity or _usual_quantity(_find_layout_of(connection, node, window))
     found = []
     for row in read_pages(connection, node):
         described = find_layout(connection, node, bytes(row["layout"]))
@@ -92,6 +92,12 @@ def find_sealed(
             if any(described.patches[number].quantity == chosen for number in numbers):
                 found.append((described, row["page"]))
     return found
+
+
+def _usual_quantity(described: DescribedLayout) -> str:
+    """Pressure, the quantity of a touch; that of the first patch where a skin has none."""
+    quantities = [patch.quantity for patch in described.patches]
+    return "pressure" if "pressure" in quantities else quantities[0]
 
 
 def read_pictures(
@@ -113,7 +119,7 @@ def read_pictures(
         node: The node.
         window: The window.
         points: Most pictures.
-        quantity: Which; else that of the layout's first patch.
+        quantity: Which; else pressure, or that of the layout's first patch where it has none.
         own: Whether only what the node itself samples is read; else all nodes of its skin.
         decrypted: A store in memory with the node's sealed frames, if they are read, too.
 
@@ -125,7 +131,7 @@ def read_pictures(
     """
     described = _find_layout_of(connection, node, window)
     patches = described.patches
-    chosen = patches[0].quantity if quantity is None else quantity
+    chosen = _usual_quantity(described) if quantity is None else quantity
     shares = find_shares(connection, node, described)
     if own:
         shares = [share for share in shares if share.node == node]

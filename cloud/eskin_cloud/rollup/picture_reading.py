@@ -380,7 +380,7 @@ def choose_pictures(readers: Sequence[PictureReader], window: Window, points: in
         width = max(bucket_width(window.span, points), step)
         return Buckets(window.start, width, -(-window.span // width))
     level = grain
-    while level + STEP <= TOP and window.span >> (level + STEP) >= 2 * points:
+    while level + STEP <= TOP and window.span >> (level + STEP) >= points:
         level += STEP
     first, end = window.start >> level, ((window.end - 1) >> level) + 1
     each = -(-(end - first) // points)

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
 from eskin_cloud.store.read.patch_columns import read_column, split_column
-from eskin_cloud.store.read.window import Window, clip
+from eskin_cloud.store.read.window import Window
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from sqlalchemy import Connection
 
-    from eskin.interval import Floats
     from eskin_cloud.rollup.buckets import Buckets
+    from eskin_cloud.store.column_runs import ColumnRuns
     from eskin_cloud.store.read.lookup import Channel
-    from eskin_cloud.store.read.patch_columns import ColumnRun
 
 _FACTOR: Final = 8
 """A part of a window is so many times as long as the one before it."""
@@ -35,7 +33,7 @@ def read_few(
 ) -> Aggregates | None:
     """One entry for each sample in a window; ``None`` if there are more than ``most``."""
     found, count = [], 0
-    for some in _widening(window, most * channel["dt"]):
+    for some in _widening(window, (most + most // 4) * channel["dt"]):
         for part in split_column(connection, channel, some):
             found.append(read_samples(connection, channel, part))
             count += len(found[-1])
@@ -67,18 +65,16 @@ def read_buckets(
     return folded.grouped(buckets.of(folded.first))
 
 
-def _apart(runs: Sequence[ColumnRun], window: Window) -> Aggregates:
+def _apart(runs: ColumnRuns, window: Window) -> Aggregates:
     """One entry for each sample of some runs in a window, in order of time."""
-    if not runs:
+    if not len(runs):
         return EMPTY
-    n = [run.lo.size for run in runs]
-    begun, dt, error = (
-        np.repeat(np.array(each, np.int64), n)
-        for each in zip(*((run.t, run.dt, run.error) for run in runs), strict=True)
-    )
-    t = begun + dt * np.concatenate([np.arange(each, dtype=np.int64) for each in n])
+    n = runs.n
+    begun, dt, error = (np.repeat(each, n) for each in (runs.t, runs.dt, runs.error))
+    within = np.arange(begun.size) - np.repeat(np.cumsum(n) - n, n)
+    t = begun + dt * within
     none = np.zeros(t.size, np.int64)
-    bounds, coverage = _bounds(runs), np.repeat([run.coverage for run in runs], n)
+    bounds, coverage = (runs.lo, runs.hi), np.repeat(runs.coverage, n)
     pieces = Aggregates(t, t, none + 1, none, dt, none, error, *bounds, *bounds, coverage)
     order = np.flatnonzero((t >= window.start) & (t < window.end))
     if np.any(np.diff(t[order]) < 0):
@@ -86,22 +82,16 @@ def _apart(runs: Sequence[ColumnRun], window: Window) -> Aggregates:
     return pieces[order]
 
 
-def _fold(runs: Sequence[ColumnRun], window: Window, buckets: Buckets) -> Aggregates:
+def _fold(runs: ColumnRuns, window: Window, buckets: Buckets) -> Aggregates:
     """One entry for each bucket with samples of some runs in a window."""
-    if not runs:
+    if not len(runs):
         return EMPTY
-    if any(after.t < run.t + run.dt * (run.lo.size - 1) for run, after in pairwise(runs)):
+    if np.any(runs.t[1:] < (runs.t + runs.dt * (runs.n - 1))[:-1]):
         samples = _apart(runs, window)  # runs overlap
         return samples.grouped(buckets.of(samples.first))
-    rows, place = [], 0
-    for run in runs:
-        first, last = clip(run.t, run.dt, run.lo.size, window)
-        rows.append((run.t + run.dt * first, run.dt, last - first + 1, place + first, run.error))
-        place += run.lo.size
-    coverage = np.array([run.coverage for run in runs])
+    first, last = runs.clipped(window.start, window.end)
+    begin = np.cumsum(runs.n) - runs.n
+    rows = (runs.t + runs.dt * first, runs.dt, last - first + 1, begin + first, runs.error)
     grid = buckets.start, buckets.width
-    return Aggregates.of_samples(_bounds(runs), np.array(rows), coverage, grid, buckets.count)
-
-
-def _bounds(runs: Sequence[ColumnRun]) -> tuple[Floats, Floats]:
-    return np.concatenate([run.lo for run in runs]), np.concatenate([run.hi for run in runs])
+    bounds = runs.lo, runs.hi
+    return Aggregates.of_samples(bounds, np.stack(rows, axis=1), runs.coverage, grid, buckets.count)

@@ -18,6 +18,7 @@ from eskin.errors import MessageError
 from eskin.wire.frames.column_codec import ColumnCodes, decode_columns, encode_columns_exactly
 from eskin.wire.frames.sample_codec import MOST_COLUMNS, MOST_STRIDE, Sampling
 from eskin.wire.messages.cbor_map import Fields, integer, items, load_any, octets, row
+from eskin_cloud.store.column_runs import ColumnRuns
 from eskin_cloud.store.patch_run import PatchRun
 
 if TYPE_CHECKING:
@@ -86,18 +87,13 @@ def encode_runs(runs: Sequence[PatchRun]) -> bytes:
     return compress(body)
 
 
-def decode_runs(data: bytes, columns: Sequence[int] | None = None) -> list[PatchRun]:
-    """Decode runs, as they were encoded, or some of their columns.
-
-    Args:
-        data: What `encode_runs` gave.
-        columns: Columns to decode, in this order; bounds, strides and unshared columns are then
-            those of these columns. All by default.
+def decode_runs(data: bytes) -> list[PatchRun]:
+    """Decode runs, as they were encoded.
 
     Raises:
-        MessageError: The bytes are not those of any runs, or a column is not there.
+        MessageError: The bytes are not those of any runs.
     """
-    return _decode(data, columns, columns)
+    return _decode(data, bounds=True)
 
 
 def decode_heads(data: bytes) -> list[PatchRun]:
@@ -106,36 +102,104 @@ def decode_heads(data: bytes) -> list[PatchRun]:
     Raises:
         MessageError: As from `decode_runs`.
     """
-    return _decode(data, (), None)
+    return _decode(data, bounds=False)
 
 
-def _decode(
-    data: bytes, columns: Sequence[int] | None, optional: Sequence[int] | None
-) -> list[PatchRun]:
-    """Decode bounds of some columns, and strides and unshared columns of some, or of all."""
+def decode_column(data: bytes, column: int) -> ColumnRuns:
+    """Decode the runs of one column that have samples of it; times are those of their rows.
+
+    Raises:
+        MessageError: As from `decode_runs`, or the column is not there.
+    """
+    fields, width = _open(data)
+    if not 0 <= column < width:
+        raise MessageError(f"column {column} is read of a row that has {width}")
+    options = [_option(each, width) for each in fields.items(_OPTIONS, MOST_RUNS)]
+    heads = _heads(fields.octets(_HEADS, 1, MOST_BYTES), len(options))
+    steps = 1 << np.array([list(strides or bytes(width)) for strides, _ in options], np.int64)
+    lo, hi = _decode_column(fields.items(_SEGMENTS, MOST_RUNS), heads, steps, column)
+    step = steps[heads.option, column]
+    first = -heads.first_row % step
+    n = _count(heads.rows, first, step)
+    seen = n > 0
+    return ColumnRuns(
+        t=(heads.ticks + heads.drift + first * heads.dt)[seen],
+        boot=heads.boot[seen],
+        sequence=heads.sequence[seen],
+        dt=(heads.dt * step)[seen],
+        error=heads.error[seen],
+        coverage=heads.coverage.view(np.float64)[seen],
+        n=n[seen],
+        lo=lo,
+        hi=hi,
+    )
+
+
+def _decode_column(
+    segments: list[object], heads: _Heads, steps: NDArray[np.int64], column: int
+) -> tuple[Floats, Floats]:
+    """The bounds of a column's samples, run after run.
+
+    Args:
+        segments: Of the row.
+        heads: Of its runs.
+        steps: Each how many rows a column has a sample, by option; shape ``(options, columns)``.
+        column: Which one.
+    """
+    found: list[tuple[Floats, Floats]] = []
+    begin, strided = 0, bool(np.any(steps > 1))
+    for segment in segments:
+        runs, encoded = _read_segment(segment)
+        mine = slice(begin, begin + runs)
+        rows = heads.rows[mine]
+        _require_cells(int(rows.sum()), steps.shape[1])
+        counts = np.full(steps.shape[1], rows.sum())
+        if strided:
+            of_run = steps[heads.option[mine]]
+            first = -heads.first_row[mine, np.newaxis] % of_run
+            counts = _count(rows[:, np.newaxis], first, of_run).sum(axis=0)
+        found.append(decode_columns(encoded, counts, [column]))
+        begin += runs
+    if begin != len(heads.rows):
+        raise MessageError(f"row has bounds of {begin} runs, not of {len(heads.rows)}")
+    lo, hi = (np.concatenate(side) for side in zip(*found, strict=True))
+    return lo, hi
+
+
+def _count(
+    rows: NDArray[np.int64], first: NDArray[np.int64], step: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """How many rows have a sample, if the first one and each so many after it has."""
+    counted: NDArray[np.int64] = np.maximum(0, -((first - rows) // step))
+    return counted
+
+
+def _open(data: bytes) -> tuple[Fields, int]:
+    """The fields of a row, and how many columns it has."""
     fields = Fields(_map(load_any(decompress(data, MOST_BYTES), "row")))
+    return fields, fields.integer(_COLUMNS, 1, MOST_COLUMNS)
+
+
+def _decode(data: bytes, *, bounds: bool) -> list[PatchRun]:
+    fields, width = _open(data)
     description = fields.octets(_HASH, 1, 64)
-    width = fields.integer(_COLUMNS, 1, MOST_COLUMNS)
-    chosen = list(range(width)) if columns is None else list(columns)
-    if any(not 0 <= column < width for column in chosen):
-        raise MessageError(f"columns {chosen} are read of a row that has {width}")
     options = [_option(each, width) for each in fields.items(_OPTIONS, MOST_RUNS)]
     heads = _heads(fields.octets(_HEADS, 1, MOST_BYTES), len(options))
     samplings = [
         Sampling(rows, width, first_row, options[option][0])
         for rows, first_row, option in zip(*(heads[k].tolist() for k in (7, 6, 10)), strict=True)
     ]
-    bounds = _decode_segments(fields.items(_SEGMENTS, MOST_RUNS), samplings, chosen)
-    read = options if optional is None else [_chosen(option, chosen) for option in options]
+    chosen = list(range(width)) if bounds else []
+    sides = _decode_segments(fields.items(_SEGMENTS, MOST_RUNS), samplings, chosen)
     numbers = zip(*(column.tolist() for column in heads), strict=True)
     coverages = heads.coverage.view(np.float64).tolist()
     return [
         PatchRun(
             description, boot, sequence, ticks, ticks + drift, error, dt, first_row,
-            read[option][0], epoch, read[option][1], coverage, lo, hi,
+            options[option][0], epoch, options[option][1], coverage, lo, hi,
         )
         for (boot, sequence, ticks, drift, error, dt, first_row, _, epoch, _, option),
-        coverage, (lo, hi) in zip(numbers, coverages, bounds, strict=True)
+        coverage, (lo, hi) in zip(numbers, coverages, sides, strict=True)
     ]  # fmt: skip
 
 
@@ -205,13 +269,6 @@ def _option(value: object, columns: int) -> _Option:
     return found, tuple(integer(each, "unshared column", 0, columns - 1) for each in listed)
 
 
-def _chosen(option: _Option, chosen: list[int]) -> _Option:
-    """Strides and unshared columns as they are of the chosen columns."""
-    strides = bytes(option[0][column] for column in chosen) if option[0] else b""
-    unshared = tuple(k for k, column in enumerate(chosen) if column in option[1])
-    return strides if any(strides) else b"", unshared
-
-
 def _segments(runs: Sequence[PatchRun]) -> list[list[object]]:
     """Encode the bounds of runs: together, or in halves where codes would be too long."""
     rows, columns = sum(run.lo.shape[0] for run in runs), runs[0].lo.shape[1]
@@ -242,14 +299,24 @@ def _decode_segments(
     """The bounds of each run."""
     found: list[tuple[Floats, Floats]] = []
     for segment in segments:
-        runs, *arrays, codes = row(segment, "segment of a row", 5)
-        mine = samplings[len(found) :][: integer(runs, "runs of a segment", 1, MOST_RUNS)]
-        exponents, offsets, sizes = (_integers(each, "segment of a row") for each in arrays)
-        encoded = ColumnCodes(exponents, offsets, sizes, octets(codes, "codes", 0, MOST_BYTES))
-        found += _bounds(encoded, mine, chosen)
+        runs, encoded = _read_segment(segment)
+        found += _bounds(encoded, samplings[len(found) :][:runs], chosen)
     if len(found) != len(samplings):
         raise MessageError(f"row has bounds of {len(found)} runs, not of {len(samplings)}")
     return found
+
+
+def _read_segment(segment: object) -> tuple[int, ColumnCodes]:
+    """How many runs a segment has, and their codes."""
+    runs, *arrays, codes = row(segment, "segment of a row", 5)
+    exponents, offsets, sizes = (_integers(each, "segment of a row") for each in arrays)
+    encoded = ColumnCodes(exponents, offsets, sizes, octets(codes, "codes", 0, MOST_BYTES))
+    return integer(runs, "runs of a segment", 1, MOST_RUNS), encoded
+
+
+def _require_cells(rows: int, columns: int) -> None:
+    if rows * columns > MOST_CELLS:
+        raise MessageError(f"row has {rows} instants; with its columns these are too many")
 
 
 def _bounds(
@@ -259,8 +326,7 @@ def _bounds(
         raise MessageError("row has bounds of more runs than it has heads")
     ends = np.cumsum([each.rows for each in samplings])
     rows = int(ends[-1])
-    if rows * samplings[0].columns > MOST_CELLS:
-        raise MessageError(f"row has {rows} instants; with its columns these are too many")
+    _require_cells(rows, samplings[0].columns)
     mask = _mask(samplings)
     counts = np.full(samplings[0].columns, rows) if mask is None else mask.sum(axis=1)
     flat = decode_columns(encoded, counts, chosen)

@@ -91,16 +91,36 @@ def remove_rows(connection: Connection, sweep: PatchSweep, *, most: int, now: in
         connection.execute(delete(patch_rows).where(place.within(patch_rows), these))
         subtract_rows(connection, place, rows)
     if gone < most:
-        old = select(e.cursor).where(e.node == sweep.node, e.channel.in_(sweep.channels))
-        old = old.where(e.t_lo < sweep.before, e.t_hi < sweep.before).limit(most - gone)
-        cursors = connection.execute(old).scalars().all()
-        if cursors:
-            here = (e.node == sweep.node) & e.cursor.in_(cursors)
-            gone += connection.execute(delete(events).where(here)).rowcount
+        of_patch = e.channel.in_(sweep.channels)
+        gone += _remove_events(connection, sweep.node, of_patch, sweep.before, most - gone)
     if gone:
         as_place = Sweep(sweep.node, sweep.patch, RemovalReason.AGE, sweep.before)
         record_removal(connection, as_place, gone, now)
     return gone
+
+
+def remove_node_events(connection: Connection, node: str, before: int, *, most: int) -> int:
+    """Remove some events of a node as a whole: its contacts, status, commands and gaps.
+
+    Args:
+        connection: The writer's, in a transaction.
+        node: The node.
+        before: Events that ended before it are removed, UTC ns.
+        most: Limit of events.
+    """
+    return _remove_events(connection, node, events.c.channel.is_(None), before, most)
+
+
+def _remove_events(
+    connection: Connection, node: str, which: ColumnElement[bool], before: int, most: int
+) -> int:
+    e = events.c
+    old = select(e.cursor).where(e.node == node, which, e.t_lo < before, e.t_hi < before)
+    cursors = connection.execute(old.limit(most)).scalars().all()
+    if not cursors:
+        return 0
+    here = (e.node == node) & e.cursor.in_(cursors)
+    return connection.execute(delete(events).where(here)).rowcount
 
 
 def remove_damaged_frames(

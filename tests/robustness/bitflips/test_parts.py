@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 FLIPS = {
-    "flash": 40,
-    "fleet": 40,
-    "spool": 30,
-    "keys": 40,
-    "identity": 40,
-    "authority": 30,
-    "broker": 30,
-    "store": 15,
-    "store_log": 15,
-    "frames": 15,
+    "flash": 20,
+    "fleet": 20,
+    "spool": 15,
+    "keys": 20,
+    "identity": 20,
+    "authority": 15,
+    "broker": 15,
+    "store": 8,
+    "store_log": 8,
+    "frames": 8,
 }
 
 

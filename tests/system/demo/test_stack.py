@@ -60,6 +60,7 @@ def test_audit_passes_while_the_demo_runs(demo: RunningDemo) -> None:
     assert "passed" in done.stdout
 
 
+FRAMES = 12
 OF_HAND = "SELECT t, t_end - t, samples FROM frames WHERE node = 'hand'"
 
 
@@ -77,13 +78,13 @@ def next_frames_of_hand(demo: RunningDemo, count: int) -> list[tuple[int, ...]]:
 
 
 def test_watching_changes_nothing_that_a_node_sends(demo: RunningDemo, tmp_path: Path) -> None:
-    unwatched = next_frames_of_hand(demo, 40)
+    unwatched = next_frames_of_hand(demo, FRAMES)
     seen, port = tmp_path / "seen", httpx.URL(demo.access["url"]).port
     words = [sys.executable, "-m", "tests.support.skin_watcher", str(port), "hand", str(seen)]
     token = {"ESKIN_TOKEN": demo.access["token"]}
     with Running(words, log=tmp_path / "log", env=token) as watcher:
         watcher.wait_for(lambda: seen.exists() and len(Seen.read(seen).frames) > 5, "frames come")
-        watched = next_frames_of_hand(demo, 40)
+        watched = next_frames_of_hand(demo, FRAMES)
         assert Seen.read(seen).wrong == []
     for frames in (unwatched, watched):
         assert {frame[1:] for frame in frames} == {frame[1:] for frame in unwatched}

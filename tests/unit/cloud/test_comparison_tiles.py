@@ -12,7 +12,7 @@ from eskin_cloud.query.neighbourhood import ChannelSource, look_around
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.segments import find_segments
 from eskin_cloud.rollup.patch_tile_builder import build
-from eskin_cloud.store.patch_rows import decode_runs
+from eskin_cloud.store.patch_rows import decode_column
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.frame_tables import patch_rows
@@ -128,9 +128,9 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
 
     def look(data: bytes, *rest: Any) -> Any:
         found.append(data)
-        return decode_runs(data, *rest)
+        return decode_column(data, *rest)
 
-    monkeypatch.setattr("eskin_cloud.store.read.patch_columns.decode_runs", look)
+    monkeypatch.setattr("eskin_cloud.store.read.patch_columns.decode_column", look)
     return found
 
 

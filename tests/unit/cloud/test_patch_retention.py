@@ -14,7 +14,7 @@ from eskin_cloud.store.schema.frame_tables import frames, patch_rows, patch_tile
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import events
 from eskin_cloud.store.write.ingest import DUPLICATE
-from sqlalchemy import select, update
+from sqlalchemy import insert, select, update
 
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import put, standing
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin_cloud.store.location import StoreLocation
+    from sqlalchemy import Connection
 
     from tests.support.identities import Identities
     from tests.unit.cloud.clouds import Stand
@@ -116,6 +117,35 @@ async def test_events_go_with_their_patch(
         await sweep(stand.cloud)
         with store.read() as connection:
             assert "peak" not in connection.execute(select(events.c.kind)).scalars().all()
+
+
+@pytest.mark.parametrize(("days", "left"), [(4, ["late"]), (0, ["early", "late"])])
+async def test_events_of_a_node_as_a_whole_are_kept_as_long_as_any_channel(
+    tmp_path: Path, identities: Identities, place: StoreLocation, days: int, left: list[str]
+) -> None:
+    rules = RetentionSection(days=3, channels={"*/warm-*": days}, at_once=1)
+    with standing(tmp_path, identities, place=place, retention=rules) as stand:
+        store = stand.cloud.store
+        describe(store, HAND, *PATCHES)
+        put(store, frame(0))
+        moments = {"early": START, "late": START + 2 * DAY}
+
+        def add(connection: Connection) -> None:
+            for number, (detail, t) in enumerate(moments.items()):
+                connection.execute(
+                    insert(events).values(
+                        node=NODE, cursor=1000 + number, boot=1, sequence=1000 + number,
+                        kind="contact", t_lo=t, t_hi=t, received=t, detail=detail,
+                    )
+                )  # fmt: skip
+
+        store.write(add).result()
+        stand.clock.now = START + 5 * DAY
+        assert await sweep(stand.cloud) > 0
+        with store.read() as connection:
+            query = select(events.c.detail).where(events.c.kind == "contact")
+            found = connection.execute(query.order_by(events.c.t_lo)).scalars().all()
+    assert found == left
 
 
 async def test_tiles_lose_what_is_removed(

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from eskin_cloud.store.patch_rows import decode_runs, encode_runs
+from eskin_cloud.store.column_runs import ColumnRun, ColumnRuns
+from eskin_cloud.store.patch_rows import decode_column, decode_runs, encode_runs
 from eskin_cloud.store.patch_run import PatchRun
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -76,17 +77,34 @@ def test_runs_come_back_as_they_were(runs: list[PatchRun]) -> None:
     assert same(decode_runs(encode_runs(runs)), runs)
 
 
+def of_column(run: PatchRun, column: int) -> ColumnRun | None:
+    """The samples of a column, picked one by one."""
+    step = 2 ** run.strides[column] if run.strides else 1
+    rows = [k for k in range(len(run.lo)) if (run.first_row + k) % step == 0]
+    if not rows:
+        return None
+    return ColumnRun(
+        run.t + rows[0] * run.dt, run.boot, run.sequence, run.dt * step, run.error, run.coverage,
+        run.lo[rows, column], run.hi[rows, column],
+    )  # fmt: skip
+
+
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data(), runs=frames_of_a_patch())
-def test_some_columns_are_those_of_all(data: st.DataObject, runs: list[PatchRun]) -> None:
-    width = runs[0].lo.shape[1]
-    chosen = data.draw(st.lists(st.integers(0, width - 1), min_size=1, max_size=4, unique=True))
-    for read, run in zip(decode_runs(encode_runs(runs), chosen), runs, strict=True):
-        assert np.array_equal(read.lo, run.lo[:, chosen])
-        assert np.array_equal(read.hi, run.hi[:, chosen])
-        strides = [run.strides[c] if run.strides else 0 for c in chosen]
-        assert list(read.strides or bytes(len(chosen))) == strides
-        assert [chosen[k] for k in read.unshared] == [c for c in chosen if c in run.unshared]
+def test_a_column_is_that_of_all(data: st.DataObject, runs: list[PatchRun]) -> None:
+    column = data.draw(st.integers(0, runs[0].lo.shape[1] - 1))
+    expected = [each for run in runs if (each := of_column(run, column)) is not None]
+    found = list(decode_column(encode_runs(runs), column))
+    assert [each[:6] for each in found] == [each[:6] for each in expected]
+    for ours, theirs in zip(found, expected, strict=True):
+        assert ours.lo.tolist() == theirs.lo.tolist()
+        assert ours.hi.tolist() == theirs.hi.tolist()
+
+
+@given(runs=frames_of_a_patch())
+def test_a_column_that_is_not_there_is_refused(runs: list[PatchRun]) -> None:
+    with pytest.raises(MessageError):
+        decode_column(encode_runs(runs), runs[0].lo.shape[1])
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -99,11 +117,12 @@ def test_other_bytes_are_refused_or_read_as_intervals(
     for _ in range(data.draw(st.integers(1, 3))):
         good[data.draw(st.integers(0, len(good) - 1))] ^= data.draw(st.integers(1, 255))
     damaged = bytes(good[: data.draw(st.integers(0, len(good)) | st.just(len(good)))])
-    try:
-        found = decode_runs(damaged)
-    except MessageError:
-        return
-    assert all(np.all(run.lo <= run.hi) for run in found)
+    for read in (decode_runs, lambda row: decode_column(row, 0)):
+        try:
+            found = read(damaged)
+        except MessageError:
+            continue
+        assert all(np.all(run.lo <= run.hi) for run in found)
 
 
 @given(data=st.binary(max_size=100))
@@ -149,7 +168,7 @@ def test_runs_of_two_descriptions_or_without_samples_of_a_frame_are_refused() ->
     with pytest.raises(MessageError):
         encode_runs([one._replace(lo=one.hi + 1.0)])
     with pytest.raises(MessageError):
-        decode_runs(encode_runs([one]), [2])
+        decode_column(encode_runs([one]), 2)
 
 
 def test_order_and_gaps_stay() -> None:
@@ -158,3 +177,32 @@ def test_order_and_gaps_stay() -> None:
     found = decode_runs(encode_runs(moved))
     assert [run.sequence for run in found] == [run.sequence for run in moved]
     assert [b.t - a.t for a, b in pairwise(found)] == [b.t - a.t for a, b in pairwise(moved)]
+
+
+RUN = st.builds(
+    lambda t, n, dt, sequence: ColumnRun(
+        t, 1, sequence, dt, 3, 0.5, np.arange(float(n)) + sequence, np.arange(float(n)) + 9
+    ),
+    st.integers(-50, 50),
+    st.integers(1, 5),
+    st.integers(1, 20),
+    st.integers(0, 99),
+)
+
+
+@given(
+    runs=st.lists(RUN, max_size=6, unique_by=lambda run: run.sequence),
+    start=st.integers(-60, 60),
+    span=st.integers(0, 60),
+)
+def test_runs_in_arrays_are_sorted_and_clipped_as_one_by_one(
+    runs: list[ColumnRun], start: int, span: int
+) -> None:
+    found = ColumnRuns.of(runs).sorted()
+    assert [each[:6] for each in found] == sorted(each[:6] for each in runs)
+    assert sorted(found.lo.tolist()) == sorted(x for run in runs for x in run.lo.tolist())
+    first, last = found.clipped(start, start + span)
+    for run, begin, end in zip(found, first.tolist(), last.tolist(), strict=True):
+        inside = [k for k in range(run.lo.size) if start <= run.t + k * run.dt < start + span]
+        assert list(range(begin, end + 1)) == inside
+        assert run.lo[0] == run.sequence

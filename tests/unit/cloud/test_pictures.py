@@ -230,6 +230,27 @@ def test_picture_lasts_long_enough_for_a_sample_of_each_channel(store: Store) ->
     assert np.isfinite(found.lo[:-1, :2]).all()
 
 
+@pytest.mark.parametrize(
+    ("patches", "expected"), [((WARM, PALM), "pressure"), ((WARM,), "temperature")]
+)
+def test_pressure_is_shown_where_no_quantity_is_asked_for(
+    store: Store, patches: tuple[Patch, ...], expected: str
+) -> None:
+    of = Layout(tuple(patch.content_hash for patch in patches), (len(patches),))
+    grid = Grid(0, 10, 0, 2, 0.99)
+    values = {number: [(0.0, 1.0)] * 2 * len(each.taxels) for number, each in enumerate(patches)}
+    packed = tuple(
+        PatchSamples.pack(matrix(2, pairs), 2.0**-3, patch=number, grid=0, first_row=0)
+        for number, pairs in values.items()
+    )
+    describe(store, of, *patches)
+    first = START, START
+    put(store, Frame(Position(1, 1), of.content_hash, 0, 0, first, (grid,), packed))
+    with store.read() as connection:
+        found = read_pictures(connection, NODE, Window(START, START + 20), points=1)
+    assert found.quantity == expected
+
+
 def test_quantity_that_no_patch_has_is_refused(store: Store) -> None:
     pictures(store, even())
     with store.read() as connection, pytest.raises(QueryError, match="pressure"):

@@ -113,6 +113,19 @@ def test_health_is_unknown_while_the_cloud_cannot_be_reached(visit: Visit) -> No
     visit.troubles.clear()  # the browser itself complains of each request without a network
 
 
+def test_open_stream_of_a_cloud_that_does_not_answer_is_not_said_to_be_received(
+    visit: Visit,
+) -> None:
+    visit.open("palm/t01.area?live=10s")
+    status = visit.page.get_by_test_id("live-status")
+    status.and_(visit.page.locator("[data-state=open]")).wait_for()
+    visit.page.route("**/api/v1/nodes", lambda route: route.abort())
+    status.and_(visit.page.locator("[data-state=waiting]")).wait_for()
+    visit.page.unroute("**/api/v1/nodes")
+    status.and_(visit.page.locator("[data-state=open]")).wait_for()
+    visit.troubles.clear()  # the browser itself complains of each request that fails
+
+
 @pytest.mark.nightly
 def test_answer_that_comes_late_does_not_take_the_place_of_a_newer_one(visit: Visit) -> None:
     held: list[Route] = []

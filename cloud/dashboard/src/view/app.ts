@@ -199,6 +199,7 @@ export class App {
 
   private showStrip(): void {
     const now = BigInt(Date.now()) * 1_000_000n;
+    this.status.reach(this.reachable);
     if (this.nodes) this.strip.show(this.nodes, now, this.reachable);
     this.stack.root.hidden = this.route.node !== null;
     if (!this.stack.root.hidden) this.stack.show(now, this.reachable);

@@ -8,6 +8,7 @@ export class LiveStatus {
   private readonly dot = element("i", { class: "dot" });
   private state: FeedState = { kind: "connecting" };
   private refused = 0;
+  private reachable = true;
 
   constructor() {
     this.root = element("span", { class: "live-status", "data-testid": "live-status" }, this.dot, this.text);
@@ -16,7 +17,13 @@ export class LiveStatus {
 
   show(state: FeedState): void {
     this.state = state;
-    this.root.dataset["state"] = state.kind;
+    this.write();
+  }
+
+  /** Takes over whether the cloud answers: a stream from one that does not is open for a while, and silent. */
+  reach(reachable: boolean): void {
+    if (reachable === this.reachable) return;
+    this.reachable = reachable;
     this.write();
   }
 
@@ -28,10 +35,12 @@ export class LiveStatus {
 
   private write(): void {
     const { state } = this;
+    const silent = state.kind === "open" && !this.reachable;
+    this.root.dataset["state"] = silent ? "waiting" : state.kind;
     this.root.title = state.kind === "waiting" ? state.reason : "";
     const words = {
       connecting: "Connecting…",
-      open: "Receiving",
+      open: silent ? "The cloud does not answer" : "Receiving",
       waiting: `Reconnecting in ${state.kind === "waiting" ? state.seconds : 0} s`,
       offline: "No network: check the connection",
     }[state.kind];

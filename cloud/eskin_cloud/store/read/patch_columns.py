@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import chain
-from operator import le
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
+from eskin_cloud.store.column_runs import ColumnRun, ColumnRuns
 from eskin_cloud.store.damage import DamagedRowError, are_countable
 from eskin_cloud.store.descriptions import find_patch
-from eskin_cloud.store.patch_rows import decode_heads, decode_runs
+from eskin_cloud.store.patch_rows import decode_column, decode_heads
 from eskin_cloud.store.read.patch_runs import (
+    decode_rows,
     find_patch_pages,
     has_starts,
-    read_compacted,
     read_fresh,
     read_patch,
     split_by_rows,
 )
-from eskin_cloud.store.read.window import Window, before, clip
+from eskin_cloud.store.read.window import Window, before
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 
 if TYPE_CHECKING:
@@ -25,36 +28,11 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection, RowMapping
 
-    from eskin.interval import Floats
     from eskin.wire.frames import Patch
     from eskin_cloud.store.patch_run import PatchRun
     from eskin_cloud.store.read.lookup import Channel
 
 _WIDER: Final = 64
-
-
-class ColumnRun(NamedTuple):
-    """Samples of a channel that were taken one after the other, from one frame.
-
-    Attributes:
-        t: Middle of the first sample's time, UTC ns.
-        boot: The node's start.
-        sequence: The frame's number.
-        dt: Sampling period, ns.
-        error: Greatest distance of a sample's time from its middle, ns.
-        coverage: Probability that a sample's interval encloses the truth.
-        lo: Lower bounds.
-        hi: Upper bounds.
-    """
-
-    t: int
-    boot: int
-    sequence: int
-    dt: int
-    error: int
-    coverage: float
-    lo: Floats
-    hi: Floats
 
 
 def describe_columns(connection: Connection, node: str, patch: Patch) -> list[dict[str, Any]]:
@@ -102,14 +80,14 @@ def _last_run(connection: Connection, totals: Channel) -> PatchRun | None:
     while True:
         window = Window(before(last, span), last + 1)
         place = totals["node"], totals["patch"]
-        runs = read_compacted(connection, *place, window, lambda row: decode_heads(row["data"]))
+        runs = decode_rows(connection, *place, window, lambda row: decode_heads(row["data"]))
         runs += read_fresh(connection, *place, window)
         if runs or window.start <= first:
             return max(runs, key=lambda run: (run.t, run.boot, run.sequence), default=None)
         span *= _WIDER
 
 
-def read_column(connection: Connection, channel: Channel, window: Window) -> list[ColumnRun]:
+def read_column(connection: Connection, channel: Channel, window: Window) -> ColumnRuns:
     """The runs of a channel with samples in a window, in order of time, boot and sequence.
 
     Args:
@@ -118,29 +96,30 @@ def read_column(connection: Connection, channel: Channel, window: Window) -> lis
         window: The window.
     """
     node, taxel = channel["node"], channel["channel"].partition(".")[0]
+    places: dict[bytes, tuple[int, int] | None] = {}
 
     def place_in(patch: bytes) -> tuple[int, int] | None:
-        return _place(find_patch(connection, node, patch), taxel)
+        if patch not in places:
+            places[patch] = _place(find_patch(connection, node, patch), taxel)
+        return places[patch]
 
-    def decode(row: RowMapping) -> list[PatchRun]:
+    def decode(row: RowMapping) -> list[ColumnRuns]:
         place = place_in(bytes(row["hash"]))
-        return [] if place is None else decode_runs(row["data"], place[:1])
+        if place is None:
+            return []
+        runs = decode_column(row["data"], place[0])
+        return [replace(runs, t=runs.t + place[1]) if place[1] else runs]
 
-    compacted = read_compacted(connection, node, channel["patch"], window, decode)
-    fresh = read_fresh(connection, node, channel["patch"], window)
-    places = {run.patch: place_in(run.patch) for run in chain(compacted, fresh)}
-    columns = [
-        _column(run, 0 if alone else place[0], place[1])
-        for runs, alone in ((compacted, True), (fresh, False))
-        for run in runs
-        if (place := places[run.patch]) is not None
-    ]
-    found = [
+    compacted = decode_rows(connection, node, channel["patch"], window, decode)
+    fresh = [
         column
-        for column in columns
-        if column is not None and le(*clip(column.t, column.dt, column.lo.size, window))
+        for run in read_fresh(connection, node, channel["patch"], window)
+        if (place := place_in(run.patch)) is not None
+        and (column := _column(run, *place)) is not None
     ]
-    return sorted(found, key=lambda run: run[:3])
+    found = ColumnRuns.joined([*compacted, ColumnRuns.of(fresh)]).sorted()
+    first, last = found.clipped(window.start, window.end)
+    return found.chosen(np.flatnonzero(first <= last))
 
 
 def find_next(connection: Connection, channel: Channel, moment: int) -> int | None:
@@ -154,12 +133,10 @@ def find_next(connection: Connection, channel: Channel, moment: int) -> int | No
     near = min(moment + 2 * channel["longest"], channel["t_last"]) + 1
     rest = split_column(connection, channel, Window(near, channel["t_last"] + 1))
     for part in chain([Window(moment, near)], rest):
-        found = [
-            run.t + run.dt * clip(run.t, run.dt, run.lo.size, part)[0] - run.error
-            for run in read_column(connection, channel, part)
-        ]
-        if found:
-            return min(found)
+        runs = read_column(connection, channel, part)
+        if len(runs):
+            first, _ = runs.clipped(part.start, part.end)
+            return int((runs.t + runs.dt * first - runs.error).min())
     return None
 
 
@@ -167,9 +144,8 @@ def count_samples(connection: Connection, channel: Channel, window: Window) -> i
     """The number of a channel's samples in a window."""
     total = 0
     for part in split_column(connection, channel, window):
-        for run in read_column(connection, channel, part):
-            first, last = clip(run.t, run.dt, run.lo.size, part)
-            total += last - first + 1
+        first, last = read_column(connection, channel, part).clipped(part.start, part.end)
+        total += int((last - first + 1).sum())
     return total
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from sqlalchemy import and_, bindparam, select
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
 
     from eskin.wire.frames import DescribedLayout
+
+Decoded = TypeVar("Decoded")
 
 FRAMES_AT_ONCE: Final = 512
 ROWS_AT_ONCE: Final = 32
@@ -182,10 +184,6 @@ def find_patch_pages(
     return found
 
 
-def _decode_row(row: RowMapping) -> list[PatchRun]:
-    return decode_runs(row["data"])
-
-
 def read_runs(connection: Connection, node: str, patch_id: str, window: Window) -> list[PatchRun]:
     """The runs of a patch in a window, in order of time, boot and sequence.
 
@@ -224,20 +222,27 @@ def read_fresh(connection: Connection, node: str, patch_id: str, window: Window)
 
 
 def read_compacted(
+    connection: Connection, node: str, patch_id: str, window: Window
+) -> list[PatchRun]:
+    """The runs of a patch in its compacted rows, in any order; otherwise as `read_runs`."""
+    return decode_rows(connection, node, patch_id, window, lambda row: decode_runs(row["data"]))
+
+
+def decode_rows(
     connection: Connection,
     node: str,
     patch_id: str,
     window: Window,
-    decode: Callable[[RowMapping], list[PatchRun]] = _decode_row,
-) -> list[PatchRun]:
-    """The runs of a patch in its compacted rows, in any order; otherwise as `read_runs`.
+    decode: Callable[[RowMapping], list[Decoded]],
+) -> list[Decoded]:
+    """What is in the compacted rows of a patch, in any order; otherwise as `read_runs`.
 
     Args:
         connection: In a read transaction.
         node: The node.
         patch_id: The patch.
         window: The window.
-        decode: How a row is decoded.
+        decode: Reads an intact row.
     """
     totals = read_patch(connection, node, patch_id)
     if totals is None:
@@ -245,7 +250,7 @@ def read_compacted(
     key = {"slot": slot_of(node), "node": node, "patch": patch_id}
     are_countable(patch_rows.name)
     rows = connection.execute(_ROWS, key | _bounds(window, totals["longest"])).mappings()
-    return [run for row in rows if is_intact_row(PatchRowHeader, row) for run in decode(row)]
+    return [each for row in rows if is_intact_row(PatchRowHeader, row) for each in decode(row)]
 
 
 def read_described_runs(

@@ -87,7 +87,9 @@ def test_the_packaged_machine_holds_and_computes_the_paper_s_hand(
     require_flash(node)
     require_speed(node, {})
     # A skin's work grows with its samples.
-    half = settings(tmp_path, "paper-hand", skin={"sampling_hz": hertz / 2, "stretch_ms": 200.0})
+    assert node.skin is not None
+    slower = {"sampling_hz": hertz / 2, "stretch_ms": 2.0 * node.skin.stretch_ms}
+    half = settings(tmp_path, "paper-hand", skin=slower)
     ratio = processor_load(node, {}).total / processor_load(half, {}).total
     assert 1.9 < ratio <= 2.0
 
