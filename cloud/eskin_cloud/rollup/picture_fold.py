@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin.wire.frames.frame_scan import Records
     from eskin_cloud.rollup.column_aggregates import PackedAggregates
-    from eskin_cloud.store.patch_run import PatchRun
+    from eskin_cloud.store.patch_run import PatchMatrix
 
     Integers: TypeAlias = NDArray[np.int64]
     Bytes: TypeAlias = NDArray[np.uint8]
@@ -115,8 +115,8 @@ def fold_records(
         _fold_records(records.data, records.whole, bounds, places, grid, out, spread)
 
 
-def fold_runs(
-    runs: Sequence[PatchRun],
+def fold_matrix(
+    runs: PatchMatrix,
     places: ColumnPlaces,
     grid: tuple[int, int],
     out: PictureHulls,
@@ -126,26 +126,23 @@ def fold_runs(
     """Add the samples of runs of one description, in order of time.
 
     Args:
-        runs: At least one.
+        runs: The runs.
         places: Of its columns: the first row of the arrays.
         grid: As in `fold_records`.
         out: As in `fold_records`.
         spread: As in `fold_records`.
     """
-    whole = np.zeros((len(runs), len(Part)), np.int64)
-    begin = strides = 0
-    for row, run in zip(whole, runs, strict=True):
-        rows, columns = run.lo.shape
-        row[_EARLIEST], row[_LATEST] = run.t - run.error, run.t + run.error
-        row[_PERIOD], row[_FIRST_ROW] = run.dt, run.first_row
-        row[_ROWS], row[_COLUMNS], row[_BEGIN] = rows, columns, begin
-        row[_STRIDES] = strides if run.strides else -1
-        begin, strides = begin + rows * columns, strides + len(run.strides)
-    data = np.frombuffer(b"".join(run.strides for run in runs), np.uint8)
-    bounds = (
-        np.concatenate([run.lo for run in runs]).ravel(),
-        np.concatenate([run.hi for run in runs]).ravel(),
-    )
+    columns = runs.lo.shape[1]
+    whole = np.zeros((len(runs.t), len(Part)), np.int64)
+    whole[:, _EARLIEST], whole[:, _LATEST] = runs.t - runs.error, runs.t + runs.error
+    whole[:, _PERIOD], whole[:, _FIRST_ROW] = runs.dt, runs.first_row
+    whole[:, _ROWS], whole[:, _COLUMNS] = runs.rows, columns
+    whole[:, _BEGIN] = (np.cumsum(runs.rows) - runs.rows) * columns
+    sizes = np.array([len(strides) for strides in runs.strides])
+    begins = np.where(sizes > 0, np.cumsum(sizes) - sizes, -1)
+    whole[:, _STRIDES] = begins[runs.option]
+    data = np.frombuffer(b"".join(runs.strides), np.uint8)
+    bounds = runs.lo.ravel(), runs.hi.ravel()
     _fold_records(data, whole, bounds, places, grid, out, spread)
 
 

@@ -18,14 +18,14 @@ from eskin_cloud.rollup.picture_fold import (
     ColumnPlaces,
     PictureHulls,
     close_gaps,
+    fold_matrix,
     fold_records,
-    fold_runs,
     fold_tiles,
 )
 from eskin_cloud.rollup.ranges import Range, coarsened, merged, refined, without
 from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, are_countable, is_intact_row
 from eskin_cloud.store.descriptions import find_layout, find_patch
-from eskin_cloud.store.patch_rows import decode_runs
+from eskin_cloud.store.patch_rows import decode_matrix
 from eskin_cloud.store.patch_totals import Place
 from eskin_cloud.store.read.patch_runs import read_frame_rows, read_pages
 from eskin_cloud.store.read.window import Window, before
@@ -328,11 +328,11 @@ class PictureReader:
         for row in self._connection.execute(query).mappings():
             if not is_intact_row(PatchRowHeader, row):
                 continue
-            runs = decode_runs(row["data"])
-            name = runs[0].patch
+            runs = decode_matrix(row["data"])
+            name = runs.patch
             if name not in places:
                 places[name] = self._place([find_patch(self._connection, self._node, name)])
-            fold_runs(runs, places[name], grid, hulls, spread=self._spread)
+            fold_matrix(runs, places[name], grid, hulls, spread=self._spread)
             self.coverage = min(self.coverage, row["coverage"])
             self.time_error = max(self.time_error, row["error"])
 

@@ -16,13 +16,13 @@ import pyarrow as pa
 
 from eskin.errors import MessageError
 from eskin.wire.frames.column_codec import ColumnCodes, decode_columns, encode_columns_exactly
-from eskin.wire.frames.sample_codec import MOST_COLUMNS, MOST_STRIDE, Sampling
+from eskin.wire.frames.sample_codec import MOST_COLUMNS, MOST_STRIDE
 from eskin.wire.messages.cbor_map import Fields, integer, items, load_any, octets, row
 from eskin_cloud.store.column_runs import ColumnRuns
-from eskin_cloud.store.patch_run import PatchRun
+from eskin_cloud.store.patch_run import PatchMatrix, PatchRun
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -105,6 +105,31 @@ def decode_heads(data: bytes) -> list[PatchRun]:
     return _decode(data, bounds=False)
 
 
+def decode_matrix(data: bytes) -> PatchMatrix:
+    """Decode runs into arrays, for those that read all of a row's samples.
+
+    Raises:
+        MessageError: As from `decode_runs`.
+    """
+    fields, width = _open(data)
+    description = fields.octets(_HASH, 1, 64)
+    options = [_option(each, width) for each in fields.items(_OPTIONS, MOST_RUNS)]
+    heads = _heads(fields.octets(_HEADS, 1, MOST_BYTES), len(options))
+    lo, hi = _decode_segments(fields.items(_SEGMENTS, MOST_RUNS), heads, _steps(options, width))
+    return PatchMatrix(
+        patch=description,
+        t=heads.ticks + heads.drift,
+        error=heads.error,
+        dt=heads.dt,
+        first_row=heads.first_row,
+        rows=heads.rows,
+        option=heads.option,
+        strides=tuple(strides for strides, _ in options),
+        lo=lo,
+        hi=hi,
+    )
+
+
 def decode_column(data: bytes, column: int) -> ColumnRuns:
     """Decode the runs of one column that have samples of it; times are those of their rows.
 
@@ -116,7 +141,7 @@ def decode_column(data: bytes, column: int) -> ColumnRuns:
         raise MessageError(f"column {column} is read of a row that has {width}")
     options = [_option(each, width) for each in fields.items(_OPTIONS, MOST_RUNS)]
     heads = _heads(fields.octets(_HEADS, 1, MOST_BYTES), len(options))
-    steps = 1 << np.array([list(strides or bytes(width)) for strides, _ in options], np.int64)
+    steps = _steps(options, width)
     lo, hi = _decode_column(fields.items(_SEGMENTS, MOST_RUNS), heads, steps, column)
     step = steps[heads.option, column]
     first = -heads.first_row % step
@@ -135,33 +160,26 @@ def decode_column(data: bytes, column: int) -> ColumnRuns:
     )
 
 
+def _steps(options: list[_Option], width: int) -> NDArray[np.int64]:
+    """Each how many rows a column has a sample, by option; shape ``(options, columns)``."""
+    strides = [list(stated or bytes(width)) for stated, _ in options]
+    return 1 << np.array(strides, np.int64).reshape(-1, width)
+
+
 def _decode_column(
     segments: list[object], heads: _Heads, steps: NDArray[np.int64], column: int
 ) -> tuple[Floats, Floats]:
-    """The bounds of a column's samples, run after run.
-
-    Args:
-        segments: Of the row.
-        heads: Of its runs.
-        steps: Each how many rows a column has a sample, by option; shape ``(options, columns)``.
-        column: Which one.
-    """
+    """The bounds of a column's samples, run after run; ``steps`` is that of `_steps`."""
     found: list[tuple[Floats, Floats]] = []
-    begin, strided = 0, bool(np.any(steps > 1))
-    for segment in segments:
-        runs, encoded = _read_segment(segment)
-        mine = slice(begin, begin + runs)
+    strided = bool(np.any(steps > 1))
+    for mine, encoded in _read_segments(segments, heads, steps.shape[1]):
         rows = heads.rows[mine]
-        _require_cells(int(rows.sum()), steps.shape[1])
         counts = np.full(steps.shape[1], rows.sum())
         if strided:
             of_run = steps[heads.option[mine]]
             first = -heads.first_row[mine, np.newaxis] % of_run
             counts = _count(rows[:, np.newaxis], first, of_run).sum(axis=0)
         found.append(decode_columns(encoded, counts, [column]))
-        begin += runs
-    if begin != len(heads.rows):
-        raise MessageError(f"row has bounds of {begin} runs, not of {len(heads.rows)}")
     lo, hi = (np.concatenate(side) for side in zip(*found, strict=True))
     return lo, hi
 
@@ -185,21 +203,20 @@ def _decode(data: bytes, *, bounds: bool) -> list[PatchRun]:
     description = fields.octets(_HASH, 1, 64)
     options = [_option(each, width) for each in fields.items(_OPTIONS, MOST_RUNS)]
     heads = _heads(fields.octets(_HEADS, 1, MOST_BYTES), len(options))
-    samplings = [
-        Sampling(rows, width, first_row, options[option][0])
-        for rows, first_row, option in zip(*(heads[k].tolist() for k in (7, 6, 10)), strict=True)
-    ]
-    chosen = list(range(width)) if bounds else []
-    sides = _decode_segments(fields.items(_SEGMENTS, MOST_RUNS), samplings, chosen)
+    lo = hi = np.empty((int(heads.rows.sum()) if bounds else 0, 0))
+    if bounds:
+        lo, hi = _decode_segments(fields.items(_SEGMENTS, MOST_RUNS), heads, _steps(options, width))
+    ends = np.cumsum(heads.rows)
+    places = zip((ends - heads.rows).tolist(), ends.tolist(), strict=True)
     numbers = zip(*(column.tolist() for column in heads), strict=True)
     coverages = heads.coverage.view(np.float64).tolist()
     return [
         PatchRun(
             description, boot, sequence, ticks, ticks + drift, error, dt, first_row,
-            options[option][0], epoch, options[option][1], coverage, lo, hi,
+            options[option][0], epoch, options[option][1], coverage, lo[begin:end], hi[begin:end],
         )
         for (boot, sequence, ticks, drift, error, dt, first_row, _, epoch, _, option),
-        coverage, (lo, hi) in zip(numbers, coverages, sides, strict=True)
+        coverage, (begin, end) in zip(numbers, coverages, places, strict=True)
     ]  # fmt: skip
 
 
@@ -276,7 +293,11 @@ def _segments(runs: Sequence[PatchRun]) -> list[list[object]]:
         np.ascontiguousarray(np.concatenate([getattr(run, side) for run in runs]).T)
         for side in ("lo", "hi")
     )
-    mask = _mask([Sampling(run.lo.shape[0], columns, *run[7:9]) for run in runs])
+    mask = _mask(
+        np.array([run.lo.shape[0] for run in runs]),
+        np.array([run.first_row for run in runs]),
+        _steps([(run.strides, run.unshared) for run in runs], columns),
+    )
     if mask is None:
         counts, flat = np.full(columns, rows), (lo.ravel(), hi.ravel())
     else:
@@ -294,69 +315,64 @@ def _segments(runs: Sequence[PatchRun]) -> list[list[object]]:
 
 
 def _decode_segments(
-    segments: list[object], samplings: list[Sampling], chosen: list[int]
-) -> list[tuple[Floats, Floats]]:
-    """The bounds of each run."""
+    segments: list[object], heads: _Heads, steps: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """The bounds of all runs, a row after the other; ``steps`` is that of `_steps`."""
     found: list[tuple[Floats, Floats]] = []
+    columns = steps.shape[1]
+    for mine, encoded in _read_segments(segments, heads, columns):
+        rows = int(heads.rows[mine].sum())
+        mask = _mask(heads.rows[mine], heads.first_row[mine], steps[heads.option[mine]])
+        if mask is None:
+            lo, hi = decode_columns(encoded, np.full(columns, rows))
+            found.append((lo.reshape(columns, rows).T, hi.reshape(columns, rows).T))
+            continue
+        lo, hi = np.full(mask.shape, -np.inf), np.full(mask.shape, np.inf)
+        lo[mask], hi[mask] = decode_columns(encoded, mask.sum(axis=1))
+        found.append((lo.T, hi.T))
+    if len(found) == 1:
+        return found[0]
+    lo, hi = (np.concatenate(side) for side in zip(*found, strict=True))
+    return lo, hi
+
+
+def _read_segments(
+    segments: list[object], heads: _Heads, columns: int
+) -> Iterator[tuple[slice, ColumnCodes]]:
+    """Which runs each segment has, and their codes."""
+    begin = 0
     for segment in segments:
-        runs, encoded = _read_segment(segment)
-        found += _bounds(encoded, samplings[len(found) :][:runs], chosen)
-    if len(found) != len(samplings):
-        raise MessageError(f"row has bounds of {len(found)} runs, not of {len(samplings)}")
-    return found
+        runs, *arrays, codes = row(segment, "segment of a row", 5)
+        end = begin + integer(runs, "runs of a segment", 1, MOST_RUNS)
+        if end > len(heads.rows):
+            raise MessageError("row has bounds of more runs than it has heads")
+        rows = int(heads.rows[begin:end].sum())
+        if rows * columns > MOST_CELLS:
+            raise MessageError(f"row has {rows} instants; with its columns these are too many")
+        exponents, offsets, sizes = (_integers(each, "segment of a row") for each in arrays)
+        encoded = ColumnCodes(exponents, offsets, sizes, octets(codes, "codes", 0, MOST_BYTES))
+        yield slice(begin, end), encoded
+        begin = end
+    if begin != len(heads.rows):
+        raise MessageError(f"row has bounds of {begin} runs, not of {len(heads.rows)}")
 
 
-def _read_segment(segment: object) -> tuple[int, ColumnCodes]:
-    """How many runs a segment has, and their codes."""
-    runs, *arrays, codes = row(segment, "segment of a row", 5)
-    exponents, offsets, sizes = (_integers(each, "segment of a row") for each in arrays)
-    encoded = ColumnCodes(exponents, offsets, sizes, octets(codes, "codes", 0, MOST_BYTES))
-    return integer(runs, "runs of a segment", 1, MOST_RUNS), encoded
+def _mask(
+    rows: NDArray[np.int64], first_row: NDArray[np.int64], steps: NDArray[np.int64]
+) -> NDArray[np.bool_] | None:
+    """Which cells hold a sample, shape ``(columns, rows)``; ``None`` for all.
 
-
-def _require_cells(rows: int, columns: int) -> None:
-    if rows * columns > MOST_CELLS:
-        raise MessageError(f"row has {rows} instants; with its columns these are too many")
-
-
-def _bounds(
-    encoded: ColumnCodes, samplings: list[Sampling], chosen: list[int]
-) -> list[tuple[Floats, Floats]]:
-    if not samplings:
-        raise MessageError("row has bounds of more runs than it has heads")
-    ends = np.cumsum([each.rows for each in samplings])
-    rows = int(ends[-1])
-    _require_cells(rows, samplings[0].columns)
-    mask = _mask(samplings)
-    counts = np.full(samplings[0].columns, rows) if mask is None else mask.sum(axis=1)
-    flat = decode_columns(encoded, counts, chosen)
-    if mask is None:
-        lo, hi = (side.reshape(len(chosen), rows).T for side in flat)
-    else:
-        here = mask[chosen]
-        lo, hi = np.full(here.shape, -np.inf), np.full(here.shape, np.inf)
-        lo[here], hi[here] = flat
-        lo, hi = lo.T, hi.T
-    begins = (ends - [each.rows for each in samplings]).tolist()
-    return [
-        (lo[begin:end], hi[begin:end]) for begin, end in zip(begins, ends.tolist(), strict=True)
-    ]
-
-
-def _mask(samplings: list[Sampling]) -> NDArray[np.bool_] | None:
-    """Which cells hold a sample, shape ``(columns, rows)``; ``None`` for all."""
-    if not any(each.strides for each in samplings):
+    Args:
+        rows: Of each run.
+        first_row: Of each run.
+        steps: Of each run and column: each how many rows there is a sample.
+    """
+    if not np.any(steps > 1):
         return None
-    rows = np.array([each.rows for each in samplings])
     within = np.arange(rows.sum()) - np.repeat(np.cumsum(rows) - rows, rows)
-    first = np.array([each.first_row % 2**MOST_STRIDE for each in samplings])
-    numbers = np.repeat(first, rows) + within
-    mask = np.ones((samplings[0].columns, numbers.size), np.bool_)
-    for strides in {each.strides for each in samplings} - {b""}:
-        here = np.repeat([each.strides == strides for each in samplings], rows)
-        steps = 1 << np.frombuffer(strides, np.uint8).astype(np.int64)
-        mask[:, here] = numbers[here] % steps[:, np.newaxis] == 0
-    return mask
+    numbers = np.repeat(first_row % 2**MOST_STRIDE, rows) + within
+    mask: NDArray[np.bool_] = numbers[:, np.newaxis] % np.repeat(steps, rows, axis=0) == 0
+    return mask.T
 
 
 def _integers(value: object, what: str) -> NDArray[np.int64]:

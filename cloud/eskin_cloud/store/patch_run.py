@@ -1,11 +1,16 @@
-"""Rows of a patch as they were sampled one after the other."""
+"""Rows of a patch as they were sampled one after the other: of one frame, or of many in arrays."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from eskin.interval import Floats
+
+    Integers = NDArray[np.int64]
 
 
 class PatchRun(NamedTuple):
@@ -41,5 +46,33 @@ class PatchRun(NamedTuple):
     epoch: int
     unshared: tuple[int, ...]
     coverage: float
+    lo: Floats
+    hi: Floats
+
+
+class PatchMatrix(NamedTuple):
+    """Many runs of one patch: an entry a run, and the rows of all.
+
+    Attributes:
+        patch: As in `PatchRun`.
+        t: As in `PatchRun`; so are the next three.
+        error: See there.
+        dt: See there.
+        first_row: See there.
+        rows: Number of rows of each run.
+        option: Which of ``strides`` a run has.
+        strides: As in `PatchRun`, those that occur.
+        lo: Lower bounds, shape ``(all rows, columns)``; infinite where unknown.
+        hi: Upper bounds.
+    """
+
+    patch: bytes
+    t: Integers
+    error: Integers
+    dt: Integers
+    first_row: Integers
+    rows: Integers
+    option: Integers
+    strides: tuple[bytes, ...]
     lo: Floats
     hi: Floats

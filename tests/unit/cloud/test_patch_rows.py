@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_cloud.store.column_runs import ColumnRun, ColumnRuns
-from eskin_cloud.store.patch_rows import decode_column, decode_runs, encode_runs
+from eskin_cloud.store.patch_rows import decode_column, decode_matrix, decode_runs, encode_runs
 from eskin_cloud.store.patch_run import PatchRun
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -18,6 +18,8 @@ from eskin.wire.frames import SampleCodes, Sampling, decode_samples, encode_samp
 from tests.unit.eskin.wire.frames.matrices import SIZES, matrices
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
     from eskin.interval import Interval
 
 HASH = bytes(range(32))
@@ -77,6 +79,19 @@ def test_runs_come_back_as_they_were(runs: list[PatchRun]) -> None:
     assert same(decode_runs(encode_runs(runs)), runs)
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(runs=frames_of_a_patch())
+def test_arrays_are_those_of_the_runs(runs: list[PatchRun]) -> None:
+    found = decode_matrix(encode_runs(runs))
+    heads = zip(found.t, found.error, found.dt, found.first_row, found.rows, strict=True)
+    assert [tuple(each) for each in heads] == [
+        (run.t, run.error, run.dt, run.first_row, len(run.lo)) for run in runs
+    ]
+    assert [found.strides[option] for option in found.option] == [run.strides for run in runs]
+    assert np.array_equal(found.lo, np.concatenate([run.lo for run in runs]))
+    assert np.array_equal(found.hi, np.concatenate([run.hi for run in runs]))
+
+
 def of_column(run: PatchRun, column: int) -> ColumnRun | None:
     """The samples of a column, picked one by one."""
     step = 2 ** run.strides[column] if run.strides else 1
@@ -117,7 +132,11 @@ def test_other_bytes_are_refused_or_read_as_intervals(
     for _ in range(data.draw(st.integers(1, 3))):
         good[data.draw(st.integers(0, len(good) - 1))] ^= data.draw(st.integers(1, 255))
     damaged = bytes(good[: data.draw(st.integers(0, len(good)) | st.just(len(good)))])
-    for read in (decode_runs, lambda row: decode_column(row, 0)):
+    readers: tuple[Callable[[bytes], Iterable[PatchRun | ColumnRun]], ...] = (
+        decode_runs,
+        lambda row: decode_column(row, 0),
+    )
+    for read in readers:
         try:
             found = read(damaged)
         except MessageError:
