@@ -51,7 +51,7 @@ demo: $(VENV)/.runtime $(DASHBOARD_BUILT) ## Run the whole stack on this machine
 	@exec $(BIN)/eskin demo $(ARGS)
 
 test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed $(RTAMT)/.installed system ## Run the tests, without the nightly ones (installs Mosquitto, PostgreSQL, Prometheus, Chromium and SoftHSM on Debian)
-	$(BIN)/pytest --numprocesses 3 --dist loadscope --no-loadscope-reorder $(ARGS)
+	$(BIN)/pytest --numprocesses 4 --dist loadscope --no-loadscope-reorder $(ARGS)
 	services/npm.sh $(DASHBOARD) test
 
 test-compose: $(VENV)/.development ## Bring docker-compose.yml up on a real container engine and check it (root)

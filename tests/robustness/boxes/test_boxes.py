@@ -13,7 +13,7 @@ from eskin.models import icm
 from tests.robustness.boxes.cases import CASES, Case
 from tests.robustness.boxes.verify import Outcome, compare, verify
 
-FEW = 8
+FEW = 5
 
 
 @pytest.mark.parametrize("name", CASES)

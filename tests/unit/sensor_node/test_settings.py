@@ -47,7 +47,8 @@ def test_a_profile_with_a_skin_has_no_other_taxels(name: str, tmp_path: Path) ->
     loaded = settings(tmp_path, name)
     assert (len(loaded.taxel), loaded.skin.taxels) == (0, SKINS[name])
     faster = NodeSettings.load(written(tmp_path, "[skin]\nsampling_hz = 100.0\n", name))
-    assert (faster.skin.rows, faster.skin.scenario) == (10, loaded.skin.scenario)
+    rows = round(loaded.skin.stretch_ms / 10.0)
+    assert (faster.skin.rows, faster.skin.scenario) == (rows, loaded.skin.scenario)
     # Own taxels win over a profile's skin, and an own skin over its taxels.
     own = NodeSettings.load(written(tmp_path, Profile.read("palm").text, name))
     assert (own.skin.present, len(own.taxel)) == (False, 1)

@@ -42,7 +42,7 @@ def play(bench: Bench, singles: list[Single], orders: list[tuple[int, set[int], 
             assert bench.controls(row).apply(name, arguments) == state
 
 
-@effort(max_examples=4, deadline=None)
+@effort(max_examples=2, deadline=None)
 @given(
     st.lists(
         st.tuples(
