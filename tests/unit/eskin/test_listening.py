@@ -334,7 +334,9 @@ async def test_connections_of_a_proxy_have_no_bound_of_one_address() -> None:
             writer.close()
 
 
-@pytest.mark.parametrize("close", [b"", b"Connection: close\r\n"])
+@pytest.mark.parametrize(
+    "close", [b"", pytest.param(b"Connection: close\r\n", marks=pytest.mark.nightly)]
+)
 async def test_slow_reader_is_served_to_the_end_and_one_that_stops_is_not(
     monkeypatch: pytest.MonkeyPatch, close: bytes
 ) -> None:
