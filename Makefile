@@ -89,7 +89,7 @@ model: $(VENV)/.development $(TLC)/.installed ## Check the model of delivery wit
 	@services/install_test_packages.sh openjdk-17-jre-headless
 	$(BIN)/python -m tests.robustness.model $(ARGS)
 
-nightly: $(VENV)/.development ## Every long check, one after the other; logs in build/nightly (root; ARGS="--step fuzz --seed 2")
+nightly: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed $(RTAMT)/.installed $(TLC)/.installed system ## Every long check, one after the other; logs in build/nightly (root; ARGS="--step fuzz --seed 2")
 	$(BIN)/python -m tests.nightly $(ARGS)
 
 scan: $(VENV)/.scan ## Check the pinned libraries for known vulnerabilities (needs the network)

@@ -160,7 +160,7 @@ def _frames(browser: Browser, stage: Stage, seconds: float) -> Iterator[Row]:
 
 @contextmanager
 def _thread_seconds(visit: Visit) -> Iterator[list[float]]:
-    """What the page's main thread spends on the processor meanwhile, whoever else uses it."""
+    """What the page's main thread spends on the processor meanwhile, whatever else uses it."""
     session = visit.page.context.new_cdp_session(visit.page)
     session.send("Performance.enable", {"timeDomain": "threadTicks"})
     spent: list[float] = []

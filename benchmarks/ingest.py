@@ -196,7 +196,7 @@ def _take_turns(
     """Median rates; the first round of all compiles, and is not counted.
 
     After it the process settles, as a cloud does after its start: Python would look for garbage
-    among all that peers' libraries brought, at the cost of whoever stores then.
+    among all that peers' libraries brought, at the cost of what stores then.
     """
     ours: list[list[float]] = [[] for _ in subjects]
     theirs: list[list[float]] = [[] for _ in peers]

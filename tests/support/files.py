@@ -28,7 +28,7 @@ def write_settings(path: Path, sections: Mapping[str, Mapping[str, object]]) -> 
 
 
 def ask(path: Path, query: str) -> list[tuple[Any, ...]]:
-    """Ask a SQLite database that somebody else may write; nothing where there is none yet."""
+    """Ask a SQLite database that another may write; nothing where there is none yet."""
     if not path.exists():
         return []
     with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True, timeout=30)) as database:

@@ -1,4 +1,4 @@
-"""Whoever answers in a server's place: by a certificate that is not good for it, or without TLS."""
+"""Servers in another's place: with a certificate that is not good for it, or without TLS."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from eskin.identity import Identity
 
 GUISES: Final = {
-    "stranger": "certificate verify failed: (unable to get local issuer|self.signed)",
+    "outsider": "certificate verify failed: (unable to get local issuer|self.signed)",
     "other name": "certificate verify failed: IP address mismatch",
     "expired": "certificate verify failed: certificate has expired",
     "plaintext": r"\[SSL",
@@ -119,10 +119,10 @@ def guise(name: str, identities: Identities, folder: Path) -> Identity | None:
     Args:
         name: One of `GUISES`.
         identities: The right CA.
-        folder: Takes what a stranger's CA makes.
+        folder: Takes what a outsider's CA makes.
     """
-    if name == "stranger":
-        return Identities(folder / "strangers").make(IdentityKind.SERVER, "server.broker")
+    if name == "outsider":
+        return Identities(folder / "outsiders").make(IdentityKind.SERVER, "server.broker")
     if name == "other name":
         hosts = ("elsewhere.example",)
         return identities.make(IdentityKind.SERVER, "server.elsewhere", hosts=hosts)

@@ -50,7 +50,7 @@ class Server(Running):
     """The server with all its processes: it forks one for each connection, and some for itself."""
 
     def terminate(self) -> None:
-        """End it, whoever is connected."""
+        """End it, whatever clients are connected."""
         self.signal(signal.SIGINT)
 
     def signal(self, number: signal.Signals) -> None:
@@ -106,10 +106,10 @@ class Cluster:
         self.port = 0 if identity is None else free_port()
         self.folder = folder or Path(tempfile.mkdtemp(prefix="pg-"))
         self._numbers = count(1)
-        somebody = _as_somebody_else(self.folder) if os.geteuid() == 0 else []
+        as_user = _as_another_user(self.folder) if os.geteuid() == 0 else []
         data = self.folder / "data"
         subprocess.run(
-            [*somebody, program("initdb"), "-D", data, "-U", _ADMIN, "-A", "trust", "-E", "UTF8",
+            [*as_user, program("initdb"), "-D", data, "-U", _ADMIN, "-A", "trust", "-E", "UTF8",
              "--locale=C.UTF-8", "--no-sync", "--no-instructions"],
             check=True, stdout=subprocess.DEVNULL, cwd=self.folder,
         )  # fmt: skip
@@ -123,11 +123,11 @@ class Cluster:
             settings |= {"listen_addresses": address, "port": str(self.port)}
             settings |= self._encrypt(identity)
         options = [f"-c{name}={value}" for name, value in settings.items()]
-        words = [*prefix, *somebody, program("postgres"), "-D", str(data), *options]
+        words = [*prefix, *as_user, program("postgres"), "-D", str(data), *options]
         self.running = Server(words, log=log or self.folder / "log")
 
     def _encrypt(self, identity: Identity) -> dict[str, str]:
-        """Let strangers in by TLS and with a password only."""
+        """Let clients in by TLS and with a password only."""
         self.show(identity)
         (self.folder / "data" / "pg_hba.conf").write_text(
             "local all all trust\nhostssl all all all scram-sha-256\n"
@@ -160,16 +160,16 @@ class Cluster:
         shutil.rmtree(self.folder)
 
     def start(self) -> None:
-        """Start, and wait until it lets somebody in."""
+        """Start, and wait until it accepts connections."""
         self.running.start()
         wait_until(self.answers, "PostgreSQL answers")
 
     def stop(self) -> None:
-        """End it, whoever is connected."""
+        """End it, whatever clients are connected."""
         self.running.stop()
 
     def shut(self, place: URL) -> None:
-        """Let nobody into a database any more."""
+        """Reject connections to a database any more."""
         name = place.database
         self.execute(f"ALTER DATABASE {name} ALLOW_CONNECTIONS false", database="postgres")
         # It waits until they are gone.
@@ -202,7 +202,7 @@ class Cluster:
             connection.execute(statements.encode())
 
     def answers(self) -> bool:
-        """Whether it lets somebody in."""
+        """Whether it accepts connections."""
         try:
             psycopg.connect(self._words("postgres")).close()
         except psycopg.OperationalError:
@@ -230,10 +230,10 @@ def _is_gone(process: psutil.Process) -> bool:
     return gone
 
 
-def _as_somebody_else(folder: Path) -> list[str]:
+def _as_another_user(folder: Path) -> list[str]:
     """Words before a command, by which it is no longer root's; the folder is its own, too."""
     names = {entry.pw_name for entry in pwd.getpwall()}
-    user = pwd.getpwnam("postgres" if "postgres" in names else "nobody")
+    user = pwd.getpwnam("postgres" if "postgres" in names else "daemon")
     os.chown(folder, user.pw_uid, user.pw_gid)
     ids = [f"--reuid={user.pw_uid}", f"--regid={user.pw_gid}", "--clear-groups"]
     return ["setpriv", *ids, "--"]

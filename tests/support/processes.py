@@ -25,8 +25,8 @@ PLAIN: Final = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 """For clients of plain HTTP, which would read the web's roots else: 20 ms of CPU in each poll."""
 _SHORTEST_S: Final = 0.02
 _LONG_S: Final = 120.0
-"""For what takes a few seconds: some share the processor, and it may be slow. Whoever asserts that
-something comes soon names a time of its own."""
+"""For what takes a few seconds: some share the processor, and it may be slow. A test that
+asserts that something comes soon names a time of its own."""
 
 
 def free_port() -> int:
@@ -59,7 +59,7 @@ def wait_until(condition: Callable[[], bool], what: str, *, seconds: float = _LO
 
 @contextmanager
 def unwound_by_signals() -> Iterator[None]:
-    """For a command: whoever ends it by SIGTERM or SIGINT ends what it started, too.
+    """For a command: ending it by SIGTERM or SIGINT ends what it started, too.
 
     Python dies of the first at once; a shell has what it starts in the background ignore the other.
     """

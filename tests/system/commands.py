@@ -174,13 +174,13 @@ class Chain:
         number: int = answer.json()["id"]
         return number
 
-    def told(self, number: int, *, node: str = "fingertip") -> Any:
+    def stated(self, number: int, *, node: str = "fingertip") -> Any:
         """What became of a command."""
         return self.client.get(f"/api/v1/nodes/{node}/commands/{number}").json()
 
     def wait_for(self, number: int, state: str, *, node: str = "fingertip") -> None:
         """Wait until a command is done, refused, …."""
-        wait_until(lambda: self.told(number, node=node)["state"] == state, f"{number} is {state}")
+        wait_until(lambda: self.stated(number, node=node)["state"] == state, f"{number} is {state}")
 
     def wait_for_node(self, node: str = "fingertip") -> None:
         """Wait until the cloud has heard how a node is set."""

@@ -38,8 +38,8 @@ def test_command_is_done_and_the_state_tells(chain: Chain) -> None:
     assert state["desired"] == {"*": {"rate": 50.0}}
     assert state["reported"] == {"t01": {"rate": 50.0}, "t02": {"rate": 50.0}}
     assert (state["settled"], state["reported_by"]) == (True, number)
-    told = chain.told(number)
-    assert told["issued"] < told["answered"]["hi"] < told["expires"]
+    stated = chain.stated(number)
+    assert stated["issued"] < stated["answered"]["hi"] < stated["expires"]
     events = chain.client.get("/api/v1/events", params={"kind": "command"}).json()["items"]
     assert events[0]["detail"] == "set rate 50: done"
 
@@ -51,12 +51,12 @@ def test_node_that_was_away_catches_up_in_order(chain: Chain) -> None:
     second = chain.ask("set", rate=5e3)
     third = chain.ask("set", rate=20, taxel="t02")
     chain.wait_for(first, "delivered")
-    assert chain.told(second)["state"] == "pending"
+    assert chain.stated(second)["state"] == "pending"
     with chain.node() as node:
         chain.wait_for(third, "done")
         assert [name for name, _ in node.controls.calls] == ["calibrate", "set", "set"]
-    assert chain.told(first)["state"] == "done"
-    refused = chain.told(second)
+    assert chain.stated(first)["state"] == "done"
+    refused = chain.stated(second)
     assert refused["state"] == "refused"
     assert refused["reason"].startswith("rate is 5000.0; allowed: at most 1000")
 
@@ -70,7 +70,7 @@ def test_command_expires_while_its_node_is_away(chain: Chain) -> None:
     with chain.node() as node:
         chain.wait_for(later, "done")
         assert [name for name, _ in node.controls.calls] == ["set"]
-    assert chain.told(number)["state"] == "expired"
+    assert chain.stated(number)["state"] == "expired"
 
 
 @pytest.mark.nightly
@@ -87,7 +87,7 @@ def test_restarted_gateway_and_cloud_deliver_what_waits(chain: Chain) -> None:
         chain.start_gateway()
         chain.wait_for(second, "done")
         assert len(node.controls.calls) == 2
-    assert chain.told(first)["state"] == "done"
+    assert chain.stated(first)["state"] == "done"
 
 
 def test_broker_can_neither_read_nor_replay_nor_redirect_nor_forge(

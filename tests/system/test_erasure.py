@@ -1,4 +1,4 @@
-"""Erasing a person: what is left, in every file, is unreadable and leads to nobody."""
+"""Erasing a person: what is left, in every file, is unreadable and leads to no person."""
 
 from __future__ import annotations
 
@@ -177,8 +177,8 @@ def test_erased_person_is_unreadable_and_unlinkable_in_every_file(
     caplog.set_level(logging.DEBUG)
     house.command("assign", "--node", NODE, "--name", NAME)
     house.subject_sync.sync()
-    told = heart(1)
-    house.say(*told)
+    reported = heart(1)
+    house.say(*reported)
     house.forward()
     waiting = heart(4)
     house.say(*waiting)
@@ -197,7 +197,7 @@ def test_erased_person_is_unreadable_and_unlinkable_in_every_file(
     held = remains(tmp_path) + caplog.text.encode()
     for secret in (ada.key, ada.salt, NAME.encode(), b"Lovelace", ada.key.hex().encode()):
         assert secret not in held
-    for message in told + waiting:
+    for message in reported + waiting:
         assert all(piece not in held for piece in pieces(message))
     assert [
         audit_entry for audit_entry in house.audit_entries() if ada.pseudonym in audit_entry
@@ -238,7 +238,7 @@ def test_nothing_that_is_left_opens_what_was_sealed_or_names_the_person(house: H
                 Decryptor(store).decrypt(NODE, SealedMessage.decode(data))
 
 
-def test_erasure_waits_for_the_cloud_and_is_told_again_until_it_confirms(house: House) -> None:
+def test_erasure_waits_for_the_cloud_and_is_sent_again_until_it_confirms(house: House) -> None:
     house.command("assign", "--node", NODE, "--name", NAME)
     house.subject_sync.sync()
     (ada,) = house.inside.keystore.named(NAME)

@@ -1,4 +1,4 @@
-"""Mosquitto under its guard: whoever is revoked is out, also on an open connection.
+"""Mosquitto under its guard: a client that is revoked is out, also on an open connection.
 
 How soon: at the guard's next look, see ``tests/unit/ca_service/test_guard.py``.
 """

@@ -112,7 +112,7 @@ def test_members_of_a_fleet_are_renewed_and_follow_the_roots(tmp_path: Path) -> 
     pki, names = tmp_path / "pki", numbered("skin", 2)
     own = Identities(pki)
     ended = datetime.now(UTC) - timedelta(seconds=60)
-    for name in names:  # nobody takes them before they are renewed
+    for name in names:  # no one takes them before they are renewed
         own.make(IdentityKind.NODE, name, now=ended, lifetime=timedelta(seconds=59))
     service, port = authority(tmp_path, own)
     renewal = {"url": f"https://127.0.0.1:{port}", "every_s": 0.3}

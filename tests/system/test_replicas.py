@@ -57,9 +57,9 @@ class Listener(threading.Thread):
 
     @property
     def cursors(self) -> list[str]:
-        """Cursors of the frames and peaks that were told, in their order."""
-        told = "\n".join(self.lines).split("\n\n")
-        wanted = [each for each in told if "event: frame" in each or "event: peak" in each]
+        """Cursors of the frames and peaks that were stated, in their order."""
+        stated = "\n".join(self.lines).split("\n\n")
+        wanted = [each for each in stated if "event: frame" in each or "event: peak" in each]
         return [line[4:] for each in wanted for line in each.split("\n") if line[:4] == "id: "]
 
 
@@ -76,7 +76,7 @@ def test_replicas_store_once_and_both_tell_all(replicas: list[Service]) -> None:
         answers = [service.ingest(said).json()["items"] for service in (first, second)]
         results = [[item["result"] for item in items] for items in answers]
         assert results == [["stored"] * 2, ["duplicate"] * 2]
-    wait_until(lambda: all(len(heard.cursors) >= 20 for heard in listeners), "both told all")
+    wait_until(lambda: all(len(heard.cursors) >= 20 for heard in listeners), "both stated all")
     # Where the machine is slow, one that falls silent is an event between them.
     everything = listeners[0].cursors
     assert listeners[1].cursors == everything

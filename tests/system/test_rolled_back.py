@@ -74,12 +74,12 @@ def test_rolled_back_spool_is_named_by_node_event_and_metric(stack: RealStack) -
         stack.start_cloud()
         stack.start_gateway()
 
-        def told() -> dict[str, object] | None:
+        def stated() -> dict[str, object] | None:
             missing: dict[str, object] | None = person.get("nodes/fingertip").json()["missing"]
             return missing
 
-        wait_until(lambda: told() is not None, "the node's document names what is missing")
-        wait_until(lambda: _spans(told()) == holes(stack), "it names exactly the holes")
+        wait_until(lambda: stated() is not None, "the node's document names what is missing")
+        wait_until(lambda: _spans(stated()) == holes(stack), "it names exactly the holes")
         count = sum(last - first + 1 for first, last in holes(stack))
         assert count >= 100
         events = person.get("events", params={"node": "fingertip", "kind": "status"}).json()
@@ -88,7 +88,7 @@ def test_rolled_back_spool_is_named_by_node_event_and_metric(stack: RealStack) -
         assert f"eskin_cloud_messages_missing {float(count)}" in metrics
 
 
-def _spans(told: dict[str, object] | None) -> list[tuple[int, int]]:
-    ranges = told["ranges"] if told else []
+def _spans(stated: dict[str, object] | None) -> list[tuple[int, int]]:
+    ranges = stated["ranges"] if stated else []
     assert isinstance(ranges, list)
     return [(each["first"], each["last"]) for each in ranges]

@@ -184,7 +184,7 @@ def test_root_is_replaced_under_traffic(tmp_path: Path) -> None:
         log.info("visits to each server: %d", visitor.visits)
         assert visitor.visits > 3
         assert visitor.refusals == []
-        # Whoever connects anew is let in, and what the old root has signed is not.
+        # A client that connects anew is let in, and what the old root has signed is not.
         end_connections(site.anchors / "control.sock", ["fingertip", "gateway.g1"])
         site.wait_for_more()
         with site.party(Identity.load(stolen)) as thief:
@@ -214,6 +214,6 @@ def rotate(site: Site, old: x509.Certificate) -> None:
     wait_until(lambda: site.pki_command("retire", "--root") == "", "everybody is renewed")
     wait_until(
         lambda: all(roots != (old,) and len(roots) == 1 for roots in site.roots().values()),
-        "nobody trusts the old root",
+        "no party trusts the old root",
     )
     site.wait_for_more()

@@ -107,7 +107,7 @@ def test_name_that_is_none_is_refused(site: Site, name: str) -> None:
 
 
 @pytest.mark.parametrize("words", [("assign", "--node", "hand"), ("erase",)])
-def test_nobody_is_asked_for_a_name_before_the_settings_are_read(words: tuple[str, ...]) -> None:
+def test_no_name_is_asked_for_before_the_settings_are_read(words: tuple[str, ...]) -> None:
     done = CliRunner().invoke(app, ["subjects", *words, "--config", "/none.toml"], input="")
     assert "/none.toml" in str(done.exception)
     assert "Name" not in done.output

@@ -134,7 +134,7 @@ def test_other_gateway_takes_over_with_nothing_lost_or_doubled(stack: RealStack)
         wait_until(lambda: not held(stack.spool), "what the victim held is stored")
     delay, usual = death.delay_s(stack), death.usual_s(stack)
     log.info("longest delay: %.2f s; of what did not meet the victim: %.2f s", delay, usual)
-    assert delay - usual < LIMIT_S, "what the machine takes is nobody's fault"
+    assert delay - usual < LIMIT_S, "what the machine takes is no fault"
     require_each_once(stack.store)
 
 

@@ -12,7 +12,7 @@ function hole(from: number, to: number): { x0: number; x1: number } {
   return { x0: from * MS, x1: to * MS };
 }
 
-/** A backfill, what it says, and a cloud that answers its questions when it is told to. */
+/** A backfill, what it says, and a cloud that answers its questions when it is notified to. */
 function slowly(): { backfill: Backfill; said: string[]; answers: ((answer: Response) => Promise<void>)[] } {
   const said: string[] = [];
   const answers: ((answer: Response) => Promise<void>)[] = [];

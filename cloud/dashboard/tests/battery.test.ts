@@ -13,7 +13,7 @@ test("a battery's charge is rounded outward", () => {
   expect(batteryText(energy)).toBe("50–61 % · may sustain itself");
 });
 
-test("an unbounded charge is anything, and shed load is told", () => {
+test("an unbounded charge is anything, and shed load is stated", () => {
   const charge = { lo: null, hi: null };
   expect(batteryText({ ...energy, charge, self_sustaining: "impossible", shedding: "peaks" })).toBe(
     "0–100 % · discharges · sheds to peaks",

@@ -30,7 +30,7 @@ describe("the seam between store and stream", () => {
     expect(data.take(run(1250, 1500), 0, 0).hole).toBeNull();
   });
 
-  test("what the store lists anew does not stand for what the stream has not told", () => {
+  test("what the store lists anew does not stand for what the stream has not stated", () => {
     const data = dataOf(channel(1000), []);
     data.take(run(1000, 1250), 0, 0);
     data.channel = channel(2000);
@@ -132,7 +132,7 @@ describe("silence", () => {
     expect(data.rolling.width[at]).toBe(750 * MS);
   });
 
-  test("of a node is told, and of a channel also while others of its node go on", () => {
+  test("of a node is stated, and of a channel also while others of its node go on", () => {
     const edge = new LiveEdge();
     const data = dataOf(channel(1000), [], "sample", edge);
     expect(data.silentSince(0)).toBeNull();

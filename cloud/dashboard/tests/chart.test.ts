@@ -138,7 +138,7 @@ describe("peaks that lie too close", () => {
   });
 });
 
-function told(x0: number, x1: number, verdict: Segment["verdict"], error: number): Segment {
+function stated(x0: number, x1: number, verdict: Segment["verdict"], error: number): Segment {
   return { x0, x1, verdict, error };
 }
 
@@ -148,7 +148,7 @@ function touched(lane: Uint8Array): number[] {
 
 describe("answers to a question", () => {
   test("are certain where they are so wherever their true moments lie, else possible", () => {
-    const { certain, possible } = lanesOf(MAP, [told(200, 400, "certain", 50), told(700, 720, "possible", 30)]);
+    const { certain, possible } = lanesOf(MAP, [stated(200, 400, "certain", 50), stated(700, 720, "possible", 30)]);
     const all = touched(certain);
     expect(all.length).toBeGreaterThanOrEqual(20);
     for (const begin of [150, 187, 250]) {
@@ -165,7 +165,7 @@ describe("answers to a question", () => {
   });
 
   test("are possible within their time error, and certain in a column that holds all of it", () => {
-    const short = [told(500, 502, "certain", 50)];
+    const short = [stated(500, 502, "certain", 50)];
     const fine = lanesOf(MAP, short);
     expect([touched(fine.certain), touched(fine.possible).length]).toEqual([[], 22]);
     const coarse = lanesOf({ ...MAP, xMax: 200_000 }, short);
@@ -173,8 +173,8 @@ describe("answers to a question", () => {
   });
 
   test("are painted to the last column where their times are right", () => {
-    expect(touched(lanesOf(MAP, [told(500, 500, "certain", 0)]).certain)).toEqual([99, 100]);
-    expect(touched(lanesOf(MAP, [told(-50, -20, "certain", 0), told(1020, 1050, "possible", 0)]).certain)).toEqual([]);
+    expect(touched(lanesOf(MAP, [stated(500, 500, "certain", 0)]).certain)).toEqual([99, 100]);
+    expect(touched(lanesOf(MAP, [stated(-50, -20, "certain", 0), stated(1020, 1050, "possible", 0)]).certain)).toEqual([]);
   });
 
   test("tell how far their moments may be wrong", () => {

@@ -14,9 +14,9 @@ function doubtful(): { readonly data: ChannelData; readonly asked: string[] } {
       const query = new URL(String(url), "http://cloud").searchParams;
       const [from, to] = ["start", "end"].map((name) => Number(BigInt(query.get(name)!) - ORIGIN) / MS);
       asked.push(`${from} ${to}`);
-      const told = series(Math.max(0, from!), Math.min(1000, to!));
+      const stated = series(Math.max(0, from!), Math.min(1000, to!));
       const spike = 520 - Math.max(0, from!);
-      return Promise.resolve(Response.json({ ...told, resolution: to! - from! > 500 ? "hull" : "sample", time_error: 30 * MS, hi: told.hi.map((hi, i) => (i === spike ? 9 : hi)) }));
+      return Promise.resolve(Response.json({ ...stated, resolution: to! - from! > 500 ? "hull" : "sample", time_error: 30 * MS, hi: stated.hi.map((hi, i) => (i === spike ? 9 : hi)) }));
     },
     onUnauthorised: () => undefined,
   });
@@ -34,7 +34,7 @@ describe("a window of the past of doubtful moments", () => {
     expect(asked.slice(2)).toEqual(["570 640"]);
   });
 
-  test("is asked for once where the stream has told the error", async () => {
+  test("is asked for once where the stream has stated the error", async () => {
     const { data, asked } = doubtful();
     data.take(run(1000, 1050, { time_error: 30 * MS }), 0, null);
     await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);

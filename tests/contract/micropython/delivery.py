@@ -131,11 +131,11 @@ class Delivery:
 def deliver(job: "Mapping[str, Any]") -> "list[Any]":
     """Give what each step of a script answers, and what waits behind it."""
     delivery = Delivery(*job["limits"])
-    told: list[Any] = []
+    stated: list[Any] = []
     for name, *given in job["script"]:
-        told.append(getattr(delivery, name)(*given))
+        stated.append(getattr(delivery, name)(*given))
         outbox = delivery.outbox
-        told.append([list(outbox.usage()), list(outbox.held()), outbox.newest_status])
+        stated.append([list(outbox.usage()), list(outbox.held()), outbox.newest_status])
     waiting = delivery.chip.after((-1, -1), 1000000)
-    told.append([kept.body.hex() for kept in waiting])
-    return told
+    stated.append([kept.body.hex() for kept in waiting])
+    return stated

@@ -182,13 +182,13 @@ def tell(step: "Table", message_writer: MessageWriter, manager: "EnergyManager |
         return message_writer.gap(step["gap"], times(step), step["samples"], **named)
     if "status" in step:
         uptime, storage = int(step["uptime"]), step["storage"]
-        told = (step["status"], step["description"], uptime, storage, step["cause"])
+        stated = (step["status"], step["description"], uptime, storage, step["cause"])
         energy = manager.status if manager and step["lives"] else None
         if step["heard"] is not None:
             message_writer.observe_time(int(step["heard"]))
         more = {"energy": energy, "faults": step["faults"]}
         more["held"], more["ended"] = step["held"], step["ended"]
-        return message_writer.status(times(step), *told, **more)
+        return message_writer.status(times(step), *stated, **more)
     raise ValueError("an unknown step")
 
 

@@ -17,14 +17,14 @@ def examine(job: "Mapping[str, Any]") -> "list[Any]":
     hexadecimal; ``neighbours`` holds the numbers of those around it.
     """
     test = SelfTest(job["neighbours"])
-    told: list[Any] = []
+    stated: list[Any] = []
     for k in range(len(job["tubes"][0])):
         for number, tubes in enumerate(job["tubes"]):
             lows, highs = [_real(pair[:16]) for pair in tubes[k]], [_real(p[16:]) for p in tubes[k]]
             test.take(number, lows, highs, len(lows))
-            told.append(_seen(lows, highs))
-        told.append([list(found) for found in test.examine()])
-    return told
+            stated.append(_seen(lows, highs))
+        stated.append([list(found) for found in test.examine()])
+    return stated
 
 
 def _seen(lows: "Sequence[float]", highs: "Sequence[float]") -> "list[Any]":

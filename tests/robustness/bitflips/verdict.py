@@ -1,4 +1,4 @@
-"""What became of a flipped bit: told, without effect, or broken."""
+"""What became of a flipped bit: stated, without effect, or broken."""
 
 from __future__ import annotations
 

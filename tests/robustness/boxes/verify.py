@@ -76,13 +76,13 @@ def compare(
     for i in range(n):
         sides = {k: (float(v.inf[i]), float(v.sup[i])) for k, v in box.items()}
         bounds = {k: (float(v.inf[i]), float(v.sup[i])) for k, v in found.items()}
-        worst, told = _judge(case, sides, bounds, generator, outcome)
+        worst, stated = _judge(case, sides, bounds, generator, outcome)
         outcome.boxes += 1
-        if told:
+        if stated:
             outcome.violations += 1
             outcome.excess = max(outcome.excess, worst)
             if len(outcome.examples) < _SHOWN:
-                outcome.examples.append(f"{told}\n    of {sides}")
+                outcome.examples.append(f"{stated}\n    of {sides}")
 
 
 def _judge(
@@ -96,14 +96,14 @@ def _judge(
         if not inf <= sup:
             return math.inf, f"{name} is [{inf!r}, {sup!r}]"
     ctx.prec = _BITS[0]
-    worst, told = 0.0, ""
+    worst, stated = 0.0, ""
     for point in _members(case, sides, generator):
         outcome.points += 1
         for name, excess in _excesses(case, point, bounds):
             if excess > worst:
                 at = {k: float(v.mid()) for k, v in point.items()}
-                worst, told = excess, f"{name} {bounds[name]} misses by {excess:.3g} at {at}"
-    return worst, told
+                worst, stated = excess, f"{name} {bounds[name]} misses by {excess:.3g} at {at}"
+    return worst, stated
 
 
 def _members(

@@ -72,7 +72,7 @@ def main() -> int:
 
 
 def _go_into_namespaces_of_our_own() -> NoReturn:
-    """Begin anew where bridges, cables and mounts are nobody else's, and end with us."""
+    """Begin anew where bridges, cables and mounts are not of others, and end with us."""
     again = [sys.executable, "-m", "tests.robustness.chaos", *sys.argv[1:]]
     words = ["unshare", "--mount", "--net", "--propagation", "private", *again]
     os.execvpe(words[0], words, os.environ | {_OF_ITS_OWN: "1"})  # noqa: S606 - our own words

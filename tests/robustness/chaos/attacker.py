@@ -1,6 +1,6 @@
 """``python -m tests.robustness.chaos.attacker PORT repeat|flood``: an attacker at the broker.
 
-They can read and write every topic, and hold nobody's key.
+They can read and write every topic, and hold no key of others.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def main() -> None:
 def _flood(client: paho.Client) -> None:
     for number in range(_RUBBISH):
         stream = ("frames", "events", "status")[number % 3]
-        client.publish(f"eskin/v1/nodes/stranger-{number % 50}/{stream}", os.urandom(2000), qos=1)
+        client.publish(f"eskin/v1/nodes/outsider-{number % 50}/{stream}", os.urandom(2000), qos=1)
     while client.is_connected() and client.want_write():
         time.sleep(_PAUSE_S)
 

@@ -87,7 +87,7 @@ class Database(Part):
         self._cluster.show(Identity.load(directory))
 
     def come_back(self) -> None:
-        """Wait until it lets somebody in: without room for its log it ends, and is started anew."""
+        """Wait until it accepts connections: without room for its log it ends, and starts anew."""
 
         def answers() -> bool:
             process = self.running.process

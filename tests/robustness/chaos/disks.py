@@ -25,7 +25,7 @@ class Disk:
         mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
         subprocess.run(mount, check=True)
         self.folder = folder
-        self._other = folder / "somebody-elses-file"
+        self._other = folder / "foreign-file"
 
     def unmount(self) -> None:
         """Take it away, with all that is on it."""

@@ -50,7 +50,7 @@ class Restart:
 
 
 class Hang:
-    """SIGSTOP: its connections stay open, and nobody answers."""
+    """SIGSTOP: its connections stay open, and it does not answer."""
 
     def begin(self, part: Part) -> None:
         """Stop it."""
@@ -100,7 +100,7 @@ class Renewal:
 
 
 class Flood:
-    """Killed, and flooded by somebody's rubbish as soon as it is back, beside all that waits."""
+    """Killed, and flooded by rubbish as soon as it is back, beside all that waits."""
 
     def begin(self, part: Part) -> None:
         """End it as a power cut would."""
@@ -152,7 +152,7 @@ class Reset:
 
 
 class DiskFull:
-    """Somebody else takes all of its disk."""
+    """Another process takes all of its disk."""
 
     def begin(self, part: Part) -> None:
         """Fill it."""

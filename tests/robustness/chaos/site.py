@@ -132,7 +132,7 @@ class Site:
     def require_alive(self, names: Sequence[str]) -> None:
         """Check that these have not ended by themselves.
 
-        A cloud that finds no database when it starts ends with a line that says so, and whoever
+        A cloud that finds no database when it starts ends with a line that says so, and what
         looks after it starts it again, as `docker-compose.yml` has it.
 
         Raises:
@@ -214,7 +214,7 @@ class Site:
     def drain(self, *, seconds: float) -> None:
         """End the nodes, which hand over what their flash holds, then wait until all has arrived.
 
-        A node that has no connection when it is told to end keeps what it has for its next start.
+        A node that has no connection when it is to end keeps what it has for its next start.
 
         Raises:
             AssertionError: Something waits, and for so long nothing of it has arrived.
@@ -224,7 +224,7 @@ class Site:
             while self._count(self.layout.flash(part.name), "message"):
                 last = self._last_boot(part.name)
                 part.running.start()
-                self._wait_until_told(part.name, last, seconds)
+                self._wait_until_stated(part.name, last, seconds)
                 part.running.stop(seconds=seconds)
         while before := self._still_waiting():
             less = partial(self._is_less, before)
@@ -241,16 +241,16 @@ class Site:
         query = "SELECT boot FROM member"
         return int(ask(self.layout.flash(node), query)[0][0])
 
-    def _wait_until_told(self, node: str, boot: int, seconds: float) -> None:
+    def _wait_until_stated(self, node: str, boot: int, seconds: float) -> None:
         """Wait until what a node said up to a boot has left its flash, which another boot does."""
         query = f"SELECT count(*) FROM message WHERE boot <= {boot}"  # noqa: S608 - a number
 
-        def told() -> bool:
+        def stated() -> bool:
             self.require_alive(self.served)
             return bool(ask(self.layout.flash(node), query)[0][0] == 0)
 
         what = f"what {node} said before its last start arrives"
-        wait_until(told, what, seconds=seconds)
+        wait_until(stated, what, seconds=seconds)
 
     def _count(self, path: Path, table: str) -> int:
         rows = ask(path, f"SELECT count(*) FROM {table}")  # noqa: S608 - our own words

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SLEW_S = 1.0
-"""By so much somebody may set the machine's own clock meanwhile."""
+"""By so much another process may set the machine's own clock meanwhile."""
 _CHILD = """
 import sys, time
 from datetime import UTC, datetime
@@ -28,7 +28,7 @@ time.sleep(0.01)
 def test_clock_jumps_both_ways(tmp_path: Path) -> None:
     clock = Wallclock(tmp_path / "clock", build_library(tmp_path))
     environment = os.environ | clock.environment
-    told = []
+    stated = []
     with subprocess.Popen(
         [sys.executable, "-c", _CHILD],
         env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
@@ -36,12 +36,12 @@ def test_clock_jumps_both_ways(tmp_path: Path) -> None:
         assert child.stdin is not None
         assert child.stdout is not None
         for seconds in (3600, -7200, 0):
-            told.append([float(word) for word in child.stdout.readline().split()])
+            stated.append([float(word) for word in child.stdout.readline().split()])
             clock.set(seconds)
             child.stdin.write("\n")
             child.stdin.flush()
     assert child.returncode == 0
-    start, ahead, behind = told
+    start, ahead, behind = stated
     assert start[0] <= start[3] <= ahead[0] <= ahead[3] <= behind[0] <= behind[3]
     for now, seconds in ((ahead, 3600), (behind, -7200)):
         for wall in (1, 2):

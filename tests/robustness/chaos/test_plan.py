@@ -26,7 +26,7 @@ def test_plan_fits(seed: int, seconds: float) -> None:
         assert all(before[1] < after[0] for before, after in pairwise(own)), own
 
 
-def test_every_fault_befalls_somebody_in_a_long_plan() -> None:
+def test_every_fault_is_in_a_long_plan() -> None:
     plan = make_plan(1, seconds=600.0, parts=PARTS)
     assert {stroke.fault for stroke in plan} == set(FAULTS)
     assert {stroke.part for stroke in plan} == set(PARTS)

@@ -221,13 +221,13 @@ def _numbers(store: StoreLocation) -> dict[tuple[str, int], SequenceRanges]:
             AND g.boot = e.boot AND g.sequence = e.sequence)
     """
     for node, data in ask_store(store, query):
-        for gap in _told(bytes(data)):
+        for gap in _stated(bytes(data)):
             for boot, first, last in gap.lost:
                 found[node, boot].add(first, last)
     return found
 
 
-def _told(data: bytes) -> Sequence[Gap]:
+def _stated(data: bytes) -> Sequence[Gap]:
     """The gaps that a message states."""
     fields = load(data)
     if fields.integer(1, 0, 255) != Kind.STATEMENTS:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SAMPLES: Final = 250
 """Of a signal: a frame."""
 _EVENT: Final = 8
-"""Numbers that the program tells of an event."""
+"""Numbers that the program states an event."""
 _MOST_EVENTS: Final = 64
 _ROWS: Final = 25
 """Of a signal as a patch; the more rows, the less its first one counts."""
@@ -109,23 +109,25 @@ def _smoothing(lows: array[float], highs: array[float]) -> Case:
 def _peaks(lows: array[float], highs: array[float]) -> Case:
     detector = PeakDetector(0.3e-12, 1000)
     found = [*detector.feed(lows, highs, SAMPLES), *detector.gap(0)]
-    told = [float(len(found))]
+    reported = [float(len(found))]
     for event in found:
-        told += [event.verdict, event.first, event.last, event.count[1]]
-        told += [*event.height, *event.prominence]
+        reported += [event.verdict, event.first, event.last, event.count[1]]
+        reported += [*event.height, *event.prominence]
     size = 1 + _EVENT * _MOST_EVENTS
-    told += [0.0] * (size - len(told))
+    reported += [0.0] * (size - len(reported))
     events = reals(bytes(8 * size))
-    return Case.of("peaks", 0.3e-12, 1000, events, lows, highs, after=[reals(told), lows, highs])
+    return Case.of(
+        "peaks", 0.3e-12, 1000, events, lows, highs, after=[reals(reported), lows, highs]
+    )
 
 
 def _encoded(lows: array[float], highs: array[float], finest: int) -> Case:
     columns = SAMPLES // _ROWS
     exponent, offset, codes = encode(lows, highs, _ROWS, columns, 0, (), finest)
-    told = reals([exponent, offset, len(codes)])
+    reported = reals([exponent, offset, len(codes)])
     return Case.of(
         "encode_frame", _ROWS, columns, finest, lows, highs, bytes(len(codes)), reals([0.0] * 3),
-        after=[lows, highs, codes, told],
+        after=[lows, highs, codes, reported],
     )  # fmt: skip
 
 
@@ -153,10 +155,12 @@ def _peak_messages(lows: array[float], highs: array[float]) -> Iterator[Case]:
         writer = MessageWriter(_BOOT, _Numbers(_SEQUENCE), _LAYOUT)
         made = writer.statements(_TIME, peaks=[(*_PLACE, _TIME, *stated, _COVERAGE)])
         numbers = struct.pack("<4q", _BOOT, _SEQUENCE, *_TIME)
-        told = reals([event.verdict, event.count[1], *event.height, *event.prominence])
+        reported = reals([event.verdict, event.count[1], *event.height, *event.prominence])
         room = bytes(len(made.body))
         given = _LAYOUT, numbers
-        yield Case.of("peak", *given, _COVERAGE, told, room, after=[*given, told, made.body])
+        yield Case.of(
+            "peak", *given, _COVERAGE, reported, room, after=[*given, reported, made.body]
+        )
 
 
 def _sealed(length: int) -> Case:

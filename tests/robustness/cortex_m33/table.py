@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 PATH: Final = ROOT / "sensor_node" / "eskin_sensor_node" / "machine" / "instructions.toml"
 TOLERANCE: Final = 0.02
-"""Relative: what another release of the compiler may change before somebody must look."""
+"""Relative: what another release of the compiler may change before a person must look."""
 _PLACES: Final = 1
 _LOOP: Final = (1, 1001, 100_001)
 """Rounds of two instructions each, of which the machine's count is known."""

@@ -1,7 +1,7 @@
 """``make fuzz``: hostile inputs to every way in, until there are so many of each.
 
-An input that breaks its target's oracle, or takes longer than 30 s, is kept in the folder and told
-with the command that tries it again. Exit status 1 if there is one, or if memory grew.
+An input that breaks its target's oracle, or takes longer than 30 s, is kept in the folder, and
+printed with the command that tries it again. Exit status 1 if there is one, or if memory grew.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ _NUMERIC: Final = (
 
 @dataclass
 class Progress:
-    """What the parent is told.
+    """What the parent is stated.
 
     Attributes:
         inputs: Tried so far.

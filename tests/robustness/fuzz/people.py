@@ -1,4 +1,4 @@
-"""The cloud's application for people, asked by somebody who may do everything."""
+"""The cloud's application for people, asked by a caller who may do everything."""
 
 from __future__ import annotations
 

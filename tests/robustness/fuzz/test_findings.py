@@ -138,7 +138,7 @@ def test_request_of_an_unknown_version_is_none() -> None:
         der_of_pem(f"-----BEGIN CERTIFICATE REQUEST-----\n{pem}-----END CERTIFICATE REQUEST-----\n")
 
 
-def test_key_without_end_in_a_scenario_is_told_in_short(tmp_path: Path) -> None:
+def test_key_without_end_in_a_scenario_is_shortened(tmp_path: Path) -> None:
     path = tmp_path / "scenario.toml"
     path.write_text(f'{HEAD}[[event]]\nkind = "hold"\n{"9" * 5000} = 1\n')
     with pytest.raises(ScenarioError) as error:
@@ -255,7 +255,7 @@ def test_record_of_other_types_than_were_written_is_a_damaged_flash(tmp_path: Pa
     flash.close()
 
 
-def test_parquet_of_a_kind_that_nobody_reads_is_refused(
+def test_parquet_of_a_kind_that_is_not_read_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
@@ -266,7 +266,7 @@ def test_parquet_of_a_kind_that_nobody_reads_is_refused(
         list(read_rows(tmp_path / "recording.parquet"))
 
 
-def test_endless_columns_that_stand_twice_are_told_in_short(tmp_path: Path) -> None:
+def test_endless_columns_that_stand_twice_are_shortened(tmp_path: Path) -> None:
     path, name = tmp_path / "recording.csv", "9" * 5000
     path.write_text(f"time,channel,value,{name},{name}\n0,c,1,1,1\n")
     with pytest.raises(RecordingError, match="stand twice") as error:

@@ -36,7 +36,7 @@ def test_broken_target_names_its_input() -> None:
     assert isinstance(caught.value.__cause__, KeyError)
 
 
-def test_growth_is_told() -> None:
+def test_growth_is_reported() -> None:
     kept: list[bytes] = []
 
     def check(data: bytes) -> None:

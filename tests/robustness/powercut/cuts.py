@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _LOG: Final = "-wal"
 _FAST: Final = Path("/dev/shm")  # noqa: S108 - a fresh folder in it
-"""Where what a cut has left is opened: nobody waits for a disk there."""
+"""Where what a cut has left is opened: no one waits for a disk there."""
 _RARE: Final = 8
 """How much likelier a cut is where a file is folded, synchronised or removed."""
 

@@ -74,7 +74,7 @@ def check(folder: Path, marks: list[list[Any]]) -> None:
             assert will[kept.position] == _digest(kept.body), f"{kept.position} is corrupt"
     there = {kept.position for kept in found}
     assert not (lost := did - forgets - there - named), f"vanished: {sorted(lost)[:5]}"
-    assert not (twice := there & named), f"there, and told as lost: {sorted(twice)[:5]}"
+    assert not (twice := there & named), f"there, and stated as lost: {sorted(twice)[:5]}"
     with closing(sqlite3.connect(folder / _NAME)) as database:
         assert database.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
 

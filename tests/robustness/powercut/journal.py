@@ -37,11 +37,11 @@ class Deed(NamedTuple):
 
     @property
     def mark(self) -> list[Any] | None:
-        """What the process told about itself at this moment, if it did."""
+        """What the process stated about itself at this moment, if it did."""
         if self.path.name != _MARKS:
             return None
-        told: list[Any] = json.loads(self.data)
-        return told
+        stated: list[Any] = json.loads(self.data)
+        return stated
 
 
 class Marks:
@@ -91,7 +91,7 @@ def read_journal(file: Path, folder: Path) -> Iterator[Deed]:
         at += _HEAD.size
         where = Path(os.fsdecode(journal[at : at + path]))
         at += path
-        # An fd of a file that was unlinked meanwhile: nobody finds it again.
+        # An fd of a file that was unlinked meanwhile: no one finds it again.
         if folder in {where, where.parent} and not where.name.endswith(" (deleted)"):
             yield Deed(chr(deed), where, offset, journal[at : at + length])
         at += length

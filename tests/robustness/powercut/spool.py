@@ -66,7 +66,7 @@ def _settle(spool: Spool, draw: random.Random, marks: Marks) -> None:
 
 
 def check(folder: Path, marks: list[list[Any]]) -> None:
-    """Whatever was committed waits, or the cloud has it; and nobody takes it a second time."""
+    """Whatever was committed waits, or the cloud has it; and no one takes it a second time."""
     will, did, settles = (
         {tuple(place) for what, places in marks if what == kind for place in places}
         for kind in ("will", "did", "settles")
@@ -96,7 +96,7 @@ def _body(node: str, number: int) -> bytes:
 
 
 def _place(body: bytes) -> tuple[str, int]:
-    """Whose body it is; a corrupt one is nobody's."""
+    """Whose body it is; a corrupt one has none."""
     node, number = body.decode().split(" ")[:2]
     assert body == _body(node, int(number)), "corrupt"
     return node, int(number)

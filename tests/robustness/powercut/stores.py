@@ -19,7 +19,7 @@ class Subject(NamedTuple):
 
     Attributes:
         work: Works in a folder, and tells what it does.
-        check: Opens what a cut has left, given what was told before; raises AssertionError.
+        check: Opens what a cut has left, given what was stated before; raises AssertionError.
     """
 
     work: Callable[[Path, random.Random, Marks], None]

@@ -51,7 +51,7 @@ def container_engine() -> Iterator[dict[str, str]]:
         log=folder / "log",
         env=environment,
     )
-    # Whoever ends the tests ends the engine, too.
+    # Ending the tests ends the engine, too.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     with _forwarding_as_before(environment), daemon:
         try:

@@ -38,7 +38,7 @@ def ports(demo: RunningDemo) -> dict[str, int]:
     return {"gateway": gateway["http"]["port"], "cloud": int(demo.access["url"].rpartition(":")[2])}
 
 
-def told(demo: RunningDemo) -> set[str]:
+def stated(demo: RunningDemo) -> set[str]:
     """Names of all figures, as Prometheus' own parser reads them."""
     names = set()
     for port in ports(demo).values():
@@ -117,8 +117,8 @@ def test_every_query_of_the_dashboard_is_understood(prometheus: httpx.Client) ->
         ask(prometheus, query)
 
 
-def test_every_metric_of_dashboard_and_alerts_is_told(demo: RunningDemo) -> None:
-    known = told(demo)
+def test_every_metric_of_dashboard_and_alerts_is_exported(demo: RunningDemo) -> None:
+    known = stated(demo)
     alerts = (MONITORING / "alerts.yml").read_text()
     asked = {name for text in [*ASKED, alerts] for name in re.findall(r"\beskin_\w+", text)}
     assert asked

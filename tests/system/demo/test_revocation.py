@@ -1,4 +1,4 @@
-"""Whoever was revoked is out within seconds, stays out, and the others go on."""
+"""A client that was revoked is out within seconds, stays out, and the others go on."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ def test_revoked_node_is_out_and_stays_out(tmp_path: Path, broker: list[str]) ->
         assert demo.stop() == 0
         demo.start()
         demo.wait_for(
-            lambda: "palm was revoked, so it is kept out" in demo.output(), "it is told who is out"
+            lambda: "palm was revoked, so it is kept out" in demo.output(),
+            "it is notified of who is out",
         )
         demo.wait_for_more(["fingertip"])
         assert demo.samples()["palm"] == before["palm"]

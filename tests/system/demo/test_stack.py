@@ -119,7 +119,7 @@ def test_other_mqtt_client_reads_live_topics(demo: RunningDemo) -> None:
         assert hull["t0"] < hull["t1"]
 
 
-def test_what_the_read_only_client_publishes_reaches_nobody(demo: RunningDemo) -> None:
+def test_what_the_read_only_client_publishes_reaches_no_client(demo: RunningDemo) -> None:
     topic = "eskin/v1/live/palm/t01.area"
     mqtt = demo.access["mqtt"]
     own = Identity.load(Path(mqtt["cert"]).parent)

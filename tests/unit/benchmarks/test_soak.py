@@ -29,7 +29,7 @@ def test_soak_misses_nothing_and_judges_all(tmp_path: Path) -> None:
         assert 0 < part["idle"] <= part["most"]
 
 
-def test_soak_that_is_told_to_end_ends_what_it_started(tmp_path: Path) -> None:
+def test_soak_that_is_signalled_to_end_ends_what_it_started(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "benchmarks.soak", "--rate", "10"]
     with (
         tempfile.TemporaryDirectory() as short,  # the path of a socket has room for 107 bytes

@@ -1,4 +1,4 @@
-"""A growing process is told from a flat one, and what cannot be told is said to be undecided."""
+"""A growing process is distinguished from a flat one; what cannot be is called undecided."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def rig(tmp_path: Path) -> Rig:
     return Rig(tmp_path)
 
 
-def test_key_that_is_renewed_again_and_again_is_told_to_wait(rig: Rig) -> None:
+def test_key_that_is_renewed_again_and_again_is_asked_to_wait(rig: Rig) -> None:
     before = rig.authority.register.length()
     answers = rig.post("/renew", *(rig.renewal() for _ in range(MOST + 5)))
     assert [answer.status_code for answer in answers] == [200] * MOST + [429] * 5

@@ -1,4 +1,4 @@
-"""What is damaged, or made to be misread, is told as such and never breaks what reads it."""
+"""What is damaged, or made to be misread, is stated as such and never breaks what reads it."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     "text",
     ["no JSON", "[{}]", "[1]", '{"name": 1}', '[{"name": "n", "kind": "robot", "hosts": []}]'],
 )
-def test_tokens_that_are_none_are_told(tmp_path: Path, text: str) -> None:
+def test_tokens_that_are_none_are_reported(tmp_path: Path, text: str) -> None:
     path = tmp_path / "tokens.json"
     path.write_text(text)
     with pytest.raises(IdentityError, match=r"tokens\.json: enrolment tokens cannot be read"):
         Tokens(path)
 
 
-def test_common_name_that_is_no_text_is_told() -> None:
+def test_common_name_that_is_no_text_is_reported() -> None:
     request = make_request(new_key(), "fingertip").public_bytes(Encoding.DER)
     assert requested_name(request) == "fingertip"
     with pytest.raises(IdentityError, match="no PKCS #10 request"):

@@ -98,7 +98,7 @@ def test_revoked_party_is_refused_and_ended_at_the_next_look(
 
 
 @pytest.mark.parametrize("fault", [KeyError("items"), ValueError("no JSON"), OSError("no file")])
-def test_what_nobody_foresaw_ends_neither_guard_nor_broker(
+def test_unforeseen_errors_end_neither_guard_nor_broker(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,

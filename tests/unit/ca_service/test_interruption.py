@@ -113,7 +113,7 @@ def test_certificate_whose_issue_was_cut_off_can_be_revoked(
     rig.require_refused(chain)
 
 
-def test_chain_that_the_ledger_does_not_know_is_given_to_nobody(rig: Rig) -> None:
+def test_chain_that_the_ledger_does_not_know_is_not_given(rig: Rig) -> None:
     ledger = rig.authority.directory / "ledger.jsonl"
     noted = ledger.read_bytes()
     lost = rig.renew()
@@ -208,7 +208,7 @@ def test_two_processes_that_open_a_fresh_folder_make_one_ca(tmp_path: Path) -> N
 
 @contextmanager
 def opener() -> Iterator[subprocess.Popen[str]]:
-    """A process that opens the folders that it is told, each at a moment; all is imported."""
+    """A process that opens the folders that it is notified, each at a moment; all is imported."""
     argv = [sys.executable, "-c", OPEN]
     with subprocess.Popen(
         argv, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

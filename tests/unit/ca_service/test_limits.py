@@ -63,7 +63,7 @@ def client(app: ASGIApp, address: str) -> httpx.AsyncClient:
 
 @pytest.mark.usefixtures("standing_windows")
 @pytest.mark.anyio
-async def test_flood_from_one_address_is_told_to_wait(tmp_path: Path) -> None:
+async def test_flood_from_one_address_is_asked_to_wait(tmp_path: Path) -> None:
     app = limited(tmp_path, requests_per_s=1, refusals_per_min=600)
     async with client(app, "192.0.2.1") as flood:
         answers = [await flood.get("/roots") for _ in range(20)]
@@ -147,7 +147,7 @@ async def test_forwarding_header_hides_no_address(tmp_path: Path) -> None:
     assert statuses == [403, 403, 429]
 
 
-def test_party_that_is_told_to_wait_comes_again(tmp_path: Path) -> None:
+def test_party_that_is_asked_to_wait_comes_again(tmp_path: Path) -> None:
     own = Identities(tmp_path)
     (tmp_path / "root.pem").write_bytes(own.authority.root_file.read_bytes())
     (tmp_path / "palm.token").write_text("token")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         ("GET", "/nothing", 404, "Not Found", "GET of this path is not offered"),
         ("PUT", "/enrol", 405, "Method Not Allowed", "PUT of this path is not offered"),
         ("GET", "/certificates/palm", 404, "Not Found", "no certificate was issued to 'palm' yet"),
-        ("GET", "/revoked/nobody", 422, "Unprocessable Content", "kind: 'nobody' is not allowed"),
+        ("GET", "/revoked/unknown", 422, "Unprocessable Content", "kind: 'unknown' is not allowed"),
         ("POST", "/renew", 422, "Unprocessable Content", "request: is missing"),
     ],
 )

@@ -108,7 +108,7 @@ def test_revoked_certificate_is_not_renewed(rig: Rig) -> None:
         rig.renewals.renew(rig.asked(rig.node))
 
 
-def test_request_of_somebody_else_is_refused(rig: Rig, tmp_path: Path) -> None:
+def test_request_of_another_is_refused(rig: Rig, tmp_path: Path) -> None:
     strange = Identities(tmp_path / "strange").make(IdentityKind.NODE, "palm")
     with pytest.raises(IdentityError, match="not issued by our CA"):
         rig.renewals.renew(rig.asked(strange))

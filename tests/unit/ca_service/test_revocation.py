@@ -155,7 +155,7 @@ def test_revocation_wins_against_a_thief_who_keeps_renewing(tmp_path: Path) -> N
             trust.verify([der(certificate) for certificate in own.chain], NODE)
 
 
-def test_list_that_is_signed_meanwhile_forgets_nobody(tmp_path: Path) -> None:
+def test_list_that_is_signed_meanwhile_omits_no_revocation(tmp_path: Path) -> None:
     authority = CertificateAuthority.open(tmp_path / "ca")
     names = ("palm", "fingertip")
     chains = [authority.issue(NODE, name, new_key().public_key(), site=SITE) for name in names]
@@ -180,7 +180,7 @@ def test_list_that_is_signed_meanwhile_forgets_nobody(tmp_path: Path) -> None:
             trust.verify([der(certificate) for certificate in chain], NODE)
 
 
-def test_whoever_has_the_turn_may_take_it_again_and_nobody_else(
+def test_holder_of_the_turn_may_take_it_again_and_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(file_lock, "PATIENCE_S", 0.05)

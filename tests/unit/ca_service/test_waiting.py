@@ -99,7 +99,7 @@ async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
         yield made
 
 
-async def test_others_are_answered_while_somebody_waits(rig: Rig, turns: list[Path]) -> None:
+async def test_others_are_answered_while_one_waits(rig: Rig, turns: list[Path]) -> None:
     token = rig.token("palm")
     with rig.others_turn():
         turns.clear()
@@ -113,7 +113,9 @@ async def test_others_are_answered_while_somebody_waits(rig: Rig, turns: list[Pa
     assert (await enrolling).status_code == 200
 
 
-async def test_whoever_is_refused_does_not_wait_for_the_turn(rig: Rig, turns: list[Path]) -> None:
+async def test_caller_that_is_refused_does_not_wait_for_the_turn(
+    rig: Rig, turns: list[Path]
+) -> None:
     used = rig.token("palm")
     assert (await rig.enrol(used, "palm")).status_code == 200
     with rig.others_turn():
@@ -132,20 +134,20 @@ async def test_only_so_many_wait(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> N
         tasks = [
             asyncio.create_task(rig.enrol(token, f"skin{k}")) for k, token in enumerate(tokens)
         ]
-        await until(lambda: sum(task.done() for task in tasks) == 2, "who finds no room is told")
+        await until(lambda: sum(task.done() for task in tasks) == 2, "who finds no room is stated")
         assert [task.done() for task in tasks] == [False] * 3 + [True] * 2
     answers = await asyncio.gather(*tasks)
     assert [answer.status_code for answer in answers] == [200] * 3 + [503] * 2
     assert all(answer.headers["retry-after"] for answer in answers[3:])
 
 
-async def test_nobody_waits_for_ever(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_no_caller_waits_for_ever(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(change_queue, "PATIENCE_S", 0.2)
     monkeypatch.setattr(file_lock, "PATIENCE_S", 0.6)
     tokens = [rig.token(f"skin{k}") for k in range(3)]
     with rig.others_turn():
-        told = [rig.enrol(token, f"skin{k}") for k, token in enumerate(tokens)]
-        answers = await asyncio.gather(*told)
+        stated = [rig.enrol(token, f"skin{k}") for k, token in enumerate(tokens)]
+        answers = await asyncio.gather(*stated)
     assert [answer.status_code for answer in answers] == [503] * 3
     assert all(answer.headers["retry-after"] for answer in answers)
     assert (await rig.enrol(tokens[0], "skin0")).status_code == 200
@@ -176,7 +178,7 @@ async def test_party_comes_again_where_the_ca_itself_is_at_fault(
     answer = await rig.enrol(token, "palm", key)
     assert answer.status_code == 503
     assert answer.headers["retry-after"]
-    assert str(folder) not in answer.text, "strangers need not know"
+    assert str(folder) not in answer.text, "outsiders need not know"
     for path, content in good.items():
         path.write_bytes(content)
         path.chmod(0o600)

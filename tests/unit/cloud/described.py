@@ -1,4 +1,4 @@
-"""Whether an answer is one that the OpenAPI description tells of."""
+"""Whether an answer is one that the OpenAPI description states."""
 
 from __future__ import annotations
 

@@ -42,11 +42,11 @@ def main(place: Path, *, warm: bool) -> None:
         warm_up()
     look_up: Any = Cache.load_overload
 
-    def told(cache: Any, *of: Any) -> Any:
+    def stated(cache: Any, *of: Any) -> Any:
         sys.stdout.write(f"{cache._py_func.__name__}\n")
         return look_up(cache, *of)
 
-    with patch.object(Cache, "load_overload", told), Store(place) as store:
+    with patch.object(Cache, "load_overload", stated), Store(place) as store:
         _work(store, sent)
         _store_frame(store, framed)
 

@@ -121,7 +121,7 @@ async def notice(stand: Stand, worn: list[Any], erased: list[str]) -> list[str]:
 
 
 def physician(stand: Stand) -> str:
-    """A token that may read what tells of a person."""
+    """A token that may read what identifies a person."""
     scopes = [Scope.READ, Scope.BIOMETRIC]
     return create_token(
         stand.cloud.store, scopes=scopes, name="physician", lifetime=timedelta(hours=1)

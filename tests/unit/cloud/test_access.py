@@ -1,4 +1,4 @@
-"""Who is let in: nobody without a token, a code or a session."""
+"""Who is let in: no one without a token, a code or a session."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ GUARDED = (
 
 
 @pytest.mark.parametrize("path", GUARDED)
-async def test_stranger_is_refused(stand: Stand, path: str) -> None:
+async def test_caller_without_a_token_is_refused(stand: Stand, path: str) -> None:
     for token in ("", "eskin_wrong", "x" * 5000):
         async with stand.client(token=token) as client:
             answer = await client.get(path)
@@ -254,7 +254,7 @@ async def test_dashboard_is_for_those_who_signed_in(stand: Stand) -> None:
             problem(await client.get(path), 404)
 
 
-async def test_figures_are_told_on_loopback_only(stand: Stand) -> None:
+async def test_figures_are_served_on_loopback_only(stand: Stand) -> None:
     put(stand.cloud.store, stretch(0))
     for host, status in (
         ("127.0.0.1", 200),

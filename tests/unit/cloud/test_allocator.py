@@ -1,4 +1,4 @@
-"""What the cloud frees goes back to the system, whoever asked for it."""
+"""What the cloud frees goes back to the system, whatever asked for it."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ print(pa.mimalloc_memory_pool().max_memory(), len(apart))
 def test_arrow_takes_its_memory_from_the_c_library_and_large_pieces_are_apart() -> None:
     def taken(*how: str) -> tuple[int, ...]:
         command = [sys.executable, "-c", _FOLD, *how]
-        told = subprocess.run(command, capture_output=True, text=True, check=True)
-        return tuple(map(int, told.stdout.split()))
+        stated = subprocess.run(command, capture_output=True, text=True, check=True)
+        return tuple(map(int, stated.stdout.split()))
 
     pooled, apart = taken()
     assert pooled > 0

@@ -166,10 +166,10 @@ def test_a_bucket_encloses_all_that_is_predicted_in_it(begin: int, span: int, pa
 def test_model_times_enclose_the_exact_ones_however_far(origin: int, side: float) -> None:
     moments = [-(2**63) + 1, -(2**62), -1, 0, 1, START, START + 1, 2**62, 2**63 - 1]
     found = Prediction(MODELS["constant"], {}, origin)._seconds(np.array(moments), side)
-    for moment, told in zip(moments, found.tolist(), strict=True):
+    for moment, stated in zip(moments, found.tolist(), strict=True):
         exact = Fraction(moment - origin, 10**9)
-        assert (Fraction(told) - exact) * int(np.sign(side)) >= 0
-        assert float(abs(Fraction(told) - exact)) <= 4 * np.spacing(abs(told))
+        assert (Fraction(stated) - exact) * int(np.sign(side)) >= 0
+        assert float(abs(Fraction(stated) - exact)) <= 4 * np.spacing(abs(stated))
 
 
 @pytest.mark.parametrize("origin", [-(2**63) + 10, 0, 2**63 - 1])
@@ -191,7 +191,7 @@ async def test_parameters_enclose_what_their_text_says(stand: Stand) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "constant"])
-def test_every_model_is_told_what_it_lacks_and_answers_with_it(name: str) -> None:
+def test_every_model_names_what_it_lacks_and_answers_with_it(name: str) -> None:
     model = MODELS[name]
     with pytest.raises(QueryError, match="is missing"):
         model.require_parameters({})

@@ -54,7 +54,7 @@ def test_export_breaks_off_when_its_token_is_revoked(
                 with pytest.raises(httpx.RemoteProtocolError, match="incomplete"):
                     list(pieces)
         said = "answer broken off: path='/api/v1/export' reason=the token was revoked"
-        service.wait_for(lambda: said in service.output(), "the log tells of it")
+        service.wait_for(lambda: said in service.output(), "the log states it")
         assert "Traceback" not in service.output()
 
 

@@ -197,7 +197,7 @@ def test_lie_about_the_future_is_found_without_the_node_s_help(
 
 
 def test_lie_about_the_past_without_a_gateway_s_time_is_only_possible() -> None:
-    """It cannot be told from a message that waited in flash; the page says so."""
+    """It cannot be distinguished from a message that waited in flash; the page says so."""
     world = World(1, crystal(0), state=lambda s: (s[0] - 3600 * SECOND, s[1] - 3600 * SECOND))
     for written in world.run(5):
         alone = ClockCheck(written.check.stated, None, written.check.before, REFERENCE)

@@ -1,4 +1,4 @@
-"""Commands: numbered, signed, given in order, answered once; what is wished and what is told."""
+"""Commands: numbered, signed, given in order, answered once; what is wished and what is stated."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ async def test_waiting_gateway_is_woken_by_a_command_and_by_its_answer(known: St
     assert changes == {"give": [], "drop": [[NODE, number]]}
 
 
-async def test_closing_cloud_lets_nobody_wait(known: Stand) -> None:
+async def test_closing_cloud_lets_no_caller_wait(known: Stand) -> None:
     waiting = await waiting_gateway(known)
     known.cloud.notifier.close()
     assert (await asyncio.wait_for(waiting, SOON_S)).status_code == 200
@@ -133,7 +133,7 @@ async def test_state_of_a_command_follows_its_way(known: Stand) -> None:
     refused = await get(known, f"commands/{number}")
     assert (refused["state"], refused["reason"]) == ("refused", "rate: too high")
     assert refused["answered"]["lo"] < refused["answered"]["hi"]
-    # Said again at the node's next start: nothing changes, and no second event tells of it.
+    # Said again at the node's next start: nothing changes, and no second event states it.
     put(known.cloud.store, result(0, number, boot=2))
     assert await get(known, f"commands/{number}") == refused
     events = (await known.get("/api/v1/events", kind="command")).json()["items"]
@@ -161,15 +161,15 @@ async def test_wish_and_report_are_kept_apart(known: Stand) -> None:
         known,
         {"name": "set", "arguments": {"threshold": 1e-13, "channel": "t01.capacitance"}},
     )
-    told: State = {"t01": {"rate": 500.0, "gain": 1.0}}
-    put(known.cloud.store, result(1, first, state=told))
+    stated: State = {"t01": {"rate": 500.0, "gain": 1.0}}
+    put(known.cloud.store, result(1, first, state=stated))
     state = await get(known, "state")
     assert state["desired"] == {"*": {"rate": 500.0}, "t01.capacitance": {"threshold": 1e-13}}
     assert (state["desired_by"], state["reported_by"]) == (second, first)
-    assert (state["reported"], state["settled"]) == (told, False)
+    assert (state["reported"], state["settled"]) == (stated, False)
     put(
         known.cloud.store,
-        result(2, second, state=told | {"t01.capacitance": {"threshold": 1e-13}}),
+        result(2, second, state=stated | {"t01.capacitance": {"threshold": 1e-13}}),
         result(1, first, boot=0, state={"t01": {"rate": 7.0}}),
     )
     assert (await get(known, "state"))["settled"] is True
@@ -239,9 +239,9 @@ async def test_only_operators_command_and_only_from_our_own_pages(known: Stand) 
 
 
 async def test_unknown_places_are_named(known: Stand) -> None:
-    problem(await order(known, RATE, node="nobody"), 404)
-    problem(await known.get("/api/v1/nodes/nobody/state"), 404)
-    problem(await known.get("/api/v1/nodes/nobody/commands/1"), 404)
+    problem(await order(known, RATE, node="unknown"), 404)
+    problem(await known.get("/api/v1/nodes/unknown/state"), 404)
+    problem(await known.get("/api/v1/nodes/unknown/commands/1"), 404)
     problem(await known.get(f"/api/v1/nodes/{NODE}/commands/1"), 404)
     problem(await known.get(f"/api/v1/nodes/{NODE}/commands/0"), 422)
 
@@ -266,7 +266,7 @@ async def test_poor_request_of_a_gateway_is_refused(
             assert "docs/eskin.cddl" in problem(await fetch(known, body=body), 422)
 
 
-async def test_strangers_are_given_no_commands(known: Stand) -> None:
+async def test_foreign_gateways_are_given_no_commands(known: Stand) -> None:
     await issued(known)
     known.gateway = None
     problem(await fetch(known), 403)
@@ -277,7 +277,7 @@ SETS = st.lists(st.tuples(PLACES, st.sampled_from(["rate", "gain"]), st.sampled_
 
 
 @given(orders=SETS)
-def test_node_that_does_all_it_is_told_is_settled(
+def test_node_that_does_all_that_is_desired_is_settled(
     orders: list[tuple[str | None, str, float]],
 ) -> None:
     desired_state: State = {}

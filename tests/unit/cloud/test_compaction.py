@@ -70,12 +70,12 @@ def answers(store: Store, window: Window) -> list[Any]:
         fine = read_series(connection, channel, window, points=20_000)
         coarse = read_series(connection, channel, window, points=7)
         segments = [*find_segments(connection, channel, window, Predicate(0.9, None, strict=True))]
-    told = [
+    stated = [
         series.t.tolist() + series.lo.tolist() + series.hi.tolist() for series in (fine, coarse)
     ]
     raw = exported(store, window, 10**9)
     assert exported(store, window, 950) == raw
-    return [*told, segments, fine.coverage, coarse.coverage, raw]
+    return [*stated, segments, fine.coverage, coarse.coverage, raw]
 
 
 @pytest.mark.parametrize(
@@ -96,11 +96,11 @@ def test_rows_equal_their_frames_however_far_from_1970(store: Store, time: tuple
         Window(middle - SPAN, middle + 20 * SPAN),
         Window(middle + 50, middle + 5 * SPAN + 7),
     ]
-    told = [answers(store, window) for window in windows]
-    assert len(told[0][0]) == 3 * 2000
+    stated = [answers(store, window) for window in windows]
+    assert len(stated[0][0]) == 3 * 2000
     compact_all(store)
     assert count_rows(store) == 1
-    assert [answers(store, window) for window in windows] == told
+    assert [answers(store, window) for window in windows] == stated
 
 
 def count_rows(store: Store) -> int:

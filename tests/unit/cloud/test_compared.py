@@ -69,7 +69,7 @@ async def test_without_a_window_it_is_the_last_minute_that_both_have(stand: Stan
         ({"other": OTHER}, 422, "NODE/CHANNEL"),
         ({"other": f"{NODE}/t01.inductance"}, 422, "same unit"),
         ({"other": f"{NODE}/t99.nothing"}, 404, "channels lists"),
-        ({"other": f"nobody/{CHANNEL}"}, 404, "nodes lists"),
+        ({"other": f"unknown/{CHANNEL}"}, 404, "nodes lists"),
         ({"state": "beside"}, 422, "above"),
         ({"start": START + 51 * DT}, 422, "swap"),
         ({"cursor": "x"}, 422, "cursor"),

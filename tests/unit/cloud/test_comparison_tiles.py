@@ -50,7 +50,7 @@ def long_frames(random: np.random.Generator, channel: str, *, level: float) -> l
     return made
 
 
-def told(stretches: list[ComparisonSegment]) -> list[tuple[int, int, Verdict | None]]:
+def stated(stretches: list[ComparisonSegment]) -> list[tuple[int, int, Verdict | None]]:
     return [(s.start, s.end, s.answer) for s in stretches]
 
 
@@ -85,7 +85,7 @@ def test_tiles_answer_as_samples_despite_late_ones(store: Store, seed: int) -> N
         middle = (window.start + window.end) // 2
         cuts = Window(window.start, middle), Window(middle, window.end)
         parts = list(merge(part for cut in cuts for part in ask_samples(store, cut)))
-        assert told(tiled) == told(parts)
+        assert stated(tiled) == stated(parts)
         whole, apart = total_comparison(tiled), total_comparison(parts)
         assert (whole.time, whole.unknown) == (apart.time, apart.unknown)
         assert whole.entries == apart.entries
@@ -112,7 +112,7 @@ def test_decided_tiles_read_no_sample(store: Store, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr("eskin_cloud.query.comparison.look_around", look)
     found = ask(store, Window(START - 500_000, START + 800_000))
-    assert told(found) == [
+    assert stated(found) == [
         (START - 500_000, START, None),
         (START, START + 500_000, Verdict.CERTAIN),
         (START + 500_000, START + 800_000, None),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def operator(stand: Stand) -> dict[str, str]:
-    """Headers of somebody who may do everything."""
+    """Headers of a caller who may do everything."""
     scopes = list(Scope)
     lifetime = timedelta(hours=1)
     token = create_token(stand.cloud.store, scopes=scopes, name="operator", lifetime=lifetime)

@@ -82,8 +82,8 @@ async def test_other_message_under_a_stored_number_is_a_dead_letter_and_an_event
     assert [item["result"] for item in answer] == ["duplicate", "rejected", "duplicate"]
     with store.read() as connection:
         kept = connection.execute(select(dead_letters.c.data)).scalars().all()
-        told = connection.execute(select(events).where(events.c.kind == "conflict")).mappings()
-        (event,) = told.all()
+        stated = connection.execute(select(events).where(events.c.kind == "conflict")).mappings()
+        (event,) = stated.all()
     assert kept == [other.encode()]
     assert (event["node"], event["boot"], event["sequence"]) == (NODE, *one.position)
     assert stand.cloud.metrics.conflicts._value.get() == before + 1

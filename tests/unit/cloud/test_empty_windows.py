@@ -59,8 +59,8 @@ QUESTIONS: Final[tuple[tuple[str, dict[str, Any], dict[str, Any]], ...]] = (
 def filled(stand: Stand) -> Stand:
     """Two channels of ten samples, and a peak that lasts as long."""
     values = [2.0] * 10, [3.0] * 10
-    told = peak(2, time=(START - 5, START + 20 * DT))
-    put(stand.cloud.store, stretch(0, *values), stretch(1, *values, channel=OTHER), told)
+    stated = peak(2, time=(START - 5, START + 20 * DT))
+    put(stand.cloud.store, stretch(0, *values), stretch(1, *values, channel=OTHER), stated)
     return stand
 
 
@@ -109,7 +109,7 @@ async def test_start_behind_all_data_asks_for_an_empty_window(filled: Stand) -> 
 @pytest.mark.parametrize(
     "media", ["text/csv", "application/senml+json", "application/vnd.apache.parquet"]
 )
-async def test_empty_series_is_told_in_every_format(filled: Stand, media: str) -> None:
+async def test_empty_series_is_written_in_every_format(filled: Stand, media: str) -> None:
     async with filled.client() as client:
         window = {"start": START, "end": START}
         answer = await client.get(SERIES, params=window, headers={"Accept": media})

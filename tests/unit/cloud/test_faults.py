@@ -109,8 +109,8 @@ def results(answer: httpx.Response) -> list[str]:
 def held(stand: Stand) -> tuple[int, int]:
     """Frames and events that are stored."""
     with stand.cloud.store.read() as connection:
-        told = connection.execute(select(func.count()).select_from(events)).scalar_one()
-    return count_frames(stand), told
+        stated = connection.execute(select(func.count()).select_from(events)).scalar_one()
+    return count_frames(stand), stated
 
 
 @contextmanager

@@ -81,8 +81,8 @@ class Scene:
         body = self.site.batch(declared(), *(pulse(n) for n in range(1, 6)), beat(6))
         assert set(await bring(self.stand, body)) == {"stored"}
         worn = [[self.site.ada.pseudonym, NODE, self.site.ada.key]]
-        told = await post(self.stand, "subjects", {"worn": worn, "erased": []})
-        assert [item["result"] for item in told] == ["kept"]
+        stated = await post(self.stand, "subjects", {"worn": worn, "erased": []})
+        assert [item["result"] for item in stated] == ["kept"]
         await post(self.hostile, "certificates", [chain(self.theirs)])
 
 
@@ -108,8 +108,8 @@ async def test_it_cannot_erase_another_site_s_subject(scene: Scene) -> None:
     assert answer.status_code == 200
     assert len(answer.text.splitlines()) == 6
     # Ours can.
-    told = await post(stand, "subjects", {"worn": [], "erased": [ada.pseudonym]})
-    assert [item["result"] for item in told] == ["erased"]
+    stated = await post(stand, "subjects", {"worn": [], "erased": [ada.pseudonym]})
+    assert [item["result"] for item in stated] == ["erased"]
     await sweep(stand.cloud)
     assert count(stand, sealed_messages) == 0
 
@@ -119,8 +119,10 @@ async def test_it_cannot_plant_a_key(scene: Scene) -> None:
     await post(scene.hostile, "certificates", [chain(scene.theirs)])
     for node in (NODE, "theirs"):
         worn = [[ada.pseudonym, node, b"\x55" * 32]]
-        told = await post(scene.hostile, "subjects", {"worn": worn, "erased": []})
-        assert [item["result"] for item in told] == ["kept" if node == "theirs" else "unknown_node"]
+        stated = await post(scene.hostile, "subjects", {"worn": worn, "erased": []})
+        assert [item["result"] for item in stated] == [
+            "kept" if node == "theirs" else "unknown_node"
+        ]
     await scene.begin()
     assert stand.cloud.key_access.of(SITE).find(ada.pseudonym).key == ada.key
     answer = await ask(stand, physician(stand), f"/api/v1/subjects/{ada.pseudonym}/export")
@@ -137,10 +139,10 @@ async def test_differing_key_of_one_site_is_a_conflict_and_the_kept_one_stays(sc
     await scene.begin()
     stand, ada = scene.stand, scene.site.ada
     before = stand.cloud.metrics.conflicts._value.get()
-    told = await post(
+    stated = await post(
         stand, "subjects", {"worn": [[ada.pseudonym, NODE, b"\x55" * 32]], "erased": []}
     )
-    assert [item["result"] for item in told] == ["conflict"]
+    assert [item["result"] for item in stated] == ["conflict"]
     assert stand.cloud.key_access.of(SITE).find(ada.pseudonym).key == ada.key
     assert stand.cloud.metrics.conflicts._value.get() == before + 1
 
@@ -168,10 +170,10 @@ async def test_it_cannot_take_another_node_s_numbers_before_or_after_it_is_known
 async def test_it_cannot_have_another_site_s_node_known_as_its_own(
     scene: Scene, identities: Identities, tmp_path: Path
 ) -> None:
-    stranger = CertificateAuthority.open(tmp_path / "stranger")
+    outsider = CertificateAuthority.open(tmp_path / "outsider")
     key = new_key()
-    forged = stranger.issue(IdentityKind.NODE, NODE, key.public_key(), site=OTHER)
-    site = identities.make(IdentityKind.SITE, "site.of-nobody")
+    forged = outsider.issue(IdentityKind.NODE, NODE, key.public_key(), site=OTHER)
+    site = identities.make(IdentityKind.SITE, "site.of-none")
     lies = [
         chain(scene.node),  # genuine, and of our site
         [der(part) for part in forged],
@@ -180,8 +182,8 @@ async def test_it_cannot_have_another_site_s_node_known_as_its_own(
         chain(site),
         [b"", b""],
     ]
-    told = await post(scene.hostile, "certificates", lies)
-    assert all(item["reason"] for item in told)
+    stated = await post(scene.hostile, "certificates", lies)
+    assert all(item["reason"] for item in stated)
     await scene.begin()
     again = await post(scene.hostile, "certificates", [chain(scene.node)])
     assert again[0]["reason"]
@@ -211,8 +213,8 @@ async def test_what_waited_is_stored_once_the_certificate_is_presented_also_an_e
     old = identities.make(IdentityKind.NODE, "sleeper", now=long_ago, lifetime=timedelta(days=1))
     body = batch(*(stretch(n) for n in range(5)), node="sleeper")
     assert set(await bring(scene.stand, body)) == {"unknown_node"}
-    told = await post(scene.stand, "certificates", [chain(old)])
-    assert told == [{"node": "sleeper", "reason": None}]
+    stated = await post(scene.stand, "certificates", [chain(old)])
+    assert stated == [{"node": "sleeper", "reason": None}]
     assert set(await bring(scene.stand, body)) == {"stored"}
 
 

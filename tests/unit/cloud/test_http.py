@@ -95,9 +95,9 @@ async def test_senml_tells_bounds_that_there_are_and_what_holds_for_all(stand: S
             SERIES, params={"points": 1}, headers={"Accept": "application/senml+json"}
         )
     about = [("coverage", 1.0), ("time_error", 5e-9)]
-    told = [*about, ("lo", 0.125), ("hi", 0.25), ("hi", 5.0)]
-    assert read_senml(plain.text, f"{NODE}/{CHANNEL}/") == told
-    assert read_senml(short.content, f"{NODE}/{CHANNEL}/") == told
+    stated = [*about, ("lo", 0.125), ("hi", 0.25), ("hi", 5.0)]
+    assert read_senml(plain.text, f"{NODE}/{CHANNEL}/") == stated
+    assert read_senml(short.content, f"{NODE}/{CHANNEL}/") == stated
     first, second = (answer.headers["content-type"] for answer in (plain, short))
     assert (first, second) == ("application/senml+json", "application/senml+cbor")
     (span,) = [record for record in hull.json() if record["n"] == "span"]
@@ -111,7 +111,7 @@ async def test_senml_of_times_before_1978_is_refused(stand: Stand) -> None:
     assert "1978-07-04" in problem(answer, 422)
 
 
-async def test_unacceptable_format_is_refused_and_told_what_there_is(stand: Stand) -> None:
+async def test_unacceptable_format_is_refused_with_what_there_is(stand: Stand) -> None:
     put(stand.cloud.store, stretch(0))
     async with stand.client() as client:
         answer = await client.get(SERIES, headers={"Accept": "image/png"})
@@ -151,8 +151,8 @@ async def test_nodes_tell_latest_status(stand: Stand) -> None:
 
 
 async def test_nodes_tell_their_energy(stand: Stand) -> None:
-    told = Energy((0.25, float("inf")), (0.5, 1.0), Verdict.POSSIBLE, Shedding.PEAKS)
-    put(stand.cloud.store, replace(status(7, boot=3), energy=told))
+    stated = Energy((0.25, float("inf")), (0.5, 1.0), Verdict.POSSIBLE, Shedding.PEAKS)
+    put(stand.cloud.store, replace(status(7, boot=3), energy=stated))
     (node,) = (await stand.get("/api/v1/nodes")).json()["items"]
     assert node["energy"] == {
         "stored": {"lo": 0.25, "hi": None},
@@ -163,11 +163,11 @@ async def test_nodes_tell_their_energy(stand: Stand) -> None:
 
 
 async def test_nodes_tell_which_taxels_may_be_broken(stand: Stand) -> None:
-    told = (
+    stated = (
         TaxelFaults("t05", Verdict.IMPOSSIBLE, Verdict.CERTAIN),
         TaxelFaults("t06", Verdict.POSSIBLE, Verdict.POSSIBLE),
     )
-    put(stand.cloud.store, replace(status(7, boot=3), faults=told))
+    put(stand.cloud.store, replace(status(7, boot=3), faults=stated))
     (node,) = (await stand.get("/api/v1/nodes")).json()["items"]
     assert node["faults"] == [
         {"taxel": "t05", "dead": "impossible", "stuck": "certain"},
@@ -191,7 +191,7 @@ async def test_channels_are_listed_with_what_their_frames_state(stand: Stand) ->
     )
     put(stand.cloud.store, status(0), *brought)
     items = (await stand.get(f"/api/v1/nodes/{NODE}/channels")).json()["items"]
-    told = {
+    stated = {
         "id": CHANNEL,
         "taxel": "t01",
         "quantity": "capacitance",
@@ -204,7 +204,7 @@ async def test_channels_are_listed_with_what_their_frames_state(stand: Stand) ->
         "patch": "t01-capacitance",
         "removed": None,
     }
-    assert {name: items[0][name] for name in told} == told
+    assert {name: items[0][name] for name in stated} == stated
 
 
 async def test_channel_without_data_answers_an_empty_series(stand: Stand) -> None:

@@ -44,14 +44,14 @@ async def test_bad_credentials_are_limited_and_good_ones_are_not(
     few = LimitsSection(failures_per_min=3)
     with standing(tmp_path, identities, limits=few) as stand:
         bad = secrets.token_hex(8)
-        async with stand.client(token=bad) as stranger:
+        async with stand.client(token=bad) as outsider:
             for _ in range(3):
-                problem(await stranger.get("/api/v1/nodes"), 401)
+                problem(await outsider.get("/api/v1/nodes"), 401)
             for _ in range(3):
-                answer = await stranger.get("/api/v1/nodes")
+                answer = await outsider.get("/api/v1/nodes")
                 problem(answer, 429)
                 assert answer.headers["retry-after"] == "60"
-            problem(await stranger.post("/login", data={"token": "wrong"}), 429)
+            problem(await outsider.post("/login", data={"token": "wrong"}), 429)
         assert (await stand.get("/api/v1/nodes")).status_code == 200
 
 
@@ -61,16 +61,16 @@ async def test_refused_sign_ins_do_not_fill_the_audit_log(
 ) -> None:
     few = LimitsSection(refusals_per_min=2)
     with standing(tmp_path, identities, limits=few) as stand:
-        async with stand.client(token="") as stranger:
+        async with stand.client(token="") as outsider:
             for _ in range(5):
-                answer = await stranger.post("/login", data={"token": "wrong"})
+                answer = await outsider.post("/login", data={"token": "wrong"})
                 assert answer.status_code == 401
         with stand.cloud.store.read() as connection:
             kept = [row["action"] for row in read_audit_entries(connection)]
     assert kept == ["token created", "sign in refused", "sign in refused"]
 
 
-async def test_batches_that_find_no_room_in_memory_are_told_to_come_again(stand: Stand) -> None:
+async def test_batches_that_find_no_room_in_memory_are_to_come_again(stand: Stand) -> None:
     room, body = stand.cloud.uploads, batch(stretch(0))
     with room.hold(stand.cloud.settings.gateways.uploads_bytes - len(body)):
         assert (await stand.ingest(body)).status_code == 200

@@ -87,7 +87,7 @@ async def test_stream_from_before_the_start_reads_the_store(
     assert [event["event"] for event in heard] == ["frame", "gap", "frame"]
 
 
-async def test_subscriber_that_is_too_far_behind_is_told(stand: Stand) -> None:
+async def test_subscriber_that_is_too_far_behind_is_notified(stand: Stand) -> None:
     await stand.ingest(batch(*(peak(n) for n in range(20))))
     heard = await take(stand, 6, backlog=5, cursor=3)
     assert heard[0]["event"] == "lagging"
@@ -113,7 +113,7 @@ async def test_slow_subscriber_misses_nothing_and_costs_no_memory(
         assert len(stand.cloud.feed._recent) == 10
 
 
-async def test_slow_subscriber_is_told_fewer_and_wider_hulls(
+async def test_slow_subscriber_gets_fewer_and_wider_hulls(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eskin_cloud.live.backpressure.PAUSE_S", 1e-9)
@@ -125,17 +125,17 @@ async def test_slow_subscriber_is_told_fewer_and_wider_hulls(
         lo = np.random.default_rng(first).normal(size=10)
         return stretch(first, lo, lo + 1, time=(START + moment * DT,) * 2, coverage=0.999)
 
-    told = [said(n, 10 * n) for n in range(5)] + [said(6, 10 * 6)]  # the sixth is missing
+    stated = [said(n, 10 * n) for n in range(5)] + [said(6, 10 * 6)]  # the sixth is missing
     other = stretch(7, [3.0], [4.0], channel="t02.capacitance")
     async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
         await anext(slow)
         await stand.ingest(batch(said(8, -10)))
         assert [event["id"] for event in events_of(await anext(slow))] == ["1"]
         assert await anext(slow) == b""  # there is room, after a while
-        await stand.ingest(batch(*told[:3], peak(9)))
+        await stand.ingest(batch(*stated[:3], peak(9)))
         await stand.ingest(batch(other, node="palm"))
         stand.clock.turn(1.0)
-        await stand.ingest(batch(*told[3:]))
+        await stand.ingest(batch(*stated[3:]))
         heard = events_of(await anext(slow))
     hulls = [event["data"] for event in heard if event["event"] == "frame"]
     patches = [hull["patches"][0] for hull in hulls]
@@ -145,9 +145,9 @@ async def test_slow_subscriber_is_told_fewer_and_wider_hulls(
     now, before = stand.clock(), stand.clock() - 10**9
     latest = [format_timestamp(moment) for moment in (now, before, now)]
     assert [hull["stored"] for hull in hulls] == latest
-    # A client that breaks off before the last is told all of it again.
+    # A client that breaks off before the last is stated all of it again.
     assert [event["id"] for event in heard] == ["1", "1", "1", "9"]
-    for hull, frames in ((hulls[0], told[:5]), (hulls[2], told[5:])):
+    for hull, frames in ((hulls[0], stated[:5]), (hulls[2], stated[5:])):
         (of_patch,) = hull["patches"]
         tubes = [tube_of(one) for one in frames]
         assert hull["t0"] == format_timestamp(tubes[0].first_moment)
@@ -158,26 +158,26 @@ async def test_slow_subscriber_is_told_fewer_and_wider_hulls(
         assert of_patch["coverage"] == pytest.approx(1 - 10 * len(frames) * 0.001)
 
 
-async def test_slow_subscriber_is_told_hulls_until_there_is_room_at_once(
+async def test_slow_subscriber_gets_hulls_until_there_is_room_at_once(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = [0.0]
     monkeypatch.setattr("eskin_cloud.live.stream.time", SimpleNamespace(monotonic=lambda: now[0]))
     monkeypatch.setattr("eskin_cloud.live.backpressure.PAUSE_S", 1e-9)
-    told = []
+    stated = []
     async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
         await anext(slow)
         for number, wait in enumerate((0.1, 0.3, 0.01, *[0.1] * 10, 0.01, 0.1)):
             moments = [START + (2 * number + k) * DT for k in range(2)]
             two = (stretch(2 * number + k, time=(t, t)) for k, t in enumerate(moments))
             await stand.ingest(batch(*two))
-            told.append(len(events_of(await anext(slow))))
+            stated.append(len(events_of(await anext(slow))))
             assert await anext(slow) == b""
             now[0] += wait  # until there is room
-    assert told == [2, 2, *[1] * 12, 2]
+    assert stated == [2, 2, *[1] * 12, 2]
 
 
-async def test_what_was_missed_is_told_in_full_also_to_who_is_slow(
+async def test_what_was_missed_is_stated_in_full_also_to_a_slow_client(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eskin_cloud.live.backpressure.PAUSE_S", 1e-9)
@@ -228,12 +228,12 @@ async def test_filters_choose_nodes_and_channels(stand: Stand) -> None:
 
 
 async def test_heartbeat_comes_in_silence(stand: Stand) -> None:
-    told = listen(stand, heartbeat=0.01)
+    stated = listen(stand, heartbeat=0.01)
     async with asyncio.timeout(20):
-        pieces = [await anext(told) for _ in range(3)]
+        pieces = [await anext(stated) for _ in range(3)]
     assert pieces[1:] == [b"id: 0\n: heartbeat\n\n"] * 2
-    assert isinstance(told, AsyncGenerator)
-    await told.aclose()
+    assert isinstance(stated, AsyncGenerator)
+    await stated.aclose()
     assert stand.cloud.feed.subscribers == 0
 
 
@@ -242,10 +242,10 @@ async def test_stream_that_breaks_off_before_its_first_event_tells_where_to_go_o
 ) -> None:
     await stand.ingest(batch(stretch(0), stretch(1)))
     palm = Subscription(frozenset({"palm"}), frozenset())
-    told = listen(stand, cursor=1, selection=palm, heartbeat=0.01)
+    stated = listen(stand, cursor=1, selection=palm, heartbeat=0.01)
     async with asyncio.timeout(20):
-        assert parse(await anext(told))["id"] == "1"
-        assert parse(await anext(told)) == {"id": "2", "comment": "heartbeat"}
+        assert parse(await anext(stated))["id"] == "1"
+        assert parse(await anext(stated)) == {"id": "2", "comment": "heartbeat"}
 
 
 async def test_closing_feed_ends_streams(stand: Stand) -> None:

@@ -51,10 +51,10 @@ async def missing(stand: Stand) -> Any:
     """What the node's document states as missing, equal to the list's and the metric."""
     (node,) = (await stand.get("/api/v1/nodes")).json()["items"]
     assert node == (await stand.get(f"/api/v1/nodes/{NODE}")).json()
-    told = node["missing"]
+    stated = node["missing"]
     with stand.cloud.store.read() as connection:
-        assert count_missing(connection) == (0 if told is None else told["messages"])
-    return told
+        assert count_missing(connection) == (0 if stated is None else stated["messages"])
+    return stated
 
 
 async def details(stand: Stand) -> list[str]:
@@ -63,9 +63,9 @@ async def details(stand: Stand) -> list[str]:
     return [event["detail"] for event in found if not event["detail"].startswith("started")]
 
 
-def ranges(told: Any) -> list[tuple[int, int, int]]:
+def ranges(stated: Any) -> list[tuple[int, int, int]]:
     """Boot, first and last of each range."""
-    return [(each["boot"], each["first"], each["last"]) for each in told["ranges"]]
+    return [(each["boot"], each["first"], each["last"]) for each in stated["ranges"]]
 
 
 async def test_gap_between_stored_messages_is_reported_after_five_minutes(stand: Stand) -> None:
@@ -76,9 +76,9 @@ async def test_gap_between_stored_messages_is_reported_after_five_minutes(stand:
     assert await missing(stand) is None
     stand.clock.turn(1)
     await look(stand.cloud)
-    told = await missing(stand)
-    assert told["messages"] == 5
-    assert ranges(told) == [(1, 3, 6), (1, 9, 9)]
+    stated = await missing(stand)
+    assert stated["messages"] == 5
+    assert ranges(stated) == [(1, 3, 6), (1, 9, 9)]
     (said,) = await details(stand)
     assert "missing" in said
     assert "3 to 6" in said

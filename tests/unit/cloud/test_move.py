@@ -107,10 +107,10 @@ def test_killed_move_resumes_and_copies_everything(source: Path, cluster: Cluste
         put(store, stretch(0))
     killed_at_step(source, target, total + total // 2)  # while it compares
     assert count(target) == count(source)
-    told: list[tuple[int, int]] = []
-    counts = move(source, target, now=START, progress=lambda *step: told.append(step))
+    stated: list[tuple[int, int]] = []
+    counts = move(source, target, now=START, progress=lambda *step: stated.append(step))
     assert counts == {name: len(found) for name, found in rows(source).items()}
-    assert told[-1] == (2 * total, 2 * total)
+    assert stated[-1] == (2 * total, 2 * total)
     check(target, source)
     with Store(source) as store, store.read() as connection:
         last = connection.execute(select(feed.c.cursor)).scalar_one()

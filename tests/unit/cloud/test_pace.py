@@ -1,4 +1,4 @@
-"""How long somebody counts as slow, how often it is told then, and that little is on the way."""
+"""How long a client counts as slow, what it is sent then, and that little is on the way."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LATE_S = PATIENCE_S * 1.01
 
 
 class _Reader:
-    """Takes what it is told, on a clock of its own."""
+    """Takes what it is notified, on a clock of its own."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -57,7 +57,7 @@ def test_who_was_slow_is_fast_again_with_room_at_once_after_a_rest(took: float, 
     assert reader.take(took) is slow
 
 
-def test_who_has_no_room_even_so_is_told_ever_more_seldom() -> None:
+def test_client_without_room_even_so_is_sent_to_ever_more_seldom() -> None:
     reader = _Reader()
     pauses = []
     for _ in range(6):
@@ -98,7 +98,7 @@ async def test_event_stream_has_as_little_as_can_be_wait_on_the_way() -> None:
     begun: list[bool] = []
     sent: list[bytes] = []
 
-    async def told() -> AsyncIterator[bytes]:
+    async def stated() -> AsyncIterator[bytes]:
         assert begun
         yield b"data: 1\n\n"
 
@@ -110,7 +110,7 @@ async def test_event_stream_has_as_little_as_can_be_wait_on_the_way() -> None:
 
     extensions = {PROMPT: {"begin": lambda: begun.append(True)}}
     scope = {"type": "http", "asgi": {"spec_version": "2.4"}, "extensions": extensions}
-    await EventStream(told())(scope, receive, send)
+    await EventStream(stated())(scope, receive, send)
     assert sent == [b"", b"data: 1\n\n", b""]
-    await EventStream(told())(scope | {"extensions": {}}, receive, send)
+    await EventStream(stated())(scope | {"extensions": {}}, receive, send)
     assert begun == [True]

@@ -59,9 +59,9 @@ def test_failed_copy_leaves_the_connection_usable(
 
     with monkeypatch.context() as patch:
         patch.setattr("psycopg.Copy.set_types", breaks)
-        told = bring(store, stretch(0))
-        if told.exception(120) is None:
-            assert kinds(told.result()) == ["rejected"]
+        stated = bring(store, stretch(0))
+        if stated.exception(120) is None:
+            assert kinds(stated.result()) == ["rejected"]
     assert kinds(put(store, stretch(0))) == ["stored"]
 
 

@@ -176,7 +176,7 @@ async def test_fault_is_a_problem_with_a_remedy(
 
 
 def test_audit_log_is_append_only(store: Store) -> None:
-    audit_entry = AuditEntry("somebody\0", "::1", Action.SIGN_IN)
+    audit_entry = AuditEntry("another\0", "::1", Action.SIGN_IN)
     store.write(lambda c: record(c, audit_entry, now=START)).result(120)
     for change in (update(audit_log).values(actor="me"), delete(audit_log)):
         with pytest.raises(Exception, match="append only"):

@@ -1,4 +1,4 @@
-"""What many are told alike is printed once."""
+"""What many are stated alike is printed once."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.anyio
 
 
-async def test_those_who_look_on_alike_are_told_the_same_bytes(stand: Stand) -> None:
+async def test_viewers_of_the_same_get_the_same_bytes(stand: Stand) -> None:
     await stand.ingest(batch(stretch(0), peak(1), stretch(2)))
     feed = stand.cloud.feed
     found, _ = await feed.after(0, 64)

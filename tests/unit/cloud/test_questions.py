@@ -42,9 +42,9 @@ BAD_QUESTIONS: tuple[tuple[str, dict[str, Any], int, str], ...] = (
     (SERIES, {"pionts": 5}, 422, "spelling"),
     (SERIES, {"": ""}, 422, "parameter"),
     (f"/api/v1/series/{NODE}/t99.nothing", {}, 404, "channels lists"),
-    (f"/api/v1/series/nobody/{CHANNEL}", {}, 404, "nodes lists"),
+    (f"/api/v1/series/unknown/{CHANNEL}", {}, 404, "nodes lists"),
     ("/api/v1/series/%00/%ff", {}, 404, "nodes lists"),
-    (f"/api/v1/series/nobody/{CHANNEL}/threshold", {"above": 1}, 404, "nodes lists"),
+    (f"/api/v1/series/unknown/{CHANNEL}/threshold", {"above": 1}, 404, "nodes lists"),
     (THRESHOLD, {}, 422, "above, below: give either above or below"),
     (THRESHOLD, {"above": 1, "below": 2}, 422, "above, below: give either above or below"),
     (THRESHOLD, {"above": "nan"}, 422, "above"),
@@ -64,8 +64,8 @@ BAD_QUESTIONS: tuple[tuple[str, dict[str, Any], int, str], ...] = (
     (THRESHOLD, {"above": 1, "start": 5, "end": 4}, 422, "swap"),
     ("/api/v1/nodes", {"cursor": "ü"}, 422, "cursor"),
     ("/api/v1/nodes", {"limit": 5}, 422, "spelling"),
-    ("/api/v1/nodes/nobody", {}, 404, "nodes lists"),
-    ("/api/v1/nodes/nobody/channels", {}, 404, "nodes lists"),
+    ("/api/v1/nodes/unknown", {}, 404, "nodes lists"),
+    ("/api/v1/nodes/unknown/channels", {}, 404, "nodes lists"),
     (f"/api/v1/nodes/{NODE}", {"x": 1}, 422, "spelling"),
     ("/api/v1/events", {"kind": "earthquake"}, 422, "kind"),
     ("/api/v1/events", {"verdict": "unlikely"}, 422, "verdict"),
@@ -74,9 +74,9 @@ BAD_QUESTIONS: tuple[tuple[str, dict[str, Any], int, str], ...] = (
     ("/api/v1/events", {"start": 2, "end": 1}, 422, "swap"),
     ("/api/v1/events", {"cursor": "MTIzCjk5OTk5OTk5OTk5OTk5OTk5OTk5"}, 422, "cursor"),
     ("/api/v1/events", {"cursor": "x" * 1001}, 422, "cursor"),
-    ("/api/v1/events", {"node": "nobody"}, 404, "nodes lists"),
-    ("/api/v1/live", {"node": "nobody"}, 404, "nodes lists"),
-    ("/api/v1/live", {"channel": f"nobody/{CHANNEL}"}, 404, "nodes lists"),
+    ("/api/v1/events", {"node": "unknown"}, 404, "nodes lists"),
+    ("/api/v1/live", {"node": "unknown"}, 404, "nodes lists"),
+    ("/api/v1/live", {"channel": f"unknown/{CHANNEL}"}, 404, "nodes lists"),
     ("/api/v1/live", {"points": 0}, 422, "points"),
     ("/api/v1/live", {"grain": -1}, 422, "grain"),
     ("/api/v1/live", {"channel": "/"}, 422, "NODE/CHANNEL"),
@@ -138,7 +138,7 @@ async def test_segment_carries_the_union_bound_of_its_samples(stand: Stand) -> N
     assert 0.8999 < segment["coverage"] <= 0.9
 
 
-async def test_time_in_a_band_is_told_as_an_interval_and_gaps_as_unknown(stand: Stand) -> None:
+async def test_time_in_a_band_is_an_interval_and_gaps_are_unknown(stand: Stand) -> None:
     later = START + 7 * DT
     put(
         stand.cloud.store,

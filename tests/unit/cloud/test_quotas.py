@@ -49,8 +49,8 @@ async def test_sealed_channels_count(
     monkeypatch.setattr("eskin_cloud.store.write.layouts.MOST_CHANNELS", 2)
     site = Site(tmp_path)
     with sealing(tmp_path, identities, place=place) as stand:
-        told = [pulse(n, channel=f"t{n:02}.bioelectric") for n in range(6, 9)]
-        answer = await stand.ingest(site.batch(declared(), *told))
+        stated = [pulse(n, channel=f"t{n:02}.bioelectric") for n in range(6, 9)]
+        answer = await stand.ingest(site.batch(declared(), *stated))
         assert [item["result"] for item in answer.json()["items"]] == [
             STORED,
             STORED,

@@ -1,4 +1,4 @@
-"""A revocation counts in requests that are open: whoever is judged once is judged again."""
+"""A revocation counts in requests that are open: a caller that is judged once is judged again."""
 
 from __future__ import annotations
 
@@ -128,10 +128,10 @@ async def test_live_stream_of_a_revoked_session_tells_nothing_more(stand: Stand)
         assert revoke_session(stand.cloud.store, row["id"])
         assert not revoke_session(stand.cloud.store, row["id"])
         await stand.ingest(batch(stretch(1)))
-        told = b""
+        stated = b""
         while (message := await sent.get()) is not None:
-            told += message.get("body", b"")
-    assert b"event: frame" not in told
+            stated += message.get("body", b"")
+    assert b"event: frame" not in stated
 
 
 async def test_long_answer_breaks_off_between_its_pieces(

@@ -28,9 +28,9 @@ async def test_node_whose_every_message_is_refused_fills_no_log(stand: Stand) ->
             bad = [stretch(number + k, unit="V") for k in range(20)]
             answer = await stand.ingest(batch(*bad))
             assert {item["result"] for item in answer.json()["items"]} == {"rejected"}
-    told = [line for line in lines() if "gateway=" in line]
-    assert 1 <= len(told) <= 10
-    assert all("a channel keeps its unit" in line for line in told)
+    stated = [line for line in lines() if "gateway=" in line]
+    assert 1 <= len(stated) <= 10
+    assert all("a channel keeps its unit" in line for line in stated)
 
 
 @pytest.mark.usefixtures("standing_windows")

@@ -1,4 +1,4 @@
-"""What tells of a person is stored sealed, and answers whoever may read it like all else."""
+"""What identifies a person is stored sealed, and answers readers with the scope like all else."""
 
 from __future__ import annotations
 
@@ -71,14 +71,16 @@ async def test_every_answer_encloses_what_was_sealed(stand: Stand, site: Site) -
     waves = [wave(number) for number in range(1, 6)]
     await stand.ingest(site.batch(declared(), *waves))
     answer = (await ask(stand, token, SERIES, **WIDE, points=4)).json()
-    for told in waves:
-        tube = tube_of(told)
+    for stated in waves:
+        tube = tube_of(stated)
         for moment, lo, hi in zip(tube.moments, tube.values.inf, tube.values.sup, strict=True):
             at = (int(moment) - START + SECOND) // answer["dt"]
             assert answer["lo"][at] <= lo <= hi <= answer["hi"][at]
 
 
-async def test_reader_without_the_scope_is_refused_and_told_why(stand: Stand, site: Site) -> None:
+async def test_reader_without_the_scope_is_refused_with_the_reason(
+    stand: Stand, site: Site
+) -> None:
     await stand.ingest(site.batch(declared(), pulse(1), beat(2)))
     for path, params in (
         (SERIES, {}),
@@ -118,20 +120,20 @@ async def test_sealed_message_is_stored_once(stand: Stand, site: Site) -> None:
 async def test_biometric_frame_in_the_clear_is_refused_and_none_of_it_is_kept(
     stand: Stand, tmp_path: Path, channel: str
 ) -> None:
-    told: list[Frame | Statements] = [
+    stated: list[Frame | Statements] = [
         pulse(1, [1.2345678], [2.3456789], channel=channel),
         beat(2, channel=channel),
     ]
-    stored = await stand.ingest(cbor2.dumps([[NODE, message.encode()] for message in told]))
+    stored = await stand.ingest(cbor2.dumps([[NODE, message.encode()] for message in stated]))
     assert {item["result"] for item in stored.json()["items"]} == {"rejected"}
     with stand.cloud.store.read() as connection:
         assert connection.execute(select(dead_letters.c.data)).scalars().all() == [b""]
         assert count_dead_letters(connection) == 1
     held = remains(tmp_path) + kept(stand.cloud.store)
-    assert all(message.encode()[-24:] not in held for message in told)
+    assert all(message.encode()[-24:] not in held for message in stated)
 
 
-async def test_channel_that_tells_of_nobody_cannot_be_sealed(stand: Stand, site: Site) -> None:
+async def test_channel_that_is_not_biometric_cannot_be_sealed(stand: Stand, site: Site) -> None:
     items = (await stand.ingest(site.batch(stretch(1), peak(2)))).json()["items"]
     assert {item["result"] for item in items} == {"rejected"}
 
@@ -140,14 +142,14 @@ async def test_sealed_peaks_stand_among_the_events_page_by_page(stand: Stand, si
     token = physician(stand)
     rng = np.random.default_rng(5)
     moments = START + np.sort(rng.integers(0, 200, 60)) * SECOND
-    told: list[Any] = []
+    stated: list[Any] = []
     for number, moment in enumerate(moments.tolist(), start=1):
         time = (moment, moment + DT)
         judged = Verdict.CERTAIN if number % 3 else Verdict.POSSIBLE
-        told.append((beat if number % 2 else peak)(number, time=time, verdict=judged))
-    shuffled = [told[index] for index in rng.permutation(60)]
+        stated.append((beat if number % 2 else peak)(number, time=time, verdict=judged))
+    shuffled = [stated[index] for index in rng.permutation(60)]
     bodies = [site.seal(m) if is_beat(m) else m.encode() for m in shuffled]
-    stand.present(cbor2.dumps([[NODE, m.encode()] for m in told]))
+    stand.present(cbor2.dumps([[NODE, m.encode()] for m in stated]))
     await stand.ingest(cbor2.dumps([[NODE, body] for body in bodies]))
     for order in ("asc", "desc"):
         for verdict in (None, "certain"):
@@ -159,7 +161,7 @@ async def test_sealed_peaks_stand_among_the_events_page_by_page(stand: Stand, si
                 cursor = {"cursor": pages[-1]["next"]} if pages else {}
                 pages.append((await ask(stand, token, "/api/v1/events", **asked, **cursor)).json())
                 seen += pages[-1]["items"]
-            wanted = [m for m in told if verdict is None or m.peaks[0].verdict is Verdict.CERTAIN]
+            wanted = [m for m in stated if verdict is None or m.peaks[0].verdict is Verdict.CERTAIN]
             assert len({item["id"] for item in seen}) == len(seen) == len(wanted)
             assert sorted(item["time"]["lo"] for item in seen) == sorted(
                 format_timestamp(m.peaks[0].time[0]) for m in wanted
@@ -168,7 +170,7 @@ async def test_sealed_peaks_stand_among_the_events_page_by_page(stand: Stand, si
             assert all(a <= b if order == "asc" else a >= b for a, b in pairwise(times))
     inside = {"start": START + 50 * SECOND, "end": START + 90 * SECOND, "channel": CHANNEL}
     found = (await ask(stand, token, "/api/v1/events", **inside, limit=100)).json()["items"]
-    times = [m.peaks[0].time for m in told if is_beat(m)]
+    times = [m.peaks[0].time for m in stated if is_beat(m)]
     lasting = [time for time in times if time[1] >= inside["start"]]
     assert len(found) == sum(start < inside["end"] for start, _ in lasting)
     for start, _ in lasting[:2]:

@@ -1,4 +1,4 @@
-"""The lag of a node that seals what it measures is told no closer than to its minutes."""
+"""The lag of a node that seals what it measures is stated no closer than to its minutes."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ async def lag_of(stand: Stand) -> Any:
         return (await client.get(f"/api/v1/nodes/{NODE}")).json()["lag"]
 
 
-async def test_lag_of_a_node_that_seals_is_told_to_its_minutes(stand: Stand, site: Site) -> None:
+async def test_lag_of_a_node_that_seals_is_known_to_its_minutes(stand: Stand, site: Site) -> None:
     moment = START + 90 * SECOND
     stand.clock.now = moment + 5 * SECOND
     await stand.ingest(site.batch(declared(), beat(1, time=(moment, moment))))
     assert await lag_of(stand) is None, "a peak would tell when it came"
     await stand.ingest(site.batch(pulse(2, time=(moment, moment))))
-    told = await lag_of(stand)
-    assert told == {"lo_ns": -25 * SECOND, "hi_ns": 35 * SECOND}
-    assert told["lo_ns"] <= 5 * SECOND <= told["hi_ns"]
+    stated = await lag_of(stand)
+    assert stated == {"lo_ns": -25 * SECOND, "hi_ns": 35 * SECOND}
+    assert stated["lo_ns"] <= 5 * SECOND <= stated["hi_ns"]
     stand.clock.turn(7)
     await stand.ingest(site.batch(beat(3, time=(moment, moment))))
-    assert await lag_of(stand) == told
+    assert await lag_of(stand) == stated
 
 
 async def test_lag_of_a_block_in_the_clear_is_not_widened_by_sealed_ones(

@@ -1,4 +1,4 @@
-"""The running cloud answers as its description says, whoever asks: over a real socket."""
+"""The running cloud answers as its description says, whatever the caller: over a real socket."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 EXAMPLES: Final = 3
 """Of each operation, for each who asks."""
-VISITORS: Final = {"nobody": (), **{str(scope): (scope,) for scope in Scope}, "all": tuple(Scope)}
+VISITORS: Final = {"unknown": (), **{str(scope): (scope,) for scope in Scope}, "all": tuple(Scope)}
 
 
 @pytest.fixture(scope="module")

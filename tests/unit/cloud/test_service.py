@@ -116,7 +116,7 @@ def test_gateways_listener_is_closed_to_clients_without_a_certificate(standing: 
         client.post("/api/v1/ingest", content=batch(stretch(0)))
 
 
-def test_certificate_of_another_kind_is_told_why_and_hung_up_on(
+def test_certificate_of_another_kind_gets_the_reason_and_is_closed(
     standing: Service, identities: Identities
 ) -> None:
     root = standing.server.directory / "root.pem"
@@ -168,7 +168,7 @@ def test_client_that_leaves_in_mid_body_is_one_quiet_line(standing: Service) -> 
     ):
         connection.sendall(head.encode() + body[:-1])
     left = "client left in the middle of its body"
-    standing.wait_for(lambda: left in standing.output(), "it is told")
+    standing.wait_for(lambda: left in standing.output(), "it is notified")
     # A request that comes after it is answered, so all that was to be said of it was said.
     assert standing.ingest(batch(stretch(1))).status_code == 200
     said = standing.output().splitlines()[before:]
@@ -200,7 +200,7 @@ def test_people_cannot_ingest_and_gateways_cannot_ask(standing: Service) -> None
 
 
 @pytest.mark.parametrize("path", ["/metrics", "/healthz", "/login", "/api/v1/nodes"])
-def test_name_that_dns_led_here_is_told_nothing(standing: Service, path: str) -> None:
+def test_name_that_dns_led_here_gets_nothing(standing: Service, path: str) -> None:
     with standing.people(standing.token()) as client:
         assert client.get(path, headers={"Host": "evil.example"}).status_code == 421
         for host in ("localhost", "127.0.0.1:8080", "[::1]:8080"):

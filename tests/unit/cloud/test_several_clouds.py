@@ -77,7 +77,7 @@ def entries(stand: Stand) -> list[FeedEntry]:
     return [entry for entry in found if entry.sealed is not None]
 
 
-async def test_erasure_that_one_cloud_was_told_counts_at_all_of_them(
+async def test_erasure_that_one_cloud_received_counts_at_all_of_them(
     first: Stand, second: Stand, site: Site
 ) -> None:
     token, ada = physician(first), site.ada.pseudonym
@@ -120,7 +120,7 @@ async def test_late_key_is_kept_by_no_cloud(first: Stand, second: Stand, site: S
         keys_of(first).find(site.ada.pseudonym)
 
 
-async def test_cloud_that_nobody_asks_destroys_its_copy_too_also_after_a_fault(
+async def test_cloud_without_queries_destroys_its_copy_too_also_after_a_fault(
     first: Stand, second: Stand, site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     await wear(first, site)

@@ -104,14 +104,14 @@ def test_other_work_sees_earlier_batches(store: Store) -> None:
     assert second.result(120) == (3, 3)
 
 
-@pytest.mark.parametrize(("then", "told"), [
+@pytest.mark.parametrize(("then", "stated"), [
     (refuse, QueryError), (stumble, ZeroDivisionError), (collide, IntegrityError),
 ])  # fmt: skip
 def test_failed_batch_affects_no_other(
     store: Store,
     caplog: pytest.LogCaptureFixture,
     then: Callable[[Connection], None],
-    told: type[Exception],
+    stated: type[Exception],
 ) -> None:
     put(store, stretch(0))
     with one_commit(store):
@@ -119,7 +119,7 @@ def test_failed_batch_affects_no_other(
         broken = bring(store, stretch(3), then=then)
         after = bring(store, stretch(4))
         other = store.write(lambda c: c.execute(select(func.count()).select_from(frames)).scalar())
-    with pytest.raises(told):
+    with pytest.raises(stated):
         broken.result(120)
     assert kinds(before.result(120)) == ["stored", "stored"]
     assert kinds(after.result(120)) == ["stored"]
@@ -173,12 +173,12 @@ def test_shared_commits_equal_single_commits(
             written.append(bring(shared, *map(_said, numbers), then=then))
             if between:
                 shared.write(lambda c: c.execute(select(func.count()).select_from(nodes)).scalar())
-    told = [_outcome(each) for each in written]
+    stated = [_outcome(each) for each in written]
     apart = [
         _outcome(bring(alone, *map(_said, numbers), then=then, shared=False))
         for numbers, then, _ in work
     ]
-    assert told == apart
+    assert stated == apart
     assert contents(shared) == contents(alone)
 
 

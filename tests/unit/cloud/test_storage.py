@@ -28,5 +28,5 @@ async def test_bytes_a_sample_are_all_bytes_by_all_samples(stand: Stand) -> None
     assert found["bytes"] - found["free_bytes"] > 30_000
     each = (found["bytes"] - found["free_bytes"]) / 10_000
     assert found["bytes_per_sample"] == pytest.approx(each)
-    told = f"eskin_cloud_store_bytes_per_sample {found['bytes_per_sample']}"
-    assert told in stand.cloud.metrics.write().decode()
+    stated = f"eskin_cloud_store_bytes_per_sample {found['bytes_per_sample']}"
+    assert stated in stand.cloud.metrics.write().decode()

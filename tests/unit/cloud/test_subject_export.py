@@ -1,4 +1,4 @@
-"""All that is held of a person, for whoever may read it, and for as long."""
+"""All that is held of a person, for readers with the scope, and for as long."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 def loaded(place: Path, *how: str) -> set[str]:
     command = [sys.executable, "-m", "tests.unit.cloud.first_use", str(place), *how]
-    told = subprocess.run(command, capture_output=True, text=True, check=True)
-    return set(told.stdout.split())
+    stated = subprocess.run(command, capture_output=True, text=True, check=True)
+    return set(stated.stdout.split())
 
 
 def test_first_messages_load_nothing_after_the_warm_up(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What the cloud cannot use, and what may tell of a person, is kept by its size alone."""
+"""What the cloud cannot use, and what may identify a person, is kept by its size alone."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ async def test_what_cannot_be_read_and_may_tell_of_a_person_is_kept_nowhere(
 ) -> None:
     await stand.ingest(cbor2.dumps([[NODE, declared().encode()]]))
     answer = await stand.ingest(cbor2.dumps([item]))
-    (told,) = answer.json()["items"]
-    assert told["result"] == "rejected"
+    (stated,) = answer.json()["items"]
+    assert stated["result"] == "rejected"
     with stand.cloud.store.read() as connection:
         (letter,) = connection.execute(select(dead_letters)).mappings().all()
     assert letter["data"] == b""
@@ -60,7 +60,7 @@ async def test_what_cannot_be_read_and_may_tell_of_a_person_is_kept_nowhere(
     assert SECRET.decode() not in caplog.text + answer.text
 
 
-async def test_frame_of_nobody_that_does_not_fit_its_layout_is_kept(stand: Stand) -> None:
+async def test_frame_without_a_subject_that_does_not_fit_its_layout_is_kept(stand: Stand) -> None:
     body = replace(stretch(50), page=1).encode()
     await stand.ingest(cbor2.dumps([[NODE, body]]))
     with stand.cloud.store.read() as connection:

@@ -115,7 +115,7 @@ def test_shortage_rejects_no_message(
 def test_shortage_in_the_fallback_rejects_no_message(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    faults = iter([ValueError("nobody foresaw it"), MemoryError()])
+    faults = iter([ValueError("not foreseen"), MemoryError()])
 
     def short(*_: Any) -> None:
         raise next(faults)
@@ -144,8 +144,8 @@ def test_unexpected_error_does_not_stop_the_writer(
         begin(connection)
 
     monkeypatch.setattr(store.writer, "_on_begin", breaks)
-    for told in ("out of memory", "unforeseen"):
-        with pytest.raises(StoreError, match=told):
+    for stated in ("out of memory", "unforeseen"):
+        with pytest.raises(StoreError, match=stated):
             put(store, stretch(0))
     assert results(put(store, stretch(0))) == ["stored"]
 
@@ -199,10 +199,10 @@ def test_cancelled_work_is_left_out(store: Store) -> None:
 
 
 def test_batch_of_nodes_with_and_without_a_status_is_stored(store: Store) -> None:
-    told, silent = status(0).encode(), stretch(0).encode()
-    put_items(store, [ParsedMessage.parse("told", told), ParsedMessage.parse("silent", silent)])
+    stated, silent = status(0).encode(), stretch(0).encode()
+    put_items(store, [ParsedMessage.parse("stated", stated), ParsedMessage.parse("silent", silent)])
     assert {row["node"]: row["profile"] for row in rows(store, nodes)} == {
-        "told": "fingertip",
+        "stated": "fingertip",
         "silent": None,
     }
 

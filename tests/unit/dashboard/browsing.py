@@ -114,7 +114,7 @@ class Visit:
 
     def asked(self, part: str) -> int:
         """How many requests were sent so far whose address has such a part."""
-        self.page.evaluate("0")  # takes in what the browser told meanwhile
+        self.page.evaluate("0")  # takes in what the browser stated meanwhile
         return sum(part in url for url in self.requests)
 
     def wait_for_answers(self) -> None:

@@ -150,7 +150,7 @@ def test_samples_that_are_known_are_shown_without_a_question(
     visit.open(history("palm/t01.energy", recorded - 150 * MS, recorded - 20 * MS))
     wide = visit.wait_for_chart(mode="history", resolution="sample")
     visit.page.locator("[data-testid=channel]:not(.busy)").wait_for()
-    # Once more around the window, by as much as its times may be wrong, if the stream has not told.
+    # Once more around the window, by as much as its times may be wrong, if not stated yet.
     known = visit.asked("/series/")
     assert known in {1, 2}
     visit.page.locator(CHART).focus()
@@ -190,8 +190,8 @@ def test_pictures_of_a_live_page_leave_its_layout_and_styles_alone(visit: Visit)
 
     def counts() -> tuple[float, ...]:
         metrics = session.send("Performance.getMetrics")["metrics"]
-        told = {one["name"]: one["value"] for one in metrics}
-        return told["Timestamp"], told["LayoutCount"], told["RecalcStyleCount"]
+        stated = {one["name"]: one["value"] for one in metrics}
+        return stated["Timestamp"], stated["LayoutCount"], stated["RecalcStyleCount"]
 
     before = counts()
     pictures = visit.evaluate(PICTURES, [4, 60, 5])

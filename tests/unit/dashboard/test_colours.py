@@ -63,7 +63,7 @@ def test_every_eye_sees_white_black_and_grey_as_they_are(eye: str) -> None:
 
 @pytest.mark.parametrize("eye", EYES)
 @pytest.mark.parametrize("tokens", THEMES)
-def test_marks_of_a_chart_are_told_apart(tokens: dict[str, str], eye: str) -> None:
+def test_marks_of_a_chart_are_distinguished(tokens: dict[str, str], eye: str) -> None:
     plot = Colour.read(tokens["chart-plot"])
     looks = {
         name: lab(seen(Colour.read(tokens[f"chart-{name}"]).on(plot), eye))

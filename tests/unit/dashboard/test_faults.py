@@ -43,7 +43,7 @@ def test_session_that_ends_leads_to_the_login(
             refused.append(answer.url)
 
     def refusals() -> int:
-        # Takes in what the browser told meanwhile; a page that is leaving evaluates nothing.
+        # Takes in what the browser stated meanwhile; a page that is leaving evaluates nothing.
         visit.page.wait_for_timeout(20)
         return len(refused)
 
@@ -86,7 +86,7 @@ def test_page_that_comes_back_from_the_login_can_leave_again(
         route.fulfill(status=204)
 
     def tried() -> int:
-        visit.page.evaluate("0")  # takes in what the browser told meanwhile
+        visit.page.evaluate("0")  # takes in what the browser stated meanwhile
         return len(tries)
 
     with visiting(browser, demo.access["url"], storage_state=session.state) as visit:

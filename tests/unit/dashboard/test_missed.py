@@ -1,4 +1,4 @@
-"""What comes between two questions, or two streams, is told all the same."""
+"""What comes between two questions, or two streams, is stated all the same."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def test_nodes_are_shown_online(visit: Visit) -> None:
         card = visit.page.locator(f"[data-testid=node][data-node={node}]")
         card.get_by_text("online", exact=True).wait_for()
         lag = card.get_by_test_id("node-lag")
-        wait_until(lambda lag=lag: any(map(str.isdigit, lag.inner_text())), "its lag is told")  # type: ignore[misc]  # mypy infers no lambda defaults
+        wait_until(lambda lag=lag: any(map(str.isdigit, lag.inner_text())), "its lag is stated")  # type: ignore[misc]  # mypy infers no lambda defaults
 
 
 def test_gateway_and_store_are_shown_beside_all_nodes(replay: Replay, visit: Visit) -> None:
@@ -86,7 +86,7 @@ def test_gateway_and_store_are_shown_beside_all_nodes(replay: Replay, visit: Vis
     assert known["spool"]["capacity_bytes"] > known["spool"]["bytes"]
     assert 0 < known["lag"]["lo_ns"] <= known["lag"]["hi_ns"]
     lag = card.get_by_test_id("gateway-lag")
-    wait_until(lambda: any(map(str.isdigit, lag.inner_text())), "its lag is told")
+    wait_until(lambda: any(map(str.isdigit, lag.inner_text())), "its lag is stated")
     each = visit.page.get_by_test_id("bytes-per-sample").inner_text()
     assert 1 < float(each.removesuffix(" B")) < 1000
     visit.page.locator("[data-testid=node]").first.click()
@@ -98,8 +98,8 @@ def test_card_of_a_node_tells_its_battery_and_its_gaps(visit: Visit) -> None:
     def drain(route: Route) -> None:
         answer = route.fetch()
         items = answer.json()["items"]
-        told = [{**item, **DRAINED.get(item["id"], WHOLE)} for item in items]
-        route.fulfill(response=answer, json={"items": told, "next": None})
+        stated = [{**item, **DRAINED.get(item["id"], WHOLE)} for item in items]
+        route.fulfill(response=answer, json={"items": stated, "next": None})
 
     visit.page.route("**/api/v1/nodes", drain)
     visit.open("")
@@ -107,7 +107,7 @@ def test_card_of_a_node_tells_its_battery_and_its_gaps(visit: Visit) -> None:
     facts = {card["node"]: card for card in visit.evaluate(CARDS)}
     _, plain = facts["forearm"]["gaps"]
     _, warning = facts["fingertip"]["gaps"]
-    assert warning != plain, "what is wrong is told by its colour, too"
+    assert warning != plain, "what is wrong is stated by its colour, too"
     assert facts["palm"]["battery"] == ["0–7 % · discharges · sheds to peaks", warning]
     assert facts["palm"]["gaps"] == ["12,345", warning]
     assert facts["fingertip"]["battery"] == ["50–61 % · may sustain itself", plain]

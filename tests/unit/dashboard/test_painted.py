@@ -63,17 +63,17 @@ def test_live_pixels_enclose_the_samples(
         plot, band = read_plots(live_visit, COVERED, BAND)
         assert plot.newest is not None
         series = demo.get(f"/series/{channel}", start=plot.start, end=plot.end, points=20_000)
-        told = range(plot.start, min(plot.newest - UNTOLD, plot.end))
-        samples = [one for one in samples_of(series) if one[0] in told]
+        stated = range(plot.start, min(plot.newest - UNTOLD, plot.end))
+        samples = [one for one in samples_of(series) if one[0] in stated]
         assert len(samples) >= 100
-        # A gap may be hatched there: a node that is late tells of one before it goes on.
+        # A gap may be hatched there: a node that is late states one before it goes on.
         assert not any(band.painted[plot.column(plot.newest) + EDGE :])
         area = "".join(plot.columns)
         assert area.count("1") < 0.95 * len(area), "a plot that is painted all over tells nothing"
         return all(plot.encloses(*sample) for sample in samples)
 
     for _ in range(3):
-        # What a slow page has not been told yet is blank until the store has told it.
+        # What a slow page has not been stated yet is blank until the store has stated it.
         wait_until(encloses, "each sample is painted over")
         live_visit.page.wait_for_timeout(700)
 
@@ -105,8 +105,8 @@ def test_certain_and_possible_answers_are_painted_in_lanes_of_their_own(
         assert least
         painted = {column for column, is_painted in enumerate(lane(plot, row)) if is_painted}
         assert columns_of(plot, least, 0) <= painted <= columns_of(plot, most, 1)
-    assert not any(lane(certain, POSSIBLE_LANE)), "no certain colour where possible is told"
-    assert not any(lane(possible, CERTAIN_LANE)), "no possible colour where certain is told"
+    assert not any(lane(certain, POSSIBLE_LANE)), "no certain colour where possible is stated"
+    assert not any(lane(possible, CERTAIN_LANE)), "no possible colour where certain is stated"
 
 
 def stretches_of(answer: Any, verdict: str, errors: int) -> list[tuple[int, int]]:
@@ -135,17 +135,17 @@ def columns_of(plot: Plot, stretches: list[tuple[int, int]], slack: int) -> set[
 
 
 @pytest.mark.parametrize(
-    ("mode", "told_by"), [("history", "samples"), ("history", "event"), ("live", "samples")]
+    ("mode", "stated_by"), [("history", "samples"), ("history", "event"), ("live", "samples")]
 )
 def test_gap_is_painted_as_a_gap_and_never_as_band(
-    replay: Replay, visit: Visit, mode: str, told_by: str
+    replay: Replay, visit: Visit, mode: str, stated_by: str
 ) -> None:
     channels = {one["id"]: one for one in replay.get("/nodes/fingertip/channels")["items"]}
     last = parse_timestamp(channels["t01.capacitance"]["last"])
     gap = range(last - 3500 * MS, last - 1500 * MS)
     held: list[Route] = []
-    visit.page.route("**/api/v1/events*", lambda route: tell(route, gap, told_by))
-    visit.page.route("**/api/v1/series/**", lambda route: cut(route, gap, told_by))
+    visit.page.route("**/api/v1/events*", lambda route: tell(route, gap, stated_by))
+    visit.page.route("**/api/v1/series/**", lambda route: cut(route, gap, stated_by))
     # Nothing follows what the store knows.
     visit.page.route("**/api/v1/live?*", lambda route: held.append(route))  # noqa: PLW0108 -- Playwright marks what it is given
     place = f"{GENTLE}?live=30s" if mode == "live" else history(GENTLE, last - 5 * SECOND, last)
@@ -177,14 +177,14 @@ def near(moment: int, gap: range) -> bool:
     return gap.start - UNTOLD <= moment < gap.stop + UNTOLD
 
 
-def cut(route: Route, gap: range, told_by: str) -> None:
-    """Let the store know nothing of a stretch; a gap that an event tells of has no entries."""
+def cut(route: Route, gap: range, stated_by: str) -> None:
+    """Let the store know nothing of a stretch; a gap that an event states has no entries."""
     answer = route.fetch()
     series: dict[str, Any] = answer.json()
     start = parse_timestamp(series["t0"])
     rows = list(zip(series["t"], series["lo"], series["hi"], strict=True))
     lost = [start + t in gap for t, _, _ in rows]
-    if told_by == "event":
+    if stated_by == "event":
         rows = [row for row, is_lost in zip(rows, lost, strict=True) if not is_lost]
     else:
         rows = [
@@ -195,7 +195,7 @@ def cut(route: Route, gap: range, told_by: str) -> None:
     route.fulfill(response=answer, json={**series, "t": t, "lo": lo, "hi": hi})
 
 
-def tell(route: Route, gap: range, told_by: str) -> None:
+def tell(route: Route, gap: range, stated_by: str) -> None:
     """Answer with the gap as an event, and with no other events."""
     event = {
         "id": "gap",
@@ -207,6 +207,6 @@ def tell(route: Route, gap: range, told_by: str) -> None:
         "sequence": 1,
         **dict.fromkeys(("verdict", "height", "prominence", "count", "unit", "coverage", "detail")),
     }
-    asked = told_by == "event" and "kind=gap" in route.request.url
+    asked = stated_by == "event" and "kind=gap" in route.request.url
     body = {"items": [event] if asked else [], "next": None}
     route.fulfill(body=json.dumps(body), content_type="application/json")

@@ -1,4 +1,4 @@
-"""Peaks: certain and possible ones, told apart by shape."""
+"""Peaks: certain and possible ones, distinguished by shape."""
 
 from __future__ import annotations
 
@@ -149,18 +149,18 @@ def test_event_that_arrives_during_loading_stays_listed(visit: Visit) -> None:
     ((route, answer),) = asked
     stored = {item["id"] for item in answer.json()["items"]}
     assert stored
-    told: set[str] = set()
+    stated: set[str] = set()
 
     def tells() -> bool:
-        told.update(item["id"] for item in route.fetch().json()["items"])
-        return not told <= stored
+        stated.update(item["id"] for item in route.fetch().json()["items"])
+        return not stated <= stored
 
     wait_until(tells, "there is an event that was not stored yet")
-    # Blocks that were measured since are told behind it.
+    # Blocks that were measured since are stated behind it.
     now = time.time_ns()
-    wait_until(lambda: visit.newest() > now, "the stream has told of it")
+    wait_until(lambda: visit.newest() > now, "the stream has stated of it")
     route.fulfill(response=answer)
-    wait_until(lambda: stored | told <= set(visit.evaluate(LISTED)), "the list holds all of them")
+    wait_until(lambda: stored | stated <= set(visit.evaluate(LISTED)), "the list holds all of them")
 
 
 @pytest.mark.nightly
@@ -180,7 +180,7 @@ def test_page_notes_since_when_peaks_are_marked(visit: Visit) -> None:
     note = visit.page.get_by_test_id("events-note")
     note.get_by_text("on are marked in the charts: zoom in for all").wait_for()
     assert note.inner_text().startswith("Only peaks from ")
-    # Nothing else is told from here on, so that it stands until the window begins after it.
+    # Nothing more is sent from here on, so that it stands until the window begins after it.
     held: list[Route] = []
     visit.page.route("**/api/v1/events?*", lambda route: held.append(route))  # noqa: PLW0108 -- Playwright marks what it is given
     visit.page.get_by_test_id("live-span").select_option(label="5 s")

@@ -150,7 +150,7 @@ def test_node_reaches_gateway_and_gateway_reaches_node(peers: dict[str, Peer]) -
     wait_until(lambda: peers["node"].messages == [(ACKS, b"ack")], "ack arrives")
 
 
-def test_what_a_node_writes_elsewhere_reaches_nobody(peers: dict[str, Peer]) -> None:
+def test_what_a_node_writes_elsewhere_reaches_no_client(peers: dict[str, Peer]) -> None:
     assert peers["gateway"].subscribe("eskin/v1/nodes/+/frames")
     assert peers["client"].subscribe("eskin/v1/live/#")
     for topic in (PALM_FRAMES, "eskin/v1/live/fingertip/t01.current"):
@@ -164,7 +164,7 @@ def test_what_a_node_writes_elsewhere_reaches_nobody(peers: dict[str, Peer]) -> 
     assert peers["client"].messages == [(live, b"genuine")]
 
 
-def test_what_is_said_once_to_nobody_is_gone_and_to_somebody_arrives(
+def test_what_is_said_once_is_gone_without_subscribers_and_arrives_with_one(
     peers: dict[str, Peer],
 ) -> None:
     topic = "eskin/v1/live/fingertip/t01.area"
@@ -179,7 +179,7 @@ def test_what_is_said_once_to_nobody_is_gone_and_to_somebody_arrives(
     peers["gateway"].publish("eskin/v1/live/fingertip/status", b"", retain=True)
 
 
-def test_what_a_client_publishes_reaches_nobody(peers: dict[str, Peer]) -> None:
+def test_what_a_client_publishes_reaches_no_client(peers: dict[str, Peer]) -> None:
     live = "eskin/v1/live/fingertip/t01.current"
     assert peers["client"].subscribe("eskin/v1/live/#")
     assert peers["gateway"].subscribe("eskin/v1/nodes/+/frames")
@@ -201,17 +201,17 @@ def test_retained_message_goes_to_its_subscribers_only(
     peers["node"].publish(status, b"chain", retain=True)
     wait_until(lambda: bool(peers["gateway"].messages), "status arrives")
     palm = identities.make(IdentityKind.NODE, "palm")
-    stranger = Peer(port, palm, palm.directory / "root.pem")
+    outsider = Peer(port, palm, palm.directory / "root.pem")
     later = Peer(port, identities.gateway, palm.directory / "root.pem")
-    wait_until(lambda: stranger.connections + later.connections == 2, "both connect")
-    assert stranger.subscribe(PALM_ACKS)
+    wait_until(lambda: outsider.connections + later.connections == 2, "both connect")
+    assert outsider.subscribe(PALM_ACKS)
     assert later.subscribe("eskin/v1/nodes/+/status")
     wait_until(lambda: later.messages == [(status, b"chain")], "retained status arrives")
     peers["gateway"].publish(PALM_ACKS, b"ack")
-    wait_until(lambda: bool(stranger.messages), "ack arrives")
-    stranger.close()
+    wait_until(lambda: bool(outsider.messages), "ack arrives")
+    outsider.close()
     later.close()
-    assert stranger.messages == [(PALM_ACKS, b"ack")]
+    assert outsider.messages == [(PALM_ACKS, b"ack")]
 
 
 @pytest.mark.parametrize("pattern", ["#", "eskin/#", "eskin/v1/nodes/+/frames", ACKS, "+/+/+/+/+"])
@@ -265,9 +265,9 @@ def test_connection_without_certificate_is_refused(identities: Identities, port:
 def test_certificate_of_another_ca_is_refused(
     identities: Identities, port: int, tmp_path: Path
 ) -> None:
-    stranger, key = CertificateAuthority.open(tmp_path / "ca"), new_key()
-    chain = stranger.issue(IdentityKind.NODE, "fingertip", key.public_key(), site=SITE)
-    forged = Identity.save(tmp_path / "id", key=key, chain=chain, roots=stranger.roots)
+    outsider, key = CertificateAuthority.open(tmp_path / "ca"), new_key()
+    chain = outsider.issue(IdentityKind.NODE, "fingertip", key.public_key(), site=SITE)
+    forged = Identity.save(tmp_path / "id", key=key, chain=chain, roots=outsider.roots)
     assert is_refused(port, forged, identities.node.directory / "root.pem")
 
 

@@ -51,7 +51,7 @@ def test_certificate_of_another_ca_or_none_is_refused(tmp_path: Path) -> None:
             doorkeeper.admit(shown)
 
 
-def test_missing_list_lets_nobody_start(tmp_path: Path) -> None:
+def test_missing_list_lets_no_client_start(tmp_path: Path) -> None:
     own = Identities(tmp_path)
     own.authority.revocations_file(IdentityKind.CLIENT).unlink()
     with pytest.raises(UntrustedCertificateError, match=r"client\.crl\.pem"):

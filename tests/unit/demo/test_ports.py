@@ -14,7 +14,7 @@ def test_ports_are_different_and_free() -> None:
         socket.create_server((LOOPBACK, port)).close()
 
 
-def test_port_that_somebody_holds_is_not_given() -> None:
+def test_port_that_is_held_is_not_given() -> None:
     (port,) = free_ports(1)
     with socket.create_server((LOOPBACK, port)):
         assert port not in free_ports(11_000)

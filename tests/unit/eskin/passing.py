@@ -41,7 +41,7 @@ async def outlast(
 
     Args:
         monkeypatch: Turns the clock on, until the end of the test.
-        port: Who is told.
+        port: Who is stated.
         said: In one piece.
         answer: What ends the answer that comes before.
 

@@ -18,7 +18,7 @@ def read_senml(data: bytes | str, name: str) -> list[tuple[str, float]]:
 
     def take(record: Any, **_: Any) -> None:
         found.append((record.name, record.value))
-        record.actuate = take  # told again when the name comes again
+        record.actuate = take  # stated again when the name comes again
 
     pack = SenmlPack(name, take)
     if isinstance(data, bytes):

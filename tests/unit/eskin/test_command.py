@@ -167,15 +167,15 @@ def test_tokens_are_listed_and_revoked_and_all_of_it_is_logged(tmp_path: Path) -
     assert "revoked" in run("cloud", "tokens", *option, cwd=tmp_path).stdout
     again = run("cloud", "revoke", "--id", number, *option, cwd=tmp_path)
     assert (again.returncode, len(again.stderr.splitlines())) == (2, 1)
-    told = run("cloud", "audit-log", *option, cwd=tmp_path)
-    assert told.returncode == 0
-    assert [line.partition(" command line - ")[2] for line in told.stdout.splitlines()] == [
+    stated = run("cloud", "audit-log", *option, cwd=tmp_path)
+    assert stated.returncode == 0
+    assert [line.partition(" command line - ")[2] for line in stated.stdout.splitlines()] == [
         f"token created {number} lab: read",
         f"token revoked {number} lab",
     ]
     with sqlite3.connect(tmp_path / "x") as store:
         store.execute("DROP TRIGGER audit_log_no_update")
-        store.execute("UPDATE audit_log SET actor = 'somebody else'")
+        store.execute("UPDATE audit_log SET actor = 'another'")
     store.close()
     broken = run("cloud", "audit-log", *option, cwd=tmp_path)
     assert (broken.returncode, broken.stderr) == (

@@ -71,7 +71,7 @@ def test_random_bytes_are_malformed(identities: Identities, data: bytes) -> None
         opener.open(data, topic=TOPIC)
 
 
-def test_stranger_is_named_by_thumbprint(identities: Identities, sealer: Sealer) -> None:
+def test_unknown_sender_is_named_by_thumbprint(identities: Identities, sealer: Sealer) -> None:
     opener = Opener([identities.site], sender=lambda _: None)
     with pytest.raises(UnknownSenderError) as caught:
         opener.open(sealer.seal(b"x", topic=TOPIC), topic=TOPIC)

@@ -46,9 +46,9 @@ def test_certificate_is_trusted_as_its_own_kind_only(
 
 
 def test_chain_of_another_ca_is_refused(identities: Identities, tmp_path: Path) -> None:
-    stranger = CertificateAuthority.open(tmp_path)
+    outsider = CertificateAuthority.open(tmp_path)
     with pytest.raises(UntrustedCertificateError, match="was not issued by our CA"):
-        ChainVerifier(*stranger.roots).verify(chain_of(identities.node), IdentityKind.NODE)
+        ChainVerifier(*outsider.roots).verify(chain_of(identities.node), IdentityKind.NODE)
 
 
 def test_leaf_cannot_issue(identities: Identities) -> None:

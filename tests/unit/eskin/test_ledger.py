@@ -52,7 +52,7 @@ def test_end_of_what_is_whole_is_found_however_long_the_rest(tmp_path: Path, who
     ["{}", "[]", LINE[:40], LINE[:40] + LINE[:-1], "\0" * 9, LINE[:-1].replace("b2", "b3"),
      LINE[:-1].replace("k2", "k3"), LINE[:-1].replace("null", "0")],
 )  # fmt: skip
-def test_damaged_line_is_told_with_place_and_remedy(tmp_path: Path, damage: str) -> None:
+def test_damaged_line_is_named_with_place_and_remedy(tmp_path: Path, damage: str) -> None:
     authority = CertificateAuthority.open(tmp_path)
     authority.issue(NODE, "palm", new_key().public_key(), site=SITE)
     ledger = tmp_path / "ledger.jsonl"

@@ -1,4 +1,4 @@
-"""A listener gives strangers no more time, bytes and connections than it says; on real sockets."""
+"""A listener gives outsiders no more time, bytes and connections than it says; on real sockets."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ async def test_head_that_never_ends_is_refused(monkeypatch: pytest.MonkeyPatch) 
         assert status_of(await outlast(monkeypatch, port, head)) == 408
 
 
-async def test_whoever_says_nothing_is_let_go() -> None:
+async def test_silent_client_is_let_go() -> None:
     async with listening(BRIEF) as port:
         assert await say(port) == b""
 
@@ -125,9 +125,9 @@ async def test_second_head_on_a_connection_has_its_time_too(
 ) -> None:
     async with listening(PATIENT) as port:
         said = GET + b"GET / HTTP/1.1\r\nHost: "
-        told = await outlast(monkeypatch, port, said, answer=b"\r\n\r\n")
-        assert told.startswith(b"HTTP/1.1 200")
-        assert told.count(b"HTTP/1.1 200") == 1  # and then it was closed
+        stated = await outlast(monkeypatch, port, said, answer=b"\r\n\r\n")
+        assert stated.startswith(b"HTTP/1.1 200")
+        assert stated.count(b"HTTP/1.1 200") == 1  # and then it was closed
 
 
 async def test_body_that_never_ends_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,8 +139,8 @@ async def test_body_that_never_ends_is_refused(monkeypatch: pytest.MonkeyPatch) 
 async def test_body_after_its_answer_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     post = b"POST /early HTTP/1.1\r\nHost: here\r\nContent-Length: 50\r\n\r\nsome"
     async with listening(PATIENT) as port:
-        told = await outlast(monkeypatch, port, post, answer=b"early")
-        assert told.startswith(b"HTTP/1.1 200")
+        stated = await outlast(monkeypatch, port, post, answer=b"early")
+        assert stated.startswith(b"HTTP/1.1 200")
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ async def test_longest_idle_connection_gives_way() -> None:
             each.close()
 
 
-async def test_whoever_is_being_answered_does_not_give_way() -> None:
+async def test_client_that_is_being_answered_does_not_give_way() -> None:
     asked: asyncio.Queue[str] = asyncio.Queue()
     end = asyncio.Event()
 
@@ -313,7 +313,7 @@ async def test_forwarded_is_read_where_it_is_chosen(header: bytes, client: str) 
 
 
 async def client_of(bounds: HttpLimits, header: bytes) -> str:
-    """Whom an application is told that a request comes from."""
+    """Whom an application is stated that a request comes from."""
     clients: list[str] = []
 
     async def noting(scope: Scope, receive: Receive, send: Send) -> None:

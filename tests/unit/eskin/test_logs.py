@@ -101,7 +101,7 @@ def test_flood_is_few_lines_and_a_count() -> None:
     assert len(stream.getvalue().splitlines()) == BURST + 2
 
 
-def test_what_was_suppressed_last_is_told_at_the_end() -> None:
+def test_what_was_suppressed_last_is_logged_at_the_end() -> None:
     log, stream, handler = log_of("end", [0.0])
     for number in range(BURST + 3):
         log.warning("refused: %d", number)

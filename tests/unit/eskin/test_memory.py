@@ -90,10 +90,10 @@ def test_what_is_there_once_settled_is_looked_at_no_more() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="glibc's allocator")
 def test_large_pieces_come_from_the_system_also_after_others_were_freed() -> None:
     def taken(*how: str) -> int:
-        told = subprocess.run(
+        stated = subprocess.run(
             [sys.executable, "-c", _LARGE, *how], capture_output=True, text=True, check=True
         )
-        return int(told.stdout)
+        return int(stated.stdout)
 
     assert taken() == 0
     assert taken("apart") >= 1_000_000

@@ -51,9 +51,9 @@ def test_message_comes_back_equal(message: Message) -> None:
     "given", [["t01", 0, 0], ["t01", 3, 0], ["t01", 1], ["", 1, 1], ["t01", -1, 1], 5]
 )
 def test_faults_that_make_no_sense_are_refused(given: object) -> None:
-    told = cbor2.loads(EXAMPLES[0].encode()) | {14: [given]}
+    stated = cbor2.loads(EXAMPLES[0].encode()) | {14: [given]}
     with pytest.raises(MessageError):
-        decode_message(cbor2.dumps(told, canonical=True))
+        decode_message(cbor2.dumps(stated, canonical=True))
 
 
 def test_acknowledgement_comes_back_equal() -> None:

@@ -90,6 +90,6 @@ def test_hostile_texts_cost_no_memory() -> None:
     assert len(gc.get_objects()) < before + 500
 
 
-def test_what_is_wrong_is_told() -> None:
+def test_what_is_wrong_is_named() -> None:
     with pytest.raises(MessageError, match="message is no CBOR that may be read: it holds a tag"):
         load_any(b"\xd8\x23a(", "message")

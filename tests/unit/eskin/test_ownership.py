@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 NODE = IdentityKind.NODE
-NOBODY = 65534
+FOREIGN_UID = 65534
 SIZE = 200_000
 
 
@@ -52,7 +52,7 @@ def test_whatever_root_makes_is_given_to_the_folders_owner(
 def test_ca_that_root_rotates_stays_its_users(tmp_path: Path) -> None:
     own = Identities(tmp_path)
     for path in (own.ca, *own.ca.rglob("*")):
-        os.chown(path, NOBODY, NOBODY)
+        os.chown(path, FOREIGN_UID, FOREIGN_UID)
     for command in (
         ["rotate", "--kind", "node"],
         [
@@ -66,7 +66,7 @@ def test_ca_that_root_rotates_stays_its_users(tmp_path: Path) -> None:
     ):
         done = CliRunner().invoke(pki, [*command, "--dir", str(own.ca)])
         assert done.exit_code == 0, done.output
-    assert {path.name for path in own.ca.rglob("*") if path.stat().st_uid != NOBODY} == set()
+    assert {path.name for path in own.ca.rglob("*") if path.stat().st_uid != FOREIGN_UID} == set()
 
 
 def test_file_that_several_replace_at_once_is_always_whole(tmp_path: Path) -> None:

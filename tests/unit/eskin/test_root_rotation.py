@@ -87,7 +87,7 @@ def test_old_root_passes_until_it_is_retired(own: Identities) -> None:
     assert len(list(own.ca.glob("*.key"))) == 1 + len(IdentityKind)
 
 
-def test_whoever_leads_to_the_old_root_is_named_and_knows_it(own: Identities) -> None:
+def test_identity_that_leads_to_the_old_root_is_named_and_knows_it(own: Identities) -> None:
     rotation = RootRotation(own.authority)
     rotation.begin()
     assert rotation.dependants() == []
@@ -112,15 +112,15 @@ def test_service_stays_known_to_who_knows_the_old_root_alone(own: Identities) ->
     assert not passes(sleeper, own.make(SERVER, CA_SERVICE))
 
 
-def test_root_for_which_nobody_vouches_is_refused(own: Identities, tmp_path: Path) -> None:
+def test_root_without_a_voucher_is_refused(own: Identities, tmp_path: Path) -> None:
     (old,) = trusted = own.authority.roots
     RootRotation(own.authority).begin()
     good = offered(own.ca)
     assert accept_roots(trusted, good, datetime.now(UTC)) == own.authority.roots
     new = own.authority.roots[1]
-    stranger = CertificateAuthority.open(tmp_path / "stranger")
-    RootRotation(stranger).begin()
-    forged = [offered(stranger.directory), [old, new], [old, *stranger.roots, *good[2:]], []]
+    outsider = CertificateAuthority.open(tmp_path / "outsider")
+    RootRotation(outsider).begin()
+    forged = [offered(outsider.directory), [old, new], [old, *outsider.roots, *good[2:]], []]
     for each in forged:
         with pytest.raises(UntrustedCertificateError, match="no root"):
             accept_roots(trusted, each, datetime.now(UTC))
@@ -183,7 +183,7 @@ def test_contexts_in_use_take_new_roots_and_drop_old_ones(own: Identities) -> No
     server = own.make(SERVER, "server.cloud")
     client = client_context(own.node.directory / ROOT_FILE, own.node)
     context = server_context(server.directory, client_certificates=True)
-    stranger = client_context(own.gateway.directory / ROOT_FILE, own.gateway)
+    outsider = client_context(own.gateway.directory / ROOT_FILE, own.gateway)
     rotation = RootRotation(own.authority)
     rotation.begin()
     for each in (own.node, server, own.gateway):
@@ -194,10 +194,10 @@ def test_contexts_in_use_take_new_roots_and_drop_old_ones(own: Identities) -> No
     assert shakes_hands(client, context)
     own.make(NODE, "fingertip")
     assert shakes_hands(client, context)
-    assert shakes_hands(stranger, context)
+    assert shakes_hands(outsider, context)
     rotation.retire()
     tell_roots(own, server)
-    assert not shakes_hands(stranger, context), "its certificate leads to the retired root"
+    assert not shakes_hands(outsider, context), "its certificate leads to the retired root"
     assert shakes_hands(client, context)
     (own.node.directory / ROOT_FILE).write_text("half a fi")
     assert shakes_hands(client, context)

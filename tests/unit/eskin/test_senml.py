@@ -49,8 +49,8 @@ def resolved(records: list[dict[Any, Any]], n: Any, t: Any, v: Any, bt: Any) -> 
 
 def test_time_far_from_the_first_comes_with_a_new_base_time() -> None:
     year = 365 * 86_400 * SECOND
-    told = [(0, 1.0, 2.0), (year + 1, -math.inf, math.inf), (year + 2, 1.0, math.inf)]
-    first, low, high, last = json.loads(senml.as_json(pack(told)))
+    stated = [(0, 1.0, 2.0), (year + 1, -math.inf, math.inf), (year + 2, 1.0, math.inf)]
+    first, low, high, last = json.loads(senml.as_json(pack(stated)))
     assert [first["bt"], last["bt"]] == [T0 // SECOND, (T0 + year) // SECOND]
     assert "bt" not in low | high
     assert resolved([first, low, high, last], "n", "t", "v", "bt")[-1] == ("lo", year + 2, 1.0)
@@ -61,28 +61,28 @@ def test_both_forms_tell_every_finite_bound_exactly_at_its_nanosecond(
     found: list[tuple[int, float, float]],
 ) -> None:
     # Where nothing is bounded, nothing is said; an infinite bound is unbounded whichever its sign.
-    told = [
+    stated = [
         (t, -math.inf if math.isinf(lo) else lo, math.inf if math.isinf(hi) else hi)
         for t, lo, hi in found
     ]
-    plain = json.loads(senml.as_json(pack(told)))
-    short = cbor2.loads(senml.as_cbor(pack(told)))
-    assert resolved(plain, "n", "t", "v", "bt") == expected(told)
-    assert resolved(short, 0, 6, 2, -3) == expected(told)
-    values = [("coverage", 0.5), *((name, value) for name, _, value in expected(told))]
-    assert read_senml(senml.as_json(pack(told)).decode(), NAME) == values
-    assert read_senml(senml.as_cbor(pack(told)), NAME) == values
+    plain = json.loads(senml.as_json(pack(stated)))
+    short = cbor2.loads(senml.as_cbor(pack(stated)))
+    assert resolved(plain, "n", "t", "v", "bt") == expected(stated)
+    assert resolved(short, 0, 6, 2, -3) == expected(stated)
+    values = [("coverage", 0.5), *((name, value) for name, _, value in expected(stated))]
+    assert read_senml(senml.as_json(pack(stated)).decode(), NAME) == values
+    assert read_senml(senml.as_cbor(pack(stated)), NAME) == values
 
 
 def test_units_are_senmls() -> None:
-    told = {unit: json.loads(senml.as_json(pack([(0, 1.0, 2.0)], unit)))[0] for unit in "F%1x"}
-    assert [told[unit].get("bu") for unit in "F%1x"] == ["F", "%RH", "/", None]
+    stated = {unit: json.loads(senml.as_json(pack([(0, 1.0, 2.0)], unit)))[0] for unit in "F%1x"}
+    assert [stated[unit].get("bu") for unit in "F%1x"] == ["F", "%RH", "/", None]
 
 
 @given(nanoseconds=st.integers(0, 2**63))
 def test_length_in_seconds_is_never_short(nanoseconds: int) -> None:
-    told = senml.seconds(nanoseconds)
-    assert Fraction(told) >= Fraction(nanoseconds, SECOND)
-    assert math.nextafter(told, 0.0) == 0.0 or Fraction(math.nextafter(told, 0.0)) < Fraction(
+    stated = senml.seconds(nanoseconds)
+    assert Fraction(stated) >= Fraction(nanoseconds, SECOND)
+    assert math.nextafter(stated, 0.0) == 0.0 or Fraction(math.nextafter(stated, 0.0)) < Fraction(
         nanoseconds, SECOND
     )

@@ -74,7 +74,7 @@ def test_random_bytes_are_malformed(verifier: Verifier, data: bytes) -> None:
         (IdentityKind.NODE, "cloud"),
     ],
 )
-def test_nobody_else_may_sign(
+def test_no_other_may_sign(
     identities: Identities, verifier: Verifier, kind: IdentityKind, name: str
 ) -> None:
     other = identities.make(kind, name)

@@ -39,7 +39,7 @@ def test_retry_after_is_respected_up_to_a_limit() -> None:
 
 
 class Steps:
-    """Steps that fail or succeed as told."""
+    """Steps that fail or succeed as stated."""
 
     def __init__(self, *errors: Exception, idle_s: float = 0.001, drain_s: float = 0.0) -> None:
         self.errors = list(errors)

@@ -44,7 +44,7 @@ class MemoryCloud(IngestClient):
         self.asked.append([body for _, body in messages])
         if self.mode in {"error", "busy", "nonsense", "short"}:
             status = {"error": 500, "busy": 503}.get(self.mode)
-            raise CloudError("told to fail", status=status)
+            raise CloudError("stated to fail", status=status)
         if any(body in self.failing for _, body in messages):
             raise CloudError("broken by a message", status=self.failure)
         if self.mode == "large" and len(messages) > 2:

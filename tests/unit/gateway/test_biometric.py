@@ -58,11 +58,11 @@ def test_biometric_frame_and_statements_are_stored_encrypted(
 ) -> None:
     introduce(inside, seal)
     describe(inside, seal, skin)
-    told: tuple[Frame | Statements, ...] = noise(skin, 1, page=1), skin.peaks(2, number=1)
-    inside.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, told[0].encode()))
-    inside.arrive(Stream.EVENTS, seal("fingertip", Stream.EVENTS, told[1].encode()))
+    stated: tuple[Frame | Statements, ...] = noise(skin, 1, page=1), skin.peaks(2, number=1)
+    inside.arrive(Stream.FRAMES, seal("fingertip", Stream.FRAMES, stated[0].encode()))
+    inside.arrive(Stream.EVENTS, seal("fingertip", Stream.EVENTS, stated[1].encode()))
     reader = Decryptor(inside.keystore)
-    for message, body in zip(told, inside.stored()[1:], strict=True):
+    for message, body in zip(stated, inside.stored()[1:], strict=True):
         assert reader.read("fingertip", SealedMessage.decode(body))[1] == message.encode()
         assert traces(message)
         for trace in traces(message):
@@ -155,16 +155,16 @@ def test_missing_key_rejects_messages_of_one_node_only(
 
 def test_subject_is_the_wearer_at_the_time_of_measurement(site: KeyStore) -> None:
     kept = SubjectAssignments(site)
-    nobody = kept.subject("hand", 5)
+    none = kept.subject("hand", 5)
     ada, bo = site.create("Ada"), site.create("Bo")
     kept.assign("hand", ada, since=10)
     kept.assign("hand", bo, since=20)
     again = SubjectAssignments(KeyStore(site.directory, site._master))
     for reader in (kept, again):
         whose = [reader.subject("hand", moment) for moment in (9, 10, 19, 20, 10**18)]
-        assert whose == [nobody, ada, ada, bo, bo]
+        assert whose == [none, ada, ada, bo, bo]
     assert again.wearers() == {"hand": bo.pseudonym}
-    assert kept.subject("palm", 0) != nobody
+    assert kept.subject("palm", 0) != none
 
 
 def test_assignment_during_a_nodes_first_message_is_used(

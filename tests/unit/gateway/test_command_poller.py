@@ -36,8 +36,8 @@ def test_poller_stopped_during_a_handshake_closes_its_socket() -> None:
         with peer:
             assert peer.recv(1) == b"\x16"  # The handshake's first record (RFC 8446, 5.1).
             command_poller.stop()
-            with warnings.catch_warnings(record=True) as told:
+            with warnings.catch_warnings(record=True) as stated:
                 warnings.simplefilter("always")
                 del command_poller, client
                 gc.collect()
-    assert [str(one.message) for one in told] == []
+    assert [str(one.message) for one in stated] == []

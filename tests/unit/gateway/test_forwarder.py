@@ -261,13 +261,13 @@ def test_slow_cloud_gets_smaller_requests(
 
 
 def test_cloud_of_other_ca_gets_nothing(tmp_path: Path, identities: Identities) -> None:
-    strangers = type(identities)(tmp_path / "strangers")
-    with StubCloud(strangers.make(IdentityKind.SERVER, "server.cloud")) as stranger:
-        client = Https(stranger, identities)
+    outsiders = type(identities)(tmp_path / "outsiders")
+    with StubCloud(outsiders.make(IdentityKind.SERVER, "server.cloud")) as outsider:
+        client = Https(outsider, identities)
         with pytest.raises(CloudError, match="CERTIFICATE_VERIFY_FAILED"):
             client.send(MESSAGES)
         client.close()
-    assert stranger.requests == 0
+    assert outsider.requests == 0
 
 
 @given(st.lists(st.tuples(st.text(max_size=70), st.binary(max_size=300)), max_size=300))

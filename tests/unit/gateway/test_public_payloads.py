@@ -16,8 +16,8 @@ from tests.unit.gateway.messages import status
 
 
 def test_status_lists_faulty_taxels() -> None:
-    told = replace(status(1), faults=(TaxelFaults("t05", Verdict.IMPOSSIBLE, Verdict.CERTAIN),))
-    said = orjson.loads(public_payloads.status("n", told, online=True)[1])
+    stated = replace(status(1), faults=(TaxelFaults("t05", Verdict.IMPOSSIBLE, Verdict.CERTAIN),))
+    said = orjson.loads(public_payloads.status("n", stated, online=True)[1])
     assert said["faults"] == [{"taxel": "t05", "dead": "impossible", "stuck": "certain"}]
     assert "faults" not in orjson.loads(public_payloads.status("n", status(1), online=True)[1])
 

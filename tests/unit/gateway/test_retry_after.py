@@ -126,10 +126,10 @@ class Patience(Backoff):
 
     def __init__(self) -> None:
         super().__init__(0.001, 0.001, random=SystemRandom())
-        self.told: list[float | None] = []
+        self.stated: list[float | None] = []
 
     def failed(self, *, at_least: float | None = None) -> float:
-        self.told.append(at_least)
+        self.stated.append(at_least)
         return super().failed(at_least=at_least)
 
 
@@ -174,6 +174,6 @@ def test_threads_respect_retry_after(
     patience = Patience()
     with make(url, common, tmp_path, patience) as asker:
         asker.start()
-        wait_until(lambda: bool(patience.told), "it was rejected")
+        wait_until(lambda: bool(patience.stated), "it was rejected")
         asker.stop()
-    assert (patience.told, refuser.asked) == ([1000.0], 1)
+    assert (patience.stated, refuser.asked) == ([1000.0], 1)

@@ -41,5 +41,5 @@ def test_senml_is_published_for_channels_that_are_not_biometric(
     assert [(topic, kept) for topic, _, kept in received] == [
         (f"eskin/v1/senml/fingertip/{channel}", False) for channel in channels
     ]
-    told = dict(read_senml(received[0][1].decode(), f"fingertip/{channels[0]}/"))
-    assert (told["lo"], told["hi"]) == (1000.0, 1100.0)
+    stated = dict(read_senml(received[0][1].decode(), f"fingertip/{channels[0]}/"))
+    assert (stated["lo"], stated["hi"]) == (1000.0, 1100.0)

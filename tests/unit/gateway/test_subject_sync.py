@@ -36,7 +36,7 @@ class Site(SubjectsClient):
         self.cloud = KeyStore(folder / "cloud", FileMasterKey(folder / "cloud.key"))
         self.assignments = SubjectAssignments(self.keystore)
         self.away = False
-        self.told: list[tuple[str, str, bytes | None]] = []
+        self.stated: list[tuple[str, str, bytes | None]] = []
         self.sizes: list[int] = []
 
     def send(
@@ -44,7 +44,7 @@ class Site(SubjectsClient):
     ) -> dict[str, str]:
         if self.away:
             raise CloudError("away")
-        self.told += worn
+        self.stated += worn
         self.sizes.append(max(len(worn), len(erased)))
         for pseudonym in erased:
             self.cloud.shred(pseudonym)
@@ -93,11 +93,11 @@ def test_keys_of_all_wearers_reach_the_cloud_after_an_outage(
     subject_sync.sync()
     for subject in (before, ada, after):
         assert site.cloud.find(subject.pseudonym).key == subject.key
-    assert [(told, node) for told, node, _ in site.told] == [
+    assert [(stated, node) for stated, node, _ in site.stated] == [
         (subject.pseudonym, NODE) for subject in (before, ada, after)
     ]
     subject_sync.sync()
-    assert len(site.told) == 3
+    assert len(site.stated) == 3
 
 
 def test_only_the_erasure_of_an_erased_subject_is_sent(site: Site) -> None:
@@ -107,7 +107,7 @@ def test_only_the_erasure_of_an_erased_subject_is_sent(site: Site) -> None:
     site.assignments.release(ada.pseudonym, since=20)
     site.keystore.erase(ada.pseudonym)
     site.start().sync()
-    assert ada.pseudonym not in {pseudonym for pseudonym, _, _ in site.told}
+    assert ada.pseudonym not in {pseudonym for pseudonym, _, _ in site.stated}
     with pytest.raises(NoKeyError, match="destroyed"):
         site.cloud.find(ada.pseudonym)
     assert site.start().pending == 0
@@ -137,8 +137,8 @@ def test_assignments_are_sent_without_keys_if_not_shared(site: Site) -> None:
     site.assignments.assign(NODE, ada, since=10)
     site.assignments.assign(NODE, site.keystore.create(), since=20)
     site.start(share=False).sync()
-    assert ada.pseudonym in {pseudonym for pseudonym, _, _ in site.told}
-    assert {key for _, _, key in site.told} == {None}
+    assert ada.pseudonym in {pseudonym for pseudonym, _, _ in site.stated}
+    assert {key for _, _, key in site.stated} == {None}
     assert site.cloud.subjects() == []
 
 
@@ -151,7 +151,7 @@ def test_long_history_is_sent_in_parts(site: Site, monkeypatch: pytest.MonkeyPat
     subject_sync = site.start()
     subject_sync.sync()
     assert site.sizes == [2, 1, 2, 2, 1]
-    assert len(set(site.told)) == 5
+    assert len(set(site.stated)) == 5
     assert subject_sync.pending == 0
 
 
@@ -172,13 +172,13 @@ def test_unreadable_key_blocks_no_other(
     for _ in range(2):
         subject_sync.sync()
     assert subject_sync.pending == 0
-    told = {pseudonym for pseudonym, _, _ in site.told}
-    assert now.pseudonym in told
-    assert (former.pseudonym in told) is not share, "no key is read where none is shared"
+    stated = {pseudonym for pseudonym, _, _ in site.stated}
+    assert now.pseudonym in stated
+    assert (former.pseudonym in stated) is not share, "no key is read where none is shared"
     assert caplog.text.count("chmod 600") == int(share)
     key.chmod(0o600)
     subject_sync.sync()
-    assert former.pseudonym in {pseudonym for pseudonym, _, _ in site.told}
+    assert former.pseudonym in {pseudonym for pseudonym, _, _ in site.stated}
 
 
 def test_erasures_are_sent_despite_a_damaged_assignment(site: Site) -> None:
@@ -192,7 +192,7 @@ def test_erasures_are_sent_despite_a_damaged_assignment(site: Site) -> None:
     assert subject_sync.pending == 0
 
 
-@pytest.mark.parametrize("history", [[], [[5, "somebody"]]])
+@pytest.mark.parametrize("history", [[], [[5, "another"]]])
 def test_history_without_a_beginning_is_an_error(site: Site, history: list[Any]) -> None:
     site.assignments.assign(NODE, site.keystore.create("Ada"), since=1)
     (site.keystore.directory / "nodes" / NODE).write_text(json.dumps(with_check({"worn": history})))

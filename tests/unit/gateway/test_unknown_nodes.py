@@ -120,7 +120,7 @@ def test_node_without_a_state_has_no_certificate(tmp_path: Path, identities: Ide
         "https://localhost:1/api/v1/ingest", headers=dict, context=context, timeout_s=1
     )
     way = CertificatesClient(client, spool)
-    assert not way.has("nobody")
-    assert set(way.register(["nobody"])) == {"nobody"}
+    assert not way.has("unknown")
+    assert set(way.register(["unknown"])) == {"unknown"}
     client.close()
     spool.close()

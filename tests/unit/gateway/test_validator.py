@@ -112,14 +112,14 @@ def test_topic_that_no_node_writes_is_rejected(inside: Inside, seal: Seal) -> No
 
 
 @pytest.fixture
-def strangers(tmp_path: Path) -> Identities:
-    return Identities(tmp_path / "strangers")
+def outsiders(tmp_path: Path) -> Identities:
+    return Identities(tmp_path / "outsiders")
 
 
 def test_certificate_of_other_ca_is_untrusted(
-    inside: Inside, strangers: Identities, identities: Identities
+    inside: Inside, outsiders: Identities, identities: Identities
 ) -> None:
-    present(inside, Seal(strangers.node, identities.site))
+    present(inside, Seal(outsiders.node, identities.site))
     assert inside.rejected() == {"untrusted": 1}
     assert inside.stored() == []
 
@@ -285,8 +285,8 @@ def test_missing_or_forged_revocation_list_rejects_all_nodes(
     present(inside, seal)
     assert inside.rejected() == {"untrusted": 1}
     assert "cannot be read" in str(inside.revocations.fault)
-    strangers = Identities(tmp_path / "strangers")
-    crl.write_bytes(strangers.authority.write_revocations(IdentityKind.NODE).read_bytes())
+    outsiders = Identities(tmp_path / "outsiders")
+    crl.write_bytes(outsiders.authority.write_revocations(IdentityKind.NODE).read_bytes())
     inside.clock.seconds += 1.5
     present(inside, seal)
     assert "not issued by our CA" in str(inside.revocations.fault)

@@ -1,4 +1,4 @@
-"""What can be set of a node in tests: a simple one that does what it is told."""
+"""What can be set of a node in tests: a simple one that does what it is notified."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The other end: a tiny gateway that opens what a node says, and acknowledges it when told to."""
+"""The other end: a tiny gateway that opens what a node says, and acknowledges it when stated to."""
 
 from __future__ import annotations
 

@@ -96,9 +96,9 @@ def test_pad_holds_the_truth_with_any_sensors_of_the_air(
         "place": data.draw(st.sampled_from(["t00", "t05", "t06", "t10", "t15"])),
     }
     found = companions()
-    truth, told = measure(taxel("pad", **changes), {role: found[role] for role in roles}, seed)
+    truth, stated = measure(taxel("pad", **changes), {role: found[role] for role in roles}, seed)
     for quantity in ("plate_distance", "contact_area", "pressure"):
-        assert np.all(told[quantity].contains(truth[quantity])), quantity
+        assert np.all(stated[quantity].contains(truth[quantity])), quantity
 
 
 def test_own_sensors_of_the_air_make_pressure_much_tighter() -> None:
@@ -121,8 +121,8 @@ def test_each_sensor_s_error_is_taken_in_by_the_pad() -> None:
     design = taxel("pad", **exact, adc_bits=20, noise=QUIET, place="t20")
     for seed in range(20):
         read_along = companions()
-        truth, told = measure(design, read_along, seed, 200)
-        assert np.all(told["plate_distance"].contains(truth["plate_distance"]))
+        truth, stated = measure(design, read_along, seed, 200)
+        assert np.all(stated["plate_distance"].contains(truth["plate_distance"]))
         # Nothing but their errors is uncertain: other true sensors would not do.
         others = {
             role: Companion(
@@ -169,12 +169,12 @@ def test_tolerance_of_a_slope_is_taken_in(
     }
     missed = 0
     for seed in range(10):
-        truth, told = measure(design, found, seed, 50)
-        assert np.all(told["plate_distance"].contains(truth["plate_distance"]))
+        truth, stated = measure(design, found, seed, 50)
+        assert np.all(stated["plate_distance"].contains(truth["plate_distance"]))
         # Nothing else is as uncertain: a slope that is taken as exact would not do.
         exactly = design.model_copy(update={f"{slope}_tolerance": 0.0})
-        told = Inversion(exactly, found).measure(sensed(design, found, seed, 5)[1])
-        missed += not np.all(told["plate_distance"].contains(float(design.plate_distance_m)))
+        stated = Inversion(exactly, found).measure(sensed(design, found, seed, 5)[1])
+        missed += not np.all(stated["plate_distance"].contains(float(design.plate_distance_m)))
     assert missed > 5
 
 
@@ -207,10 +207,10 @@ def test_broken_thermometer_leaves_the_pad_open_and_never_wrong() -> None:
     read_along = companions()
     codes = dict(codes_of(design, read_along, 1))
     codes["thermometer"] = np.zeros_like(codes["thermometer"])
-    told = Inversion(design, read_along).measure(codes)
-    assert np.all(np.isfinite(told["capacitance"].wid))
-    assert np.all(np.isneginf(told["plate_distance"].inf))
-    assert np.all(np.isposinf(told["pressure"].sup))
+    stated = Inversion(design, read_along).measure(codes)
+    assert np.all(np.isfinite(stated["capacitance"].wid))
+    assert np.all(np.isneginf(stated["plate_distance"].inf))
+    assert np.all(np.isposinf(stated["pressure"].sup))
 
 
 def test_coverage_of_what_is_read_along_counts() -> None:

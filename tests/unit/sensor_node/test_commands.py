@@ -141,8 +141,8 @@ def test_last_command_is_known_after_its_result_was_acknowledged(rig: Rig) -> No
 
 def test_refused_value_changes_nothing_and_has_a_reason(rig: Rig) -> None:
     rig.commander.take(rig.signed(7, {"rate": 5e3}))
-    told = rig.results()[-1]
-    assert (told.outcome, told.state["t01"]) == (Outcome.REFUSED, {"rate": 100.0})
+    stated = rig.results()[-1]
+    assert (stated.outcome, stated.state["t01"]) == (Outcome.REFUSED, {"rate": 100.0})
     rig.commander.take(rig.signed(7, {"rate": 5e3}))
     assert len(rig.controls.calls) == 1
 
@@ -150,10 +150,10 @@ def test_refused_value_changes_nothing_and_has_a_reason(rig: Rig) -> None:
 def test_argument_that_is_not_allowed_is_refused_by_name(rig: Rig) -> None:
     asked = Command(7, "fingertip", rig.now, rig.now + HOUR, CommandName.SET, {"colour": "red"})
     rig.commander.take(sign(asked.encode(), own=rig.server, topic=TOPIC))
-    told = rig.results()[-1]
-    assert (told.command, told.outcome) == (7, Outcome.REFUSED)
-    assert told.reason is not None
-    assert told.reason.startswith("colour is 'red'; allowed: set takes threshold, gain")
+    stated = rig.results()[-1]
+    assert (stated.command, stated.outcome) == (7, Outcome.REFUSED)
+    assert stated.reason is not None
+    assert stated.reason.startswith("colour is 'red'; allowed: set takes threshold, gain")
     assert rig.controls.calls == []
 
 
@@ -165,13 +165,13 @@ def test_command_that_may_have_expired_is_not_done(
     rig: Rig, lifetime: int, outcome: Outcome
 ) -> None:
     rig.commander.take(rig.signed(7, {"rate": 5.0}, lifetime=lifetime))
-    told = rig.results()[-1]
-    assert told.outcome is outcome
+    stated = rig.results()[-1]
+    assert stated.outcome is outcome
     assert len(rig.controls.calls) == (outcome is Outcome.DONE)
-    assert (told.reason is None) is (outcome is Outcome.DONE)
-    if told.reason is not None:
+    assert (stated.reason is None) is (outcome is Outcome.DONE)
+    if stated.reason is not None:
         late = "0.000000000" if lifetime == 1000 else "0.000002000"
-        assert told.reason == f"it may have come {late} s too late"
+        assert stated.reason == f"it may have come {late} s too late"
 
 
 def test_other_signers_are_refused(
@@ -227,7 +227,7 @@ def test_result_that_found_no_room_is_written_later_and_the_effect_is_one(
     rig.commander.take(calibrate)
     rig.commander.take(calibrate)
     assert len(rig.controls.calls) == 1
-    assert [told.command for told in rig.results()] == [0, 7]
+    assert [stated.command for stated in rig.results()] == [0, 7]
 
 
 def test_power_cut_before_the_commit_undoes_the_effect(
@@ -265,8 +265,8 @@ def test_full_disk_at_the_start_does_not_keep_the_node_from_living(
 def test_result_gives_way_last_in_a_full_flash(rig: Rig) -> None:
     rig.commander.take(rig.signed(7, {"rate": 5.0}))
     results = rig.results()
-    # Room for them, and for the gap that tells of what gave way.
-    rig.outbox.capacity = 2048 + sum(len(told.encode()) for told in results)
+    # Room for them, and for the gap that states what gave way.
+    rig.outbox.capacity = 2048 + sum(len(stated.encode()) for stated in results)
     with rig.outbox.batch() as batch:
         batch.take(rig.outbox.message_writer.gap(OVERRUN, (0, 1), 1) for _ in range(100))
     kinds = [kept.kind for kept in waiting(rig.flash)]

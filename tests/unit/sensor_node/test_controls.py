@@ -179,6 +179,6 @@ def test_peaks_after_a_command_have_their_own_time(
     bench.run_to(3.5)
     peaks = peaks_of(bench)[before:]
     assert {peak.channel for peak in peaks} >= {"t01.capacitance", "t02.capacitance"}
-    # A peak that was under way before is told then, too: half a period back, at most.
+    # A peak that was under way before is stated then, too: half a period back, at most.
     assert all(START + 1.7 * SECOND < peak.time[0] < peak.time[1] for peak in peaks)
     assert all(peak.time[1] < START + 3.6 * SECOND for peak in peaks)

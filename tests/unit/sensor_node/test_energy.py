@@ -120,15 +120,15 @@ def test_status_encloses_the_true_energy(tmp_path: Path) -> None:
     for _ in range(20):
         bench.run_to(bench.ticks / 1e9 + 0.25)
         bench.node.record_status()
-        told = list(statuses(bench))[-1].energy
-        assert told is not None
+        stated = list(statuses(bench))[-1].energy
+        assert stated is not None
         supply = renewal_agent_of(bench).plant.supply
-        assert told.stored[0] <= supply.energy <= told.stored[1]
+        assert stated.stored[0] <= supply.energy <= stated.stored[1]
         charge = (supply.voltage**2 - 2.2**2) / (3.8**2 - 2.2**2)
-        assert told.charge[0] <= charge <= told.charge[1]
-    assert told is not None
-    assert told.verdict is Verdict.IMPOSSIBLE
-    assert told.shedding is Shedding.NONE
+        assert stated.charge[0] <= charge <= stated.charge[1]
+    assert stated is not None
+    assert stated.verdict is Verdict.IMPOSSIBLE
+    assert stated.shedding is Shedding.NONE
     bench.close()
 
 
@@ -181,7 +181,7 @@ class Lives:
         self.truth.close()
 
 
-def told_at_start(node: Node) -> tuple[tuple[float, float], float]:
+def stated_at_start(node: Node) -> tuple[tuple[float, float], float]:
     assert node.energy is not None
     return node.energy.manager.stored, node.energy.plant.supply.energy
 
@@ -189,19 +189,19 @@ def told_at_start(node: Node) -> tuple[tuple[float, float], float]:
 def test_charge_outlives_the_process_and_flash_keeps_an_interval_of_it(tmp_path: Path) -> None:
     lives = Lives(tmp_path)
     node = lives.begin()
-    assert told_at_start(node)[0] == (0.0, float("inf"))
+    assert stated_at_start(node)[0] == (0.0, float("inf"))
     node.run_until(7 * SECOND)
     lives.end(node, orderly=True)
-    before = told_at_start(node)
+    before = stated_at_start(node)
     node = lives.begin()
-    bounds, true = told_at_start(node)
+    bounds, true = stated_at_start(node)
     # It has leaked for an hour, and the firmware knows by how much at most.
     assert 0.96 * before[1] < true < 0.999 * before[1]
     assert 0.93 * before[0][0] < bounds[0] <= true <= bounds[1]
     lives.end(node, orderly=False)
     # Nothing was kept at this end: the record counts once.
     node = lives.begin()
-    bounds, again = told_at_start(node)
+    bounds, again = stated_at_start(node)
     assert bounds == (0.0, float("inf"))
     assert again < true
     lives.end(node, orderly=False)
@@ -211,9 +211,9 @@ def test_charge_is_kept_by_a_process_that_ends_without_a_word(tmp_path: Path) ->
     lives = Lives(tmp_path)
     node = lives.begin()
     node.run_until(12 * SECOND)
-    _, before = told_at_start(node)
+    _, before = stated_at_start(node)
     lives.end(node, orderly=False)
-    _, true = told_at_start(lives.begin())
+    _, true = stated_at_start(lives.begin())
     # It is kept every 5 s, in which a palm that sends all spends some tens of mW.
     assert true == pytest.approx(before, rel=0.05)
 

@@ -1,4 +1,4 @@
-"""Who is not the broker is told nothing by a node, which says why, and keeps its data."""
+"""Who is not the broker is given nothing by a node, which says why, and keeps its data."""
 
 from __future__ import annotations
 

@@ -69,9 +69,9 @@ def test_area_of_a_plate_in_a_vacuum_is_enclosed(epsilon_0: float) -> None:
     frontend = build_frontend(design, random)
     random.begin(1, np.arange(200))
     codes = frontend.digitise({"capacitance": capacitance}, random).codes
-    told = Inversion(design).measure(codes)
-    assert np.all(told["area"].contains(area))
-    assert np.max(told["area"].wid / area) < 5e-6  # the paper's 8.854e-12 is 21e-6 away
+    stated = Inversion(design).measure(codes)
+    assert np.all(stated["area"].contains(area))
+    assert np.max(stated["area"].wid / area) < 5e-6  # the paper's 8.854e-12 is 21e-6 away
 
 
 @pytest.mark.parametrize("epsilon_0", NATURE)
@@ -83,9 +83,9 @@ def test_distance_of_plates_in_a_vacuum_is_enclosed(epsilon_0: float) -> None:
     frontend = build_frontend(design, random)
     random.begin(1, np.arange(200))
     codes = frontend.digitise({"capacitance": capacitance}, random).codes
-    told = Inversion(design).measure(codes)
-    assert np.all(told["plate_distance"].contains(distance))
-    assert np.max(told["plate_distance"].wid / distance) < 5e-6
+    stated = Inversion(design).measure(codes)
+    assert np.all(stated["plate_distance"].contains(distance))
+    assert np.max(stated["plate_distance"].wid / distance) < 5e-6
 
 
 @pytest.mark.parametrize("kind", ["touch", "pad"])

@@ -104,7 +104,7 @@ def test_held_follows_what_is_acknowledged(
     with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing():
         wait_until(lambda: len(peer.messages) > 24, "all arrived")
         peer.acknowledge("fingertip", [Position(1, n) for n in range(10)])
-        wait_until(lambda: peer.held == Position(1, 10), "held is told")
+        wait_until(lambda: peer.held == Position(1, 10), "held is stated")
 
 
 @its_broker(window=10)
@@ -175,9 +175,9 @@ def test_status_carries_the_latest_gateway_time_that_was_received(
     begun = time.time_ns()
     with Peer(identities, broker.gateway_port) as peer, publishing():
         wait_until(lambda: len(statuses()) >= 4, "status comes again and again")
-        told = [status.gateway_time for status in statuses()]
-        assert told[0] is None
-        later = [each for each in told if each is not None]
+        stated = [status.gateway_time for status in statuses()]
+        assert stated[0] is None
+        later = [each for each in stated if each is not None]
         assert later == sorted(set(later))
         assert all(begun <= each <= time.time_ns() for each in later)
         peer.acknowledge("fingertip", [max(peer.messages)], time_ns=begun)
@@ -238,7 +238,7 @@ def test_full_disk_does_not_keep_waiting_messages_from_going_out(
 
     bench.node.record_status = fail  # type: ignore[method-assign]  # a fault is injected
     with Peer(identities, broker.gateway_port) as peer, publishing():
-        # Nobody introduced the node, but its messages arrive.
+        # No client introduced the node, but its messages arrive.
         wait_until(lambda: peer.unintroduced >= said, "all arrived")
 
 

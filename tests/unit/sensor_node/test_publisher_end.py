@@ -52,7 +52,9 @@ def test_status_that_a_renewal_asks_for_at_the_very_end_is_waited_for(
 
         def refresh(_keys: NodeKeys, _now: float) -> bool:
             in_turn.set()
-            wait_until(lambda: publisher._until < math.inf, "it is told to end, in its last turn")
+            wait_until(
+                lambda: publisher._until < math.inf, "it is notified to end, in its last turn"
+            )
             return next(renewed, False)
 
         monkeypatch.setattr(NodeKeys, "refresh", refresh)

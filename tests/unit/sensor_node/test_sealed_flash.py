@@ -1,4 +1,4 @@
-"""What lies on a node's chip is sealed, and what does not open is told as lost."""
+"""What lies on a node's chip is sealed, and what does not open is reported as lost."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def sealing(node: str = NODE, key: bytes = KEY) -> Sealing:
     return Sealing(Cipher(key), node)
 
 
-def told(kept: StoredMessage) -> tuple[object, ...]:
+def reported(kept: StoredMessage) -> tuple[object, ...]:
     return tuple(getattr(kept, name) for name in StoredMessage.__slots__)
 
 
@@ -44,7 +44,7 @@ def told(kept: StoredMessage) -> tuple[object, ...]:
 def test_record_comes_back_as_it_was_written(kept: StoredMessage) -> None:
     found = sealing().open(sealing().seal(kept))
     assert found is not None
-    assert told(found) == told(kept)
+    assert reported(found) == reported(kept)
 
 
 @settings(max_examples=40)
@@ -74,7 +74,7 @@ def test_record_opens_in_its_own_place_alone(kept: StoredMessage) -> None:
     # What stands in the clear is not believed.
     other = sealing().open(row._replace(earliest=0, latest=0, samples=1, stands_for=9))
     assert other is not None
-    assert told(other) == told(kept)
+    assert reported(other) == reported(kept)
 
 
 def test_last_ones_are_not_exchanged_for_each_other() -> None:

@@ -163,8 +163,8 @@ def test_stopped_process_leaves_a_gap_that_counts_what_is_missing(
     rows = sum(frame.grids[0].rows for frame in frames())
     missing = last.ticks // 1_000_000 + last.grids[0].rows - rows
     assert missing > 2000
-    told = [gap.samples for position, gap in gaps() if position < last.position]
-    assert sum(told) == 6 * missing
+    reported = [gap.samples for position, gap in gaps() if position < last.position]
+    assert sum(reported) == 6 * missing
 
 
 def test_missing_identity_is_one_clear_line_and_status_2(

@@ -1,4 +1,4 @@
-"""Pads and coils of a skin: what is true of them, their faults, and what can be told of them."""
+"""Pads and coils of a skin: what is true of them, their faults, and what can be stated of them."""
 
 from __future__ import annotations
 
@@ -224,8 +224,8 @@ def test_crosstalk_of_unknown_neighbours_is_taken_in() -> None:
     digitised = frontend.digitise(signals.sensed, random)
     for crosstalk, holds in ((0.1, True), (0.0, False)):
         believed = design.model_copy(update={"crosstalk": crosstalk})
-        told = Inversion(believed).measure(digitised.codes)["pressure"]
-        assert np.all(told.contains(signals.truth["pressure"])) == holds
+        stated = Inversion(believed).measure(digitised.codes)["pressure"]
+        assert np.all(stated.contains(signals.truth["pressure"])) == holds
 
 
 def test_touch_is_certain_on_a_skin_of_packaged_pads() -> None:
@@ -242,12 +242,12 @@ def test_touch_is_certain_on_a_skin_of_packaged_pads() -> None:
     felt = inversion.felt(inversion.plate_distance(measured, *air))
     own = unmix(felt, stage.skin.neighbours, bound=0.1, most=5e4)
     assert np.all(own.contains(true["pressure"]))
-    told = inversion.quantities(own)
-    assert told["pressure"].inf[5].max() > 0.8 * true["pressure"][5].max()
-    assert told["contact_area"].inf[5].max() > 0.15 * true["contact_area"][5].max()
-    assert told["contact_distance"].sup[5].min() < 0.96e-3
+    stated = inversion.quantities(own)
+    assert stated["pressure"].inf[5].max() > 0.8 * true["pressure"][5].max()
+    assert stated["contact_area"].inf[5].max() > 0.15 * true["contact_area"][5].max()
+    assert stated["contact_distance"].sup[5].min() < 0.96e-3
     # Fingers have no neighbours that are pressed: what touches nothing is never certainly pressed.
-    assert not np.any(told["pressure"].inf[20] > 0.0)
+    assert not np.any(stated["pressure"].inf[20] > 0.0)
 
 
 def test_faults_of_a_skin_are_found_from_its_intervals(tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ def test_second_node_on_one_truth_is_refused(tmp_path: Path) -> None:
     first.close()
 
 
-def test_nodes_of_one_file_are_told_apart(tmp_path: Path) -> None:
+def test_nodes_of_one_file_are_distinguished(tmp_path: Path) -> None:
     path = tmp_path / "truth.sqlite"
     truth = GroundTruth(path, limit=1 << 20)
     truth.store({"a": [true(3), true(4, n=9)], "b": [true(4), true(7)]})

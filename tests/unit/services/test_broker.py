@@ -102,8 +102,8 @@ def test_certificate_of_another_ca_is_refused(
     other = CertificateAuthority.open(tmp_path / "ca")
     key = new_key()
     chain = other.issue(IdentityKind.NODE, "fingertip", key.public_key(), site=SITE)
-    stranger = Identity.save(tmp_path / "fingertip", key=key, chain=chain, roots=other.roots)
-    with Party(stranger, broker.node_port, root=root) as party:
+    outsider = Identity.save(tmp_path / "fingertip", key=key, chain=chain, roots=other.roots)
+    with Party(outsider, broker.node_port, root=root) as party:
         assert party.refused
 
 

@@ -64,7 +64,7 @@ def test_known_vulnerability_fails(scan: Scan) -> None:
         "npm error 404 Not Found",
     ],
 )
-def test_registry_without_advisories_is_told_and_fails_nothing(scan: Scan, answer: str) -> None:
+def test_registry_without_advisories_is_reported_and_fails_nothing(scan: Scan, answer: str) -> None:
     done = scan(answer, 1)
     assert done.returncode == 0
     assert "NOT SCANNED: the npm registry gives no advisories" in done.stderr

@@ -134,7 +134,7 @@ function edgesOf(runs: readonly Entries[]): Float64Array {
 /**
  * What two runs say of the same channel, together: where hulls lie over each other, the hull of both; samples stay
  * what they are, and join the hull that they lie in. Nothing that either encloses is lost, for neither is known to
- * tell of all samples. Nothing is missing where one of both knows, or goes on without a break.
+ * state all samples. Nothing is missing where one of both knows, or goes on without a break.
  */
 export function unite(one: Entries, other: Entries): Entries {
   const readers = [new Reader(one), new Reader(other)];

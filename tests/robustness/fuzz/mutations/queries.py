@@ -38,7 +38,7 @@ _MOMENTS: Final = (
 _WORDS: Final = (
     "true", "false", "above", "below", "peak", "gap", "status", "command", "certain", "possible",
     "asc", "desc", NODE, CHANNEL, f"{NODE}/{CHANNEL}", f"{NODE}/{OTHER}", f"{NODE}/nowhere", "/",
-    "nobody/t01.x", *MODELS, "a" * 300,
+    "unknown/t01.x", *MODELS, "a" * 300,
     write_cursor(START, START + 3000 * DT), write_cursor(START + 50 * DT, START),
     write_cursor(START, START + 10**9, START), write_cursor(-(2**63), 2**63 - 1),
     write_cursor(5), write_cursor(NODE, 3), write_cursor(0, 0, 0, 0),

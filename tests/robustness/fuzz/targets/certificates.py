@@ -1,4 +1,4 @@
-"""Certificates and requests that strangers bring: to the CA, and in chains and lists."""
+"""Certificates and requests that outsiders bring: to the CA, and in chains and lists."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def make(folder: Path) -> Target:
             opened = opener.open(data, topic=TOPIC)
         except EnvelopeError:
             return
-        assert opened.plaintext in said, "something opened that nobody sealed"
+        assert opened.plaintext in said, "something opened that no one sealed"
         assert opened.sender == "fingertip"
 
     return Target(tuple(seeds), mutate_tree, check)

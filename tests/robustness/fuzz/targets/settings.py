@@ -111,6 +111,6 @@ def bare_environment() -> ExitStack:
 
 
 def require_line(text: str) -> None:
-    """Check what a user is told."""
+    """Check what a user is stated."""
     assert "Traceback" not in text
     assert len(text) < 4000, text

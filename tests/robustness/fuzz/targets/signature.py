@@ -28,7 +28,7 @@ def make(folder: Path) -> Target:
     def check(data: bytes) -> None:
         try:
             signer_chain(data)
-            assert verifier.verify(data, topic=TOPIC) in said, "nobody signed this"
+            assert verifier.verify(data, topic=TOPIC) in said, "no sender signed this"
         except (EnvelopeError, UntrustedCertificateError):
             return
 

@@ -120,11 +120,11 @@ def test_limit_of_boxes_is_kept_and_stays_honest() -> None:
 
 
 def test_progress_rises_to_one() -> None:
-    told: list[float] = []
-    invert(BAND, SPACE, progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-    assert len(told) > 5
+    stated: list[float] = []
+    invert(BAND, SPACE, progress=stated.append)
+    assert stated == sorted(stated)
+    assert stated[-1] == 1.0
+    assert len(stated) > 5
 
 
 def test_progress_bar_shows_the_share_that_is_done() -> None:
@@ -156,7 +156,7 @@ def test_picture_has_the_colour_of_each_region(x: str, y: str) -> None:
         draw_paving(paving, axes, x=x, y=x)
 
 
-def test_point_is_told_its_region() -> None:
+def test_point_gets_its_region() -> None:
     paving = invert(BAND, SPACE)
     assert paving.region(distance=5e-4, permittivity=5.0) is Region.CERTAIN
     assert paving.region(distance=5e-3, permittivity=1.0) is Region.NEVER

@@ -69,7 +69,7 @@ def test_each_piece_gives_the_events_that_the_detector_gives_there(
     cuts=CUTS,
     lost=st.lists(st.integers(0, 3), min_size=8, max_size=8),
 )
-def test_told_gaps_are_those_of_the_detector(
+def test_stated_gaps_are_those_of_the_detector(
     samples: list[Sample], p: float, cuts: list[int], lost: list[int]
 ) -> None:
     stream, detector = PeakStream(p), Detector(p)

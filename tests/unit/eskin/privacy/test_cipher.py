@@ -90,8 +90,8 @@ def test_veiled_bytes_tell_the_minute_and_no_value(keystore: KeyStore, message: 
     first, last = span(SUMMARY if isinstance(message, Frame) else message)
     assert lo <= first <= last <= hi < lo + 3 * MINUTE
     assert lo % MINUTE == hi % MINUTE == 0
-    told = (1.5, 2.5, 1.75, 2.75)
-    for value in [struct.pack(order, one) for one in told for order in ("<d", ">d")]:
+    stated = (1.5, 2.5, 1.75, 2.75)
+    for value in [struct.pack(order, one) for one in stated for order in ("<d", ">d")]:
         assert value not in made.encode()
 
 

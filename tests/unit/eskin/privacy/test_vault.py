@@ -74,9 +74,9 @@ def test_key_that_others_may_read_is_refused(keystore: KeyStore, tmp_path: Path)
 
 def test_keys_of_another_master_are_refused(keystore: KeyStore, tmp_path: Path) -> None:
     made = keystore.create("Ada")
-    stranger = KeyStore(keystore.directory, FileMasterKey(tmp_path / "other.key"))
+    outsider = KeyStore(keystore.directory, FileMasterKey(tmp_path / "other.key"))
     with pytest.raises(PrivacyError, match="was not wrapped by"):
-        stranger.find(made.pseudonym)
+        outsider.find(made.pseudonym)
 
 
 def test_wrapped_key_of_one_subject_passes_for_no_other(keystore: KeyStore) -> None:

@@ -118,8 +118,8 @@ def test_home_assistant_accepts_channels_with_bounds_and_availability(
         statuses = live_topic("fingertip", "status")
         silent = "silent, so offline"
         wait_until(lambda: not json.loads(listener.on(statuses)[-1])["online"], silent)
-        told = listener.on(statuses)
-        heard = listener.on(state), [told[0], told[-1]]
+        stated = listener.on(statuses)
+        heard = listener.on(state), [stated[0], stated[-1]]
     # Home Assistant may start later: the broker retains the announcements.
     with Listener(client, broker.client_port, "homeassistant/#") as late:
         wait_until(lambda: len(late.received) >= 2, "both channels are announced")
@@ -148,8 +148,8 @@ def test_home_assistant_accepts_every_unit_and_unbounded_sides() -> None:
     topic = config_topic("homeassistant", "n", "t01.humidity")
     announced = [config("n", status(0), "t01.humidity", unit) for unit in UNITS]
     answers = judged(*(asked(topic, each, states=[open_above], statuses=[]) for each in announced))
-    told = {"m2": "m²", "Cel": "°C", "1": None}
-    assert [one["unit"] for one in answers] == [told.get(unit, unit) for unit in UNITS]
+    stated = {"m2": "m²", "Cel": "°C", "1": None}
+    assert [one["unit"] for one in answers] == [stated.get(unit, unit) for unit in UNITS]
     # Its unknown state; the attributes still hold the other bound.
     assert [one["states"] for one in answers] == [["None"]] * len(UNITS)
     assert all("lo" in one["attributes"][0] for one in answers)
@@ -182,8 +182,8 @@ def announced(inside: Inside) -> list[bool]:
 
 
 def introduce(inside: Inside, seal: Seal, number: int, **changes: Any) -> None:
-    told = replace(status(number), **changes)
-    envelope = seal("fingertip", Stream.STATUS, told.encode(), introduce=True)
+    stated = replace(status(number), **changes)
+    envelope = seal("fingertip", Stream.STATUS, stated.encode(), introduce=True)
     inside.arrive(Stream.STATUS, envelope)
     if not number:
         describe(inside, seal, ONE, 100)

@@ -151,7 +151,7 @@ def test_verdicts_of_packaged_profiles_hold_for_every_true_part(
     # Few parts would have to be at their best end, all at once, that the sock's harvest suffices.
     assert signs == ({True, False} if name == "sole" else {False})
     assert max(net_powers(hand[2], 20)) < 0.0
-    # Steps are told: what is saved is not what the node is for.
+    # Steps are stated: what is saved is not what the node is for.
     assert shoes[name].work.sent > 2000
 
 

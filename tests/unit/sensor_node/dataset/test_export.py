@@ -142,8 +142,8 @@ def test_air_equals_a_node_s_sensors(tmp_path: Path) -> None:
         firmware.measure(
             [array("q", codes[name].tobytes()) for name in firmware.inputs], 43, bounds
         )
-        (told,) = Inversion(sensor).measure(codes).values()
-        assert (told.inf.tobytes(), told.sup.tobytes()) == tuple(b.tobytes() for b in bounds)
+        (stated,) = Inversion(sensor).measure(codes).values()
+        assert (stated.inf.tobytes(), stated.sup.tobytes()) == tuple(b.tobytes() for b in bounds)
 
 
 def test_both_formats_say_the_same_to_the_last_bit(made: Path) -> None:

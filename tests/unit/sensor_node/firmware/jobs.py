@@ -106,7 +106,7 @@ class Recorder:
             self._note(unit, separate=True)
             separate(unit)
 
-        def told(unit: ControlUnit) -> list[ChannelUnit]:
+        def stated(unit: ControlUnit) -> list[ChannelUnit]:
             self._note(unit, tell=True, broken=unit.broken)
             return tell(unit)
 
@@ -122,7 +122,7 @@ class Recorder:
         self._watch_repeating(monkeypatch)
         monkeypatch.setattr(ControlUnit, "measure", measured)
         monkeypatch.setattr(ControlUnit, "separate", separated)
-        monkeypatch.setattr(ControlUnit, "report", told)
+        monkeypatch.setattr(ControlUnit, "report", stated)
         monkeypatch.setattr(ControlUnit, "surround", surrounded)
         monkeypatch.setattr(ControlUnit, "skip", skipped)
         for name in ("calibrate", "amplify", "adapt", "smooth", "set_threshold", "sample_every"):
@@ -146,7 +146,7 @@ class Recorder:
     def _watch_telling(self, monkeypatch: pytest.MonkeyPatch) -> None:
         gap, status = MessageWriter.gap, MessageWriter.status
 
-        def told_gap(  # noqa: PLR0917 - as it is called
+        def stated_gap(  # noqa: PLR0917 - as it is called
             message_writer: MessageWriter,
             reason: int,
             time: tuple[int, int],
@@ -163,7 +163,7 @@ class Recorder:
             rest = messages, lost, sequence, taxel, patches
             return gap(message_writer, reason, time, samples, *rest)
 
-        def told_status(
+        def stated_status(
             message_writer: MessageWriter,
             time: tuple[int, int],
             profile: str,
@@ -182,16 +182,16 @@ class Recorder:
             )
             moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
             self.job["steps"].append(given | moment)
-            told = time, profile, description, uptime, storage, cause
-            return status(message_writer, *told, **more)
+            stated = time, profile, description, uptime, storage, cause
+            return status(message_writer, *stated, **more)
 
-        monkeypatch.setattr(MessageWriter, "gap", told_gap)
-        monkeypatch.setattr(MessageWriter, "status", told_status)
+        monkeypatch.setattr(MessageWriter, "gap", stated_gap)
+        monkeypatch.setattr(MessageWriter, "status", stated_status)
 
     def _watch_answers(self, monkeypatch: pytest.MonkeyPatch) -> None:
         result = MessageWriter.result
 
-        def told_result(
+        def stated_result(
             message_writer: MessageWriter,
             time: tuple[int, int],
             command: int,
@@ -202,7 +202,7 @@ class Recorder:
             assert self._deciding, "only the firmware says what became of a command"
             return result(message_writer, time, command, outcome, reason, state)
 
-        monkeypatch.setattr(MessageWriter, "result", told_result)
+        monkeypatch.setattr(MessageWriter, "result", stated_result)
         make, start, take = Commander.__init__, Commander.start, Commander.take
 
         def made(commander: Commander, node: str, outbox: Outbox, controls: Any) -> None:

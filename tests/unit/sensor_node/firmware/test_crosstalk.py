@@ -84,17 +84,17 @@ def test_truth_is_inside_with_neighbours_stuck_saturated_or_missing(
     lo[stuck], hi[stuck] = lie - 1.0, lie + 1.0
     lo[low], hi[high] = -np.inf, np.inf
     lo[dead], hi[dead] = -np.inf, lie  # an open line
-    told = separated(Interval(lo, hi), bound, doubtful, missing)
+    reported = separated(Interval(lo, hi), bound, doubtful, missing)
     sound = np.setdiff1d(PLACES, [dead, *stuck])
-    assert np.all(told[sound].contains(pressure[sound]))
+    assert np.all(reported[sound].contains(pressure[sound]))
 
 
 def test_it_is_as_tight_as_all_pads_together() -> None:
     _, known = felt(3, 0.2)
     best = unmix(known, GRID.neighbours, bound=0.2, most=MOST)
-    told = separated(known, 0.2, 0)
-    assert np.allclose(told.inf, best.inf, rtol=0.0, atol=1e-6)
-    assert np.allclose(np.minimum(told.sup, MOST), best.sup, rtol=0.0, atol=1e-6)
+    reported = separated(known, 0.2, 0)
+    assert np.allclose(reported.inf, best.inf, rtol=0.0, atol=1e-6)
+    assert np.allclose(np.minimum(reported.sup, MOST), best.sup, rtol=0.0, atol=1e-6)
     widths = [float(separated(known, 0.2, doubtful).wid.mean()) for doubtful in (0, 1, 2, 4)]
     assert widths == sorted(widths)
     alone = separated(known, 0.2, 0, tuple(range(12)))

@@ -38,11 +38,13 @@ def test_result_has_the_bytes_of_the_contract(
     state: dict[str, dict[str, float | str]], command: int, reason: str | None
 ) -> None:
     outcome = Outcome.DONE if reason is None else Outcome.REFUSED
-    told = MessageWriter(7, Counter(), bytes(32)).result(TIME, command, int(outcome), reason, state)
+    stated = MessageWriter(7, Counter(), bytes(32)).result(
+        TIME, command, int(outcome), reason, state
+    )
     expected = Result(Position(7, 3), TIME, command, outcome, reason, state)
-    assert told.body == expected.encode()
-    assert Result.decode(told.body) == expected
-    assert (told.kind, told.sequence, told.earliest, told.latest) == (Kind.RESULT, 3, *TIME)
+    assert stated.body == expected.encode()
+    assert Result.decode(stated.body) == expected
+    assert (stated.kind, stated.sequence, stated.earliest, stated.latest) == (Kind.RESULT, 3, *TIME)
 
 
 ITEMS = st.one_of(

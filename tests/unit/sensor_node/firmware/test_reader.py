@@ -90,8 +90,8 @@ def test_each_code_of_a_gap_has_its_reason() -> None:
         body = message_writer.gap(code, (0, 1), 2, taxel=taxel).body
         return Statements.decode(body).gaps[0].reason
 
-    told = [reason(code) for code in range(len(TEXTS))]
-    assert told == list(TEXTS)
+    stated = [reason(code) for code in range(len(TEXTS))]
+    assert stated == list(TEXTS)
     assert len(set(TEXTS)) == len(TEXTS)
     for cause in ResetCause:
         assert TEXTS[RESET + cause] == f"{cause.label} reset"
@@ -107,13 +107,13 @@ def test_refusal_is_cut_to_the_size_of_a_result() -> None:
         def __init__(self, why: str) -> None:
             self.why = why
             self.message_writer = self
-            self.told: list[Any] = []
+            self.stated: list[Any] = []
 
         def apply(self, *_: Any) -> Any:
             raise Refusal(self.why)
 
-        def result(self, *told: Any) -> Any:
-            self.told = list(told)
+        def result(self, *stated: Any) -> Any:
+            self.stated = list(stated)
 
         def batch(self) -> Self:
             return self
@@ -127,8 +127,8 @@ def test_refusal_is_cut_to_the_size_of_a_result() -> None:
         def __exit__(self, *_: object) -> None:
             pass
 
-    for why, told in (("so", "so"), ("", "no reason given"), ("x" * 300, "x" * 200)):
+    for why, stated in (("so", "so"), ("", "no reason given"), ("x" * 300, "x" * 200)):
         box: Any = Box(why)
         asked = Command(4, "palm", 0, 9, CommandName.RESET, {}).encode()
         assert Commander("palm", box, box).take(asked, (0, 8)) == (4, "reset", 1)
-        assert box.told == [(0, 8), 4, 1, told, {}]
+        assert box.stated == [(0, 8), 4, 1, stated, {}]

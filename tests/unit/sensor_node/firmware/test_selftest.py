@@ -165,14 +165,14 @@ def test_injected_faults_are_found_within_two_windows(
     assert all(end <= 7.0 + 2 * SELF_TEST_WINDOW / SECOND for end in first.values())
     for reason, end in first.items():
         taxel = reason.partition(" ")[0]
-        told = [gap for gap in gaps if gap.reason == reason]
-        assert told[0].samples == 0
+        stated = [gap for gap in gaps if gap.reason == reason]
+        assert stated[0].samples == 0
         for quantity in ("plate_distance", "contact_area", "pressure"):
             assert max(ends(samples, f"{taxel}.{quantity}", begin)) <= end + 0.1
         assert max(ends(samples, f"{taxel}.capacitance", begin)) > 64.0
-        # All that was not told is in a gap, but for what is younger than the last one.
-        omitted_samples = 3 * 25 * round((told[-1].time[1] - begin) / SECOND - end)
-        assert sum(gap.samples for gap in told) == omitted_samples > 0
+        # All that was not stated is in a gap, but for what is younger than the last one.
+        omitted_samples = 3 * 25 * round((stated[-1].time[1] - begin) / SECOND - end)
+        assert sum(gap.samples for gap in stated) == omitted_samples > 0
 
 
 def test_healthy_hand_is_not_accused_in_six_rounds(tmp_path: Path) -> None:
@@ -197,8 +197,8 @@ def test_taxel_that_cannot_be_broken_any_more_is_believed_again(tmp_path: Path) 
     assert list(broken(bench)) == []
     assert bench.node._self_test.faults == [("t00", IMPOSSIBLE, POSSIBLE)]
     bench.node.record_status()
-    (told,) = [m for m in map(decode, bench.bodies()) if isinstance(m, Status)]
-    assert told.faults == (TaxelFaults("t00", Verdict.IMPOSSIBLE, Verdict.POSSIBLE),)
+    (stated,) = [m for m in map(decode, bench.bodies()) if isinstance(m, Status)]
+    assert stated.faults == (TaxelFaults("t00", Verdict.IMPOSSIBLE, Verdict.POSSIBLE),)
     gaps = gaps_of(bench)
     assert {gap.reason for gap in gaps} == {"t00 certainly dead"}
     assert [gap.samples for gap in gaps] == [0, 3 * 25 * 20, 3 * 25 * 20, 3 * 25 * 20]

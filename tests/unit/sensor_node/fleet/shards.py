@@ -75,9 +75,9 @@ class Bench:
         with self.storage.commit():
             for row, said in records.items():
                 outbox = self.shard.outboxes[row]
-                told = outbox.pending_gap() + said
-                outbox.write(told)
-                outbox.settle(told)
+                stated = outbox.pending_gap() + said
+                outbox.write(stated)
+                outbox.settle(stated)
 
     def finish(self) -> None:
         self.write(self.shard.finish(), {})

@@ -38,7 +38,7 @@ def unit_of(detector: PeakDetector) -> Any:
     )
 
 
-def told(events: Sequence[Any]) -> list[tuple[Any, ...]]:
+def stated(events: Sequence[Any]) -> list[tuple[Any, ...]]:
     return [(int(e.verdict), e.first, e.last, e.count, e.height, e.prominence) for e in events]
 
 
@@ -49,27 +49,27 @@ def by_columns(columns: Columns, lows: Bound, highs: Bound, prominence: float) -
     state = columns.progress[0], columns.passes[0, 0], columns.regions[0, 0]
     taken, count = search(lo, hi, prominence, *state, events)
     assert taken == len(lows)
-    return told(Peaks(events[:count]))
+    return stated(Peaks(events[:count]))
 
 
 def whole(lows: Bound, highs: Bound, prominence: float) -> list[Any]:
     """The firmware's search, by itself."""
     detector = PeakDetector(prominence, LONGEST)
-    return told([*detector.feed(lows, highs, len(lows)), *detector.gap(0)])
+    return stated([*detector.feed(lows, highs, len(lows)), *detector.gap(0)])
 
 
 def moved(lows: Bound, highs: Bound, prominence: float, cuts: tuple[int, int]) -> list[Any]:
     """The firmware's search up to the first cut, the fleet's to the second, then the firmware's."""
     begin, end = cuts
     detector = PeakDetector(prominence, LONGEST)
-    found = told(detector.feed(lows[:begin], highs[:begin], begin))
+    found = stated(detector.feed(lows[:begin], highs[:begin], begin))
     columns = fresh(1, 1, LONGEST)
     columns.store(0, 0, unit_of(detector), 0)
     found += by_columns(columns, lows[begin:end], highs[begin:end], prominence)
     detector = PeakDetector(prominence, LONGEST)
     columns.load(0, 0, unit_of(detector), end)
-    found += told(detector.feed(lows[end:], highs[end:], len(lows) - end))
-    return found + told(detector.gap(0))
+    found += stated(detector.feed(lows[end:], highs[end:], len(lows) - end))
+    return found + stated(detector.gap(0))
 
 
 @pytest.mark.parametrize(("length", "heights"), [(5, 2), (4, 3), (7, 1)])

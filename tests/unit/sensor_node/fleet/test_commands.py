@@ -140,11 +140,15 @@ def test_status_of_a_member_with_a_supply_encloses_its_true_energy(
         bench.run_to(float(moment))
         for row, node in bench.shard.singles.items():
             node.record_status()
-            told = decode(bench.said(row)[-1][1])
-            assert isinstance(told, Status)
-            assert told.energy is not None
+            reported = decode(bench.said(row)[-1][1])
+            assert isinstance(reported, Status)
+            assert reported.energy is not None
             assert node.energy is not None
-            assert told.energy.stored[0] <= node.energy.plant.supply.energy <= told.energy.stored[1]
+            assert (
+                reported.energy.stored[0]
+                <= node.energy.plant.supply.energy
+                <= reported.energy.stored[1]
+            )
 
 
 def test_status_of_a_cohort_s_member_equals_a_single_node_s(
@@ -161,11 +165,11 @@ def test_status_of_a_cohort_s_member_equals_a_single_node_s(
     single.run_to(1.0)
     single.node.record_status()
     alone = decode(single.said()[-1][1])
-    told = decode(bench.shard.status(1, bench.ticks).body)
+    reported = decode(bench.shard.status(1, bench.ticks).body)
     assert isinstance(alone, Status)
-    assert isinstance(told, Status)
+    assert isinstance(reported, Status)
     # It tells the present, which is the machine's own.
-    own = replace(told, capacity=alone.capacity, time=alone.time, uptime=alone.uptime)
+    own = replace(reported, capacity=alone.capacity, time=alone.time, uptime=alone.uptime)
     assert own == alone
     single.close()
 
@@ -188,10 +192,10 @@ def test_what_a_failed_commit_undid_is_reported_as_lost(make: Callable[..., Benc
     messages = [decode(body) for _, body in bench.said(0)]
     (gap,) = [gap for each in messages if isinstance(each, Statements) for gap in each.gaps]
     assert gap.samples >= 100 * 3
-    told = {message.position.sequence for message in messages}
+    reported = {message.position.sequence for message in messages}
     for _, first, last in gap.lost:
-        told |= set(range(first, last + 1))
-    assert told == set(range(max(told) + 1))
+        reported |= set(range(first, last + 1))
+    assert reported == set(range(max(reported) + 1))
     assert outbox.usage()[0] == len(messages)
 
 

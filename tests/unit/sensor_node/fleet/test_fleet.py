@@ -57,7 +57,7 @@ def order(client: httpx.Client, node: str, **arguments: Any) -> int:
 
 
 def is_settled(client: httpx.Client, node: str, number: int) -> bool:
-    """Whether a member reports to be set as it was told, in answer to that command."""
+    """Whether a member reports to be set as it was stated, in answer to that command."""
     state = client.get(f"/nodes/{node}/state").json()
     return state.get("reported_by") == number and bool(state["settled"])
 
@@ -99,12 +99,12 @@ def spooled(stack: RealStack) -> int:
 @pytest.mark.nightly
 def test_everything_is_stored_once_and_encloses_the_truth(tmp_path: Path) -> None:
     names = numbered("skin", COUNT)
-    stranger, others = names[3], [*names[:3], *names[4:]]
+    outsider, others = names[3], [*names[:3], *names[4:]]
     with RealStack(tmp_path) as stack:
         enrol(stack.identities, others)
         foreign = Identities(tmp_path / "foreign")
-        enrol(foreign, [stranger])
-        (tmp_path / "foreign" / stranger).rename(stack.pki / stranger)
+        enrol(foreign, [outsider])
+        (tmp_path / "foreign" / outsider).rename(stack.pki / outsider)
         port = stack.broker.node_port
         fleet = RunningFleet(tmp_path / "fleet", stack.pki, port=port, count=COUNT)
         with fleet, stack.operator() as client:
@@ -112,7 +112,7 @@ def test_everything_is_stored_once_and_encloses_the_truth(tmp_path: Path) -> Non
             assert fleet.stop(seconds=PATIENCE) == 0
         with closing(sqlite3.connect(fleet.flash)) as db:
             kept = "SELECT count(*) FROM message JOIN member ON id = member WHERE name <> ?"
-            assert db.execute(kept, (stranger,)).fetchone() == (0,)
+            assert db.execute(kept, (outsider,)).fetchone() == (0,)
         wait_until(lambda: spooled(stack) == 0, "the gateway has handed over all")
         layout = as_demo(stack, fleet)
         found = audit(layout)

@@ -1,4 +1,4 @@
-"""Resets: what flash held stays, what RAM held does not, and a gap tells of the time between."""
+"""Resets: what flash held stays, what RAM held does not, and a gap states the time between."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def test_nothing_runs_between_power_off_and_power_on(bench: Bench) -> None:
 def test_same_bytes_and_truth_in_steps_of_real_time_or_at_once_over_resets(
     profile: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told = []
+    reported = []
     for name in ("real time", "at once"):
         with monkeypatch.context() as patch:
             hang(patch, "t02", 4)
@@ -160,8 +160,8 @@ def test_same_bytes_and_truth_in_steps_of_real_time_or_at_once_over_resets(
         bodies = list(bench.bodies())
         truth = true_frames(bench, frames_of(bodies))
         values = [(t.time, t.end, t.values.tobytes()) for t in truth.values()]
-        told.append((bodies, values))
+        reported.append((bodies, values))
         bench.close()
-    assert told[0] == told[1]
+    assert reported[0] == reported[1]
     assert bench.node.machine.resets >= 1
-    assert len(told[0][0]) > 20
+    assert len(reported[0][0]) > 20

@@ -1,4 +1,4 @@
-"""Deep sleep: none of the samples that are due is lost; sampling given up is told as a gap."""
+"""Deep sleep: none of the samples that are due is lost; sampling given up is stated as a gap."""
 
 from __future__ import annotations
 
