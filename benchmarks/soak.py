@@ -141,6 +141,7 @@ def _skin(stack: RealStack) -> Iterator[Path]:
         node.wait_for(lambda: ask(stack.store, _FRAMES)[0][0] > 0, "a frame is stored")
         watcher.start()
         try:
+            watcher.wait_for(seen.exists, "a frame is seen")
             yield seen
         finally:
             watcher.kill()
