@@ -111,11 +111,8 @@ def decode_matrix(data: bytes) -> PatchMatrix:
     Raises:
         MessageError: As from `decode_runs`.
     """
-    fields, width = _open(data)
-    description = fields.octets(_HASH, 1, 64)
-    options = [_option(each, width) for each in fields.items(_OPTIONS, MOST_RUNS)]
-    heads = _heads(fields.octets(_HEADS, 1, MOST_BYTES), len(options))
-    lo, hi = _decode_segments(fields.items(_SEGMENTS, MOST_RUNS), heads, _steps(options, width))
+    description, options, heads, steps, segments = _open(data)
+    lo, hi = _decode_segments(segments, heads, steps)
     return PatchMatrix(
         patch=description,
         t=heads.ticks + heads.drift,
@@ -136,13 +133,10 @@ def decode_column(data: bytes, column: int) -> ColumnRuns:
     Raises:
         MessageError: As from `decode_runs`, or the column is not there.
     """
-    fields, width = _open(data)
-    if not 0 <= column < width:
-        raise MessageError(f"column {column} is read of a row that has {width}")
-    options = [_option(each, width) for each in fields.items(_OPTIONS, MOST_RUNS)]
-    heads = _heads(fields.octets(_HEADS, 1, MOST_BYTES), len(options))
-    steps = _steps(options, width)
-    lo, hi = _decode_column(fields.items(_SEGMENTS, MOST_RUNS), heads, steps, column)
+    _, _, heads, steps, segments = _open(data)
+    if not 0 <= column < steps.shape[1]:
+        raise MessageError(f"column {column} is read of a row that has {steps.shape[1]}")
+    lo, hi = _decode_column(segments, heads, steps, column)
     step = steps[heads.option, column]
     first = -heads.first_row % step
     n = _count(heads.rows, first, step)
@@ -192,20 +186,33 @@ def _count(
     return counted
 
 
-def _open(data: bytes) -> tuple[Fields, int]:
-    """The fields of a row, and how many columns it has."""
+class _Opened(NamedTuple):
+    """A row whose bounds are not decoded yet; ``steps`` is that of `_steps`."""
+
+    description: bytes
+    options: list[_Option]
+    heads: _Heads
+    steps: NDArray[np.int64]
+    segments: list[object]
+
+
+def _open(data: bytes) -> _Opened:
     fields = Fields(_map(load_any(decompress(data, MOST_BYTES), "row")))
-    return fields, fields.integer(_COLUMNS, 1, MOST_COLUMNS)
+    width = fields.integer(_COLUMNS, 1, MOST_COLUMNS)
+    options = [_option(each, width) for each in fields.items(_OPTIONS, MOST_RUNS)]
+    return _Opened(
+        fields.octets(_HASH, 1, 64),
+        options,
+        _heads(fields.octets(_HEADS, 1, MOST_BYTES), len(options)),
+        _steps(options, width),
+        fields.items(_SEGMENTS, MOST_RUNS),
+    )
 
 
 def _decode(data: bytes, *, bounds: bool) -> list[PatchRun]:
-    fields, width = _open(data)
-    description = fields.octets(_HASH, 1, 64)
-    options = [_option(each, width) for each in fields.items(_OPTIONS, MOST_RUNS)]
-    heads = _heads(fields.octets(_HEADS, 1, MOST_BYTES), len(options))
-    lo = hi = np.empty((int(heads.rows.sum()) if bounds else 0, 0))
-    if bounds:
-        lo, hi = _decode_segments(fields.items(_SEGMENTS, MOST_RUNS), heads, _steps(options, width))
+    description, options, heads, steps, segments = _open(data)
+    nothing = np.empty((0, 0))
+    lo, hi = _decode_segments(segments, heads, steps) if bounds else (nothing, nothing)
     ends = np.cumsum(heads.rows)
     places = zip((ends - heads.rows).tolist(), ends.tolist(), strict=True)
     numbers = zip(*(column.tolist() for column in heads), strict=True)
