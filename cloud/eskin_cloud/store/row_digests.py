@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from sqlalchemy import DDL, BigInteger, Column, event, func, select
+from sqlalchemy import DDL, BigInteger, Column, event, select
 
 from eskin.runtime.digest import row_checksum
 from eskin_cloud.store.damage import DamagedRowError, report_damaged
@@ -29,6 +29,7 @@ CHECKED_TABLES: Final[list[Table]] = []
 """The tables whose rows have a digest."""
 _FUNCTION: Final = "row_checksum"
 _LONGEST_KEY: Final = 32
+_ROWS_AT_ONCE: Final = 1000
 
 
 def add_row_digest(table: Table) -> None:
@@ -70,8 +71,7 @@ def intact_rows(connection: Connection, table: Table, rows: Iterable[RowT]) -> l
     found = list(rows)
     if connection.dialect.name != "sqlite":
         return found
-    names = _names(table)
-    whole = [row[ROW_DIGEST] == row_checksum(row[name] for name in names) for row in found]
+    whole = _whole(table, found)
     for row, is_whole in zip(found, whole, strict=True):
         if not is_whole:
             report_damaged(table.name, _place(table, row))
@@ -100,16 +100,28 @@ def empty_row(table: Table) -> dict[str, Any]:
 
 
 def find_damaged(connection: Connection, table: Table) -> list[str]:
-    """Find and report all damaged rows of a table."""
+    """Find and report all damaged rows of a table.
+
+    The digests are compared here, not in SQL: SQLite passes no invalid UTF-8 to a function.
+    """
     if connection.dialect.name != "sqlite":
         return []
-    values = (table.c[name] for name in _names(table))
-    differs = table.c[ROW_DIGEST].is_distinct_from(getattr(func, _FUNCTION)(*values))
-    rows = connection.execute(select(*table.primary_key.columns).where(differs)).mappings()
-    places = [_place(table, row) for row in rows]
-    for place in places:
+    found: list[str] = []
+    rows = connection.execute(select(table).execution_options(yield_per=_ROWS_AT_ONCE)).mappings()
+    for part in rows.partitions():
+        whole = _whole(table, part)
+        found += (
+            _place(table, row) for row, is_whole in zip(part, whole, strict=True) if not is_whole
+        )
+    for place in found:
         report_damaged(table.name, place)
-    return places
+    return found
+
+
+def _whole(table: Table, rows: Iterable[RowT]) -> list[bool]:
+    """Whether each row has the digest of its values."""
+    names = _names(table)
+    return [row[ROW_DIGEST] == row_checksum(row[name] for name in names) for row in rows]
 
 
 def _names(table: Table) -> list[str]:

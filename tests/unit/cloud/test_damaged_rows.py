@@ -22,6 +22,7 @@ from eskin_cloud.store.integrity import LARGE_TABLES, find_corruption
 from eskin_cloud.store.row_digests import CHECKED_TABLES, ROW_DIGEST, find_damaged
 from eskin_cloud.store.schema.frame_tables import frames, pages
 from eskin_cloud.store.schema.tables import metadata, nodes, sequences
+from eskin_cloud.store.write.ingest import DUPLICATE
 from sqlalchemy import select
 
 from eskin.errors import StoreError
@@ -170,6 +171,14 @@ def test_damaged_row_that_is_written_again_stays_damaged(store: Store, place: Pa
         assert len(find_damaged(connection, pages)) == 1
         assert find_damaged(connection, nodes) == []
         assert len(connection.execute(select(frames)).all()) == 2
+
+
+def test_sequences_under_a_name_that_is_no_text_are_restored(store: Store, place: Path) -> None:
+    put(store, stretch(1), stretch(2, time=(START + DT,) * 2))
+    damage(place, "UPDATE sequences SET node = CAST(x'e669' AS TEXT)")
+    look_at(store, sequences)
+    store.cache.clear()
+    assert [each.result for each in put(store, stretch(1)).results] == [DUPLICATE]
 
 
 async def test_counts_over_damaged_rows_are_unknown(stand: Stand) -> None:
