@@ -30,7 +30,7 @@ MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
 HOME_ASSISTANT := $(VENV)/homeassistant
 HOME_ASSISTANT_NEEDS := tests/unit/gateway/homeassistant/requirements.txt
 
-# rtamt, in an environment of its own: it wants an old ANTLR, and tests compare monitors with it.
+# rtamt, in an environment of its own: it wants an old ANTLR; tests and `make bench` compare with it.
 RTAMT := $(VENV)/rtamt
 RTAMT_NEEDS := tests/unit/eskin/monitor/rtamt/requirements.txt
 
@@ -66,7 +66,7 @@ lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rul
 	$(BIN)/python -m tests.architecture.prose
 	services/npm.sh $(DASHBOARD) run lint
 
-bench: $(VENV)/.development $(VENV)/.peers $(THINGSBOARD)/.installed $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
+bench: $(VENV)/.development $(VENV)/.peers $(RTAMT)/.installed $(THINGSBOARD)/.installed $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
 	@services/install_test_packages.sh influxdb
 	$(BIN)/python -m benchmarks $(ARGS)
 

@@ -23,6 +23,7 @@ from benchmarks.icm import measure_icm
 from benchmarks.ingest import measure_ingest
 from benchmarks.latency import measure_latency
 from benchmarks.models import measure_models
+from benchmarks.monitors import measure_monitors
 from benchmarks.patch_rows import measure_bytes
 from benchmarks.peaks import measure_peaks
 from benchmarks.pipeline import measure_pipeline
@@ -55,6 +56,8 @@ def main() -> None:
         rows += measure_icm()
     with _step(console, "peaks of a tube against scipy's find_peaks"):
         rows += measure_peaks()
+    with _step(console, "monitors against rtamt's"):
+        rows += measure_monitors()
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
         data = Path(folder)
         with _step(console, "sealing and opening envelopes"):

@@ -10,6 +10,7 @@ from eskin import models
 from eskin.contacts import Skin, track_contacts
 from eskin.interval import Interval
 from eskin.models.icm import IcmParameters
+from eskin.monitor import Monitor, parse
 from eskin.peaks import find_peaks
 
 if TYPE_CHECKING:
@@ -62,6 +63,12 @@ def _contacts() -> None:
     pressures = np.array([[2e3, 0.0, 1e3], [1e3, 0.0, 1e3], [2e3, 0.0, 1e3]])
     times = np.array([[0, 0], [1, 1], [2, 2]])
     track_contacts(pressures - 100.0, pressures + 100.0, times, skin, 1e3)
+
+
+def _monitors() -> None:
+    monitor = Monitor(parse("once[0,1ns] p > 0"), {"p": "1"})
+    monitor.push("p", 0, 0, 1.0, 1.0, period=1)
+    monitor.take()
 
 
 def _capacitive_models() -> None:
@@ -118,6 +125,7 @@ STEPS: Final[dict[str, Callable[[], object]]] = {
     "arithmetic and functions of intervals": _intervals,
     "peaks": _peaks,
     "contacts": _contacts,
+    "monitors": _monitors,
     "capacitive models": _capacitive_models,
     "inductive models": _inductive_models,
     "the hybrid sensor (ICM)": _hybrid_sensor,

@@ -91,7 +91,7 @@ def candidates(
         hi = np.append(signal.hi[index], np.inf)
         columns[name] = Interval(lo[choice], hi[choice])
     left, right = (side.value for side in comparison_of(atom, columns, units))
-    certain, possible = _judge(left, atom.comparison, right)
+    certain, possible = judge(left, atom.comparison, right)
     shape = first.shape
     x, y = as_interval(left), as_interval(right)
     return Candidates(
@@ -150,7 +150,7 @@ def _of_several(held: list[HeldSamples]) -> _Cells:
     return first[cell], last[cell], choices, kind
 
 
-def _judge(  # noqa: PLR0911 - a line for each kind of sides
+def judge(  # noqa: PLR0911 - a line for each kind of sides
     left: Fraction | Interval | None, comparison: Comparison, right: Fraction | Interval | None
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Whether a comparison is true for all values, and for some.
@@ -170,7 +170,7 @@ def _judge(  # noqa: PLR0911 - a line for each kind of sides
         return true, true
     if not comparison.upward:
         turned = Comparison.GREATER if comparison.strict else Comparison.GREATER_EQUAL
-        return _judge(right, turned, left)
+        return judge(right, turned, left)
     if isinstance(right, Fraction):
         x = as_interval(left)
         below, above = sides(right)

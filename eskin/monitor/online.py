@@ -2,29 +2,82 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import threading
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from eskin.errors import MonitorError
-from eskin.monitor.checks import channel_horizons, check
+from eskin.interval import Interval
+from eskin.monitor.atoms import candidates, judge
+from eskin.monitor.checks import channel_horizons, check, comparison_of, sides
 from eskin.monitor.evaluation import Evaluation
+from eskin.monitor.formula import (
+    Always,
+    And,
+    Atom,
+    Channel,
+    Comparison,
+    Count,
+    Eventually,
+    Fall,
+    Historically,
+    Implies,
+    Not,
+    Once,
+    Or,
+    Reach,
+    Rise,
+    Since,
+    Until,
+    Window,
+)
+from eskin.monitor.online_kernels import CERTAIN, FULL, NO_UNTIL, POSSIBLE, Op, Side, accept, settle
 from eskin.monitor.runs import END
-from eskin.monitor.signal import Signal, held_samples
-from eskin.monitor.verdicts import Piece, Verdicts
+from eskin.monitor.signal import MAX_MOMENT, Signal, held_samples
+from eskin.monitor.verdicts import Piece, Verdicts, piece
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from eskin.monitor.formula import Formula
+    from numpy.typing import ArrayLike, NDArray
+
+    from eskin.monitor.formula import Formula, Node
+
+_FIRST_ROOM: Final = 64
+_NO_GAPS: Final = np.empty(0, bool)
+_FIRST_ARENA: Final = 1024
+_OPS: Final[dict[type[Node], Op]] = {
+    Not: Op.NOT, And: Op.AT_LEAST, Or: Op.AT_LEAST, Implies: Op.IMPLIES, Always: Op.ALWAYS,
+    Eventually: Op.EVENTUALLY, Historically: Op.HISTORICALLY, Once: Op.ONCE, Until: Op.UNTIL,
+    Since: Op.SINCE, Rise: Op.RISE, Fall: Op.FALL,
+}  # fmt: skip
+
+
+class _Arena(threading.local):
+    """Room for the lists of one evaluation, which all monitors of a thread share."""
+
+    def __init__(self) -> None:
+        self.lists = np.empty((2, _FIRST_ARENA), np.int64)
+        self.pieces = np.empty(_FIRST_ARENA, np.int64), np.empty(_FIRST_ARENA, np.int8)
+
+    def grow(self) -> None:
+        """Double the room; what was written stays."""
+        self.lists = np.concatenate((self.lists, self.lists), axis=1)
+        size = self.lists.shape[1]
+        self.pieces = np.empty(size, np.int64), np.empty(size, np.int8)
+
+
+_arena: Final = _Arena()
 
 
 class Monitor:
-    """A formula over channels whose samples arrive one by one.
+    """A formula over channels whose samples arrive.
 
-    Push samples, and now and then `take` what is decided for good: that costs little more for a
-    thousand new samples than for one. `verdicts` is the view at this moment, also of what is still
-    open. Samples that no open verdict needs are dropped.
+    Push samples, one by one or a stretch at once, and now and then `take` what is decided for good.
+    `verdicts` is the view at this moment, also of what is still open. Samples that no open verdict
+    needs are dropped.
 
     Args:
         formula: All its windows must be bounded.
@@ -49,11 +102,16 @@ class Monitor:
     ) -> None:
         check(formula, units, bounded=True)
         self.formula = formula
-        self._channels = {
-            name: _Channel(name, units[name], (coverage or {}).get(name, 1.0), capacity)
-            for name in sorted(formula.channels)
-        }
-        self._past = {name: each.past or 0 for name, each in channel_horizons(formula).items()}
+        self._names = sorted(formula.channels)
+        self._place = {name: k for k, name in enumerate(self._names)}
+        self._units = {name: units[name] for name in self._names}
+        self._coverage = {name: (coverage or {}).get(name, 1.0) for name in self._names}
+        self._capacity = capacity
+        horizons = channel_horizons(formula)
+        self._past = np.array([horizons[name].past or 0 for name in self._names], np.int64)
+        self._program = _Program.of(formula, self._place, self._units)
+        self._spans = np.array([[0, 0, NO_UNTIL] for _ in self._names], np.int64).reshape(-1, 3)
+        self._columns = _Columns.of(len(self._names), len(self._program.atoms), _FIRST_ROOM)
         self._settled = -END  # the first tick whose verdict was not taken
         self._view: Verdicts | None = None
 
@@ -69,12 +127,57 @@ class Monitor:
             MonitorError: The formula has no such channel, the sample is before the last one, or the
                 channel keeps too many, as another channel is silent.
         """
-        each = self._channel(channel)
-        if lo == -np.inf and hi == np.inf:
-            each.gap()
-        else:
-            each.push(earliest, latest, lo, hi, period)
+        self.extend(channel, [earliest], [latest], [lo], [hi], period)
+
+    def extend(
+        self,
+        channel: str,
+        earliest: ArrayLike,
+        latest: ArrayLike,
+        lo: ArrayLike,
+        hi: ArrayLike,
+        period: ArrayLike,
+        gap: ArrayLike | None = None,
+    ) -> None:
+        """Add the next samples of a channel at once; arguments as of `Signal`.
+
+        Raises:
+            MonitorError: As `push`; the samples before the one in error are added.
+        """
+        at = self._channel(channel)
+        moments = np.asarray(earliest), np.asarray(latest)
+        bounds = np.asarray(lo, np.float64), np.asarray(hi, np.float64)
+        periods = np.asarray(period, np.int64).reshape(-1)
+        gaps = _NO_GAPS if gap is None else np.asarray(gap, bool)
+        count = moments[0].size
+        _require_columns(channel, count, (*moments, *bounds), (periods, gaps))
+        begin, end, until = self._spans[at].tolist()
+        if end - begin + count > self._capacity:
+            raise MonitorError(
+                f"{channel} would keep {end - begin + count} samples, more than "
+                f"{self._capacity}; take what is decided, or state the gap of a channel that is "
+                "silent",
+                value=end - begin + count,
+            )
+        if end + count > self._columns.room:
+            self._make_room(count)
+            begin, end = self._spans[at, :2].tolist()
+        program, columns = self._program, self._columns
+        found, until, wrong = accept(
+            *moments, *bounds, periods, gaps, columns.times, columns.bounds, columns.gap,
+            columns.codes, program.sides, program.thresholds, at, begin, end, until,
+        )  # fmt: skip
+        self._spans[at, 1:] = found, until
         self._view = None
+        for atom in program.coded[at]:
+            self._code(atom, channel, at, end)
+        if wrong >= 0:
+            sample = tuple(each[wrong].item() for each in (*moments, *bounds))
+            raise MonitorError(
+                f"a sample of {channel} in [{sample[0]}, {sample[1]}] ns with [{sample[2]}, "
+                f"{sample[3]}] is reversed, or not after the last one, or has NaN; correct it",
+                value=sample,
+            )
 
     def gap(self, channel: str, until: int | None = None) -> None:
         """State that samples are missing after the last one of a channel.
@@ -86,14 +189,16 @@ class Monitor:
         Raises:
             MonitorError: The sample was said to be held for longer.
         """
-        each = self._channel(channel)
-        if each.until is not None and each.gaps and not each.gaps[-1]:
+        at = self._channel(channel)
+        begin, end, known = self._spans[at].tolist()
+        if known != NO_UNTIL and end > begin and not self._columns.gap[at, end - 1]:
             raise MonitorError(
-                f"the last sample of {channel} is held until {each.until} ns; push one first",
-                value=each.until,
+                f"the last sample of {channel} is held until {known} ns; push one first",
+                value=known,
             )
-        each.gap()
-        self._wait(each, until)
+        if end > begin:
+            self._columns.gap[at, end - 1] = True
+        self._wait(at, until)
 
     def hold(self, channel: str, until: int) -> None:
         """State that the last sample of a channel is held: no other, and no gap, before an instant.
@@ -104,17 +209,18 @@ class Monitor:
         """
         self._wait(self._channel(channel), until)
 
-    def _wait(self, channel: _Channel, until: int | None) -> None:
+    def _wait(self, at: int, until: int | None) -> None:
         if until is not None:
-            channel.until = until if channel.until is None else max(channel.until, until)
+            if abs(until) > MAX_MOMENT:
+                raise MonitorError(f"until must be a moment in ns, not {until}", value=until)
+            self._spans[at, 2] = max(self._spans[at, 2], until)
         self._view = None
 
     @property
     def verdicts(self) -> Verdicts:
         """The verdicts by what has arrived; of times that were taken, no more."""
         if self._view is None:
-            signals = {name: each.signal() for name, each in self._channels.items()}
-            self._view = Verdicts(Evaluation(self.formula, signals))
+            self._view = Verdicts(Evaluation(self.formula, self._signals()))
         return self._view
 
     def take(self) -> list[Piece]:
@@ -124,87 +230,266 @@ class Monitor:
         """
         if self._settled > END:
             return []
-        view = self.verdicts
-        last = view.final_until(self._settled)
-        if last is None:
+        while True:
+            count, last = self._settle()
+            if count != FULL:
+                break
+            _arena.grow()
+        if count == 0:
             return []
-        found = [*view.pieces(self._settled, last)]
+        ticks, codes = (each[:count].tolist() for each in _arena.pieces)
         self._settled = last + 1
-        for name, each in self._channels.items():
-            each.drop_before(self._settled - 2 * self._past[name] - 1)
         self._view = None
-        return found
+        return [
+            piece(first, behind - 1, code)
+            for first, behind, code in zip(ticks, [*ticks[1:], last + 1], codes, strict=True)
+        ]
 
     def __len__(self) -> int:
         """How many samples are kept."""
-        return sum(len(each.samples) for each in self._channels.values())
+        return int((self._spans[:, 1] - self._spans[:, 0]).sum())
 
-    def _channel(self, name: str) -> _Channel:
+    def _settle(self) -> tuple[int, int]:
+        program, columns = self._program, self._columns
+        if program.listed:
+            self._list()
+        count, last = settle(
+            program.lines, program.channel_of, program.of_any, columns.times, columns.gap,
+            self._spans, self._past, columns.codes, columns.ticks, program.lists,
+            program.frontiers, self._settled, _arena.lists, program.scratch, _arena.pieces,
+        )  # fmt: skip
+        return int(count), int(last)
+
+    def _list(self) -> None:
+        """Write the ticks of atoms over several channels to the beginning of the arena."""
+        signals = self._signals()
+        held = {name: held_samples(each) for name, each in signals.items()}
+        top = 0
+        for atom in self._program.listed:
+            found = candidates(self._program.atoms[atom], signals, held)
+            self._program.frontiers[atom] = found.frontier
+            for side, runs in enumerate((found.where(~found.certain), found.where(found.possible))):
+                behind = top + runs.first.size
+                while behind > _arena.lists.shape[1]:
+                    _arena.grow()
+                _arena.lists[:, top:behind] = runs.first, runs.last
+                self._program.lists[atom, 2 * side : 2 * side + 2] = top, behind - top
+                top = behind
+
+    def _signals(self) -> dict[str, Signal]:
+        return {name: self._signal(name) for name in self._names}
+
+    def _signal(self, name: str) -> Signal:
+        at = self._place[name]
+        begin, end, until = self._spans[at].tolist()
+        earliest, latest, lo, hi, period, gap = (
+            each[begin:end].copy() for each in self._columns.of_channel(at)
+        )
+        return Signal(
+            *(earliest, latest, lo, hi, period, gap),
+            unit=self._units[name],
+            coverage=self._coverage[name],
+            until=None if until == NO_UNTIL else until,
+        )
+
+    def _code(self, atom: int, channel: str, at: int, first: int) -> None:
+        """Write the codes of an atom over one channel, from a sample on."""
+        end = self._spans[at, 1]
+        _, _, lo, hi, _, _ = self._columns.of_channel(at)
+        values = Interval(lo[first:end], hi[first:end])
+        self._columns.codes[atom, first:end] = _codes(
+            self._program.atoms[atom], {channel: values}, self._units
+        )
+
+    def _make_room(self, count: int) -> None:
+        """Move what is kept to the beginning, into larger columns if need be."""
+        kept = int((self._spans[:, 1] - self._spans[:, 0]).max())
+        room = self._columns.room
+        while kept + count > room // 2:
+            room *= 2
+        self._columns = self._columns.moved(self._spans, room, self._program.channel_of)
+        self._spans[:, 1] -= self._spans[:, 0]
+        self._spans[:, 0] = 0
+
+    def _channel(self, name: str) -> int:
         try:
-            return self._channels[name]
+            return self._place[name]
         except KeyError:
             raise MonitorError(
-                f"the formula has no channel {name}; push only {', '.join(self._channels)}",
+                f"the formula has no channel {name}; push only {', '.join(self._names)}",
                 value=name,
             ) from None
 
 
-class _Channel:
-    """Samples of one channel that are still needed."""
+class _Columns(NamedTuple):
+    """Samples that are still needed: a row a channel, or an atom."""
 
-    def __init__(self, name: str, unit: str, coverage: float, capacity: int) -> None:
-        self.name = name
-        self.samples: list[tuple[int, int, float, float, int]] = []
-        self.gaps: list[bool] = []
-        self.until: int | None = None
-        self._unit, self._coverage, self._capacity = unit, coverage, capacity
+    times: NDArray[np.int64]
+    bounds: NDArray[np.float64]
+    gap: NDArray[np.bool_]
+    codes: NDArray[np.int8]
+    ticks: NDArray[np.int64]
 
-    def push(self, earliest: int, latest: int, lo: float, hi: float, period: int) -> None:
-        if len(self.samples) >= self._capacity:
-            raise MonitorError(
-                f"{self.name} keeps {self._capacity} samples; take what is decided, or state the "
-                "gap of a channel that is silent",
-                value=len(self.samples),
-            )
-        # Moments ascend strictly.
-        after = self.samples[-1][0] if self.samples else -END
-        earliest = max(earliest, after)
-        if self.until is not None:
-            earliest = max(earliest, self.until)
-        if not (earliest <= latest and after < latest and lo <= hi):
-            raise MonitorError(
-                f"a sample of {self.name} in [{earliest}, {latest}] ns with [{lo}, {hi}] is "
-                "reversed, or not after the last one, or has NaN; correct it",
-                value=(earliest, latest, lo, hi),
-            )
-        self.samples.append((earliest, latest, lo, hi, period))
-        self.gaps.append(False)
-        self.until = None
-
-    def gap(self) -> None:
-        if self.gaps:
-            self.gaps[-1] = True
-
-    def signal(self) -> Signal:
-        times = np.array([each[:2] for each in self.samples], np.int64).reshape(-1, 2)
-        values = np.array([each[2:4] for each in self.samples], np.float64).reshape(-1, 2)
-        return Signal(
-            times[:, 0],
-            times[:, 1],
-            values[:, 0],
-            values[:, 1],
-            np.array([each[4] for each in self.samples], np.int64),
-            np.array(self.gaps, bool),
-            unit=self._unit,
-            coverage=self._coverage,
-            until=self.until,
+    @classmethod
+    def of(cls, channels: int, atoms: int, room: int) -> _Columns:
+        return cls(
+            np.empty((3, channels, room), np.int64),
+            np.empty((2, channels, room), np.float64),
+            np.zeros((channels, room), bool),
+            np.zeros((atoms, room), np.int8),
+            np.empty((2, channels, room), np.int64),
         )
 
-    def drop_before(self, tick: int) -> None:
-        """Drop samples that hold at no tick from a given one on; the last one stays."""
-        if len(self.samples) < 2:
-            return
-        held = held_samples(self.signal())
-        needed = held.index[held.last >= tick]
-        first = int(needed[0]) if needed.size else len(self.samples) - 1
-        del self.samples[:first], self.gaps[:first]
+    @property
+    def room(self) -> int:
+        return int(self.gap.shape[1])
+
+    def of_channel(self, at: int) -> tuple[Any, Any, Any, Any, Any, Any]:
+        """Earliest, latest, lo, hi, period, gap."""
+        times, bounds = self.times[:, at], self.bounds[:, at]
+        return times[0], times[1], bounds[0], bounds[1], times[2], self.gap[at]
+
+    def moved(self, spans: NDArray[np.int64], room: int, channel_of: NDArray[np.int64]) -> _Columns:
+        """What is kept, at the beginning of columns with this room."""
+        made = _Columns.of(self.gap.shape[0], self.codes.shape[0], room)
+        for at, (begin, end, _) in enumerate(spans.tolist()):
+            count = end - begin
+            made.times[:, at, :count] = self.times[:, at, begin:end]
+            made.bounds[:, at, :count] = self.bounds[:, at, begin:end]
+            made.gap[at, :count] = self.gap[at, begin:end]
+            for atom in np.flatnonzero(channel_of == at):
+                made.codes[atom, :count] = self.codes[atom, begin:end]
+        return made
+
+
+class _Program(NamedTuple):
+    """A formula as instructions, and its atoms.
+
+    Attributes:
+        atoms: The atoms.
+        lines: A row an instruction, as `settle` reads them.
+        channel_of: Place of each atom's channel, -1 where it has several.
+        sides: By channel, `Side` of each atom.
+        thresholds: Of each atom.
+        of_any: Code of each atom for any value.
+        coded: By channel, the atoms whose codes are evaluated here.
+        listed: Atoms over several channels.
+        lists, frontiers, scratch: Room, as of `settle`.
+    """
+
+    atoms: list[Atom]
+    lines: NDArray[np.int64]
+    channel_of: NDArray[np.int64]
+    sides: NDArray[np.int64]
+    thresholds: NDArray[np.float64]
+    of_any: NDArray[np.int8]
+    coded: list[list[int]]
+    listed: list[int]
+    lists: NDArray[np.int64]
+    frontiers: NDArray[np.int64]
+    scratch: tuple[Any, Any, Any, Any, Any]
+
+    @classmethod
+    def of(cls, formula: Formula, place: Mapping[str, int], units: Mapping[str, str]) -> _Program:
+        atoms = list(dict.fromkeys(node for node in formula.walk() if isinstance(node, Atom)))
+        lines = _lines(formula, {atom: k for k, atom in enumerate(atoms)})
+        channel_of = np.full(len(atoms), -1, np.int64)
+        sides_ = np.full((len(place), len(atoms)), int(Side.LISTED), np.int64)
+        thresholds = np.zeros(len(atoms))
+        of_any = np.zeros(len(atoms), np.int8)
+        coded: list[list[int]] = [[] for _ in place]
+        listed = []
+        for k, atom in enumerate(atoms):
+            names = atom.channels
+            if len(names) != 1:
+                listed.append(k)
+                continue
+            [name] = names
+            at = channel_of[k] = place[name]
+            whatever = Interval([-np.inf], [np.inf])
+            of_any[k] = _codes(atom, {name: whatever}, units)[0]
+            found = _threshold(atom, units)
+            if found is None:
+                sides_[at, k] = int(Side.CODED)
+                coded[at].append(k)
+            else:
+                sides_[at, k], thresholds[k] = found
+        most = 3 + max(int(line[1]) for line in lines)
+        scratch = (
+            np.empty((len(lines) + 1, 4), np.int64),
+            np.empty((most, 2), np.int64),
+            np.zeros((len(atoms), 4), np.int64),
+            np.empty(most, np.int64),
+            np.empty(most, bool),
+        )
+        return cls(
+            atoms, np.array(lines, np.int64), channel_of, sides_, thresholds, of_any, coded, listed,
+            np.zeros((len(atoms), 4), np.int64), np.zeros(len(atoms), np.int64), scratch,
+        )  # fmt: skip
+
+
+def _require_columns(
+    channel: str,
+    count: int,
+    columns: tuple[NDArray[Any], ...],
+    others: tuple[NDArray[Any], NDArray[Any]],
+) -> None:
+    periods, gaps = others
+    if any(each.shape != (count,) for each in columns) or not (
+        periods.size in {1, count} and gaps.size in {0, count}
+    ):
+        raise MonitorError(f"the columns of {channel} have different lengths; give all alike")
+    if columns[0].dtype != np.int64 or columns[1].dtype != np.int64:
+        raise MonitorError(
+            f"moments of {channel} must be whole ns, int64; round outward", value=columns[0]
+        )
+
+
+def _lines(formula: Formula, atoms: Mapping[Atom, int]) -> list[tuple[int, int, int, int, int]]:
+    """The instructions of a formula, operands first."""
+    if isinstance(formula, Atom):
+        return [(int(Op.ATOM), 0, atoms[formula], 0, 0)]
+    parts = formula.parts
+    lines = [line for part in parts for line in _lines(part, atoms)]  # type: ignore[arg-type]  # formulas
+    count, a, b, number = len(parts), 0, 0, 1
+    if isinstance(formula, Count):
+        upward = formula.comparison.upward
+        strictly = formula.comparison in {Comparison.GREATER, Comparison.LESS_EQUAL}
+        op, number = Op.AT_LEAST if upward else Op.FEWER, formula.number + strictly
+    else:
+        op = _OPS[type(formula)]
+        number = count if isinstance(formula, And) else 1
+    if isinstance(formula, Window | Reach):
+        a, last = formula.bounds
+        assert last is not None  # noqa: S101 - checked
+        b = last
+    return [*lines, (int(op), count, a, b, number)]
+
+
+def _codes(
+    atom: Atom, columns: Mapping[str, Interval], units: Mapping[str, str]
+) -> NDArray[np.int8]:
+    [values] = columns.values()
+    left, right = (side.value for side in comparison_of(atom, columns, units))
+    certain, possible = judge(left, atom.comparison, right)
+    shape = values.shape
+    found: NDArray[np.int8] = np.where(np.broadcast_to(certain, shape), CERTAIN, 0).astype(np.int8)
+    found[np.broadcast_to(possible, shape)] |= POSSIBLE
+    return found
+
+
+def _threshold(atom: Atom, units: Mapping[str, str]) -> tuple[int, float] | None:
+    """The side and the float with which a channel is compared; ``None`` if it is no such atom."""
+    left, right = atom.left, atom.right
+    upward, strict = atom.comparison.upward, atom.comparison.strict
+    one, other = (side.value for side in comparison_of(atom, {}, units))
+    if isinstance(left, Channel) and isinstance(other, Fraction):
+        constant = other
+    elif isinstance(right, Channel) and isinstance(one, Fraction):
+        constant, upward = one, not upward
+    else:
+        return None
+    below, above = sides(constant)
+    if upward:
+        return int(Side.AT_LEAST), np.nextafter(below, np.inf) if strict else above
+    return int(Side.AT_MOST), np.nextafter(above, -np.inf) if strict else below

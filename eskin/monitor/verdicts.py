@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Flag, auto
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -39,6 +39,7 @@ class Because(Flag):
     """Samples are still to come."""
 
 
+_VERDICTS: Final = (Verdict.IMPOSSIBLE, Verdict.POSSIBLE, Verdict.CERTAIN)
 _CAUSES = (Because.WIDTH, Because.MOMENT, Because.GAP, Because.PENDING)
 
 
@@ -58,6 +59,17 @@ class Piece(NamedTuple):
     end: int | None
     includes_end: bool
     verdict: Verdict
+
+
+def piece(first: int, last: int, code: int) -> Piece:
+    """The piece from a tick to another."""
+    return Piece(
+        None if first == -END else first // 2,
+        first % 2 == 0,
+        None if last == END else (last + 1) // 2,
+        last % 2 == 0,
+        _VERDICTS[code],
+    )
 
 
 class Verdicts:
@@ -195,13 +207,7 @@ class Verdicts:
         for start, stop, code in zip(
             starts.tolist(), ends.tolist(), self.codes[begin:end].tolist(), strict=True
         ):
-            yield Piece(
-                None if start == -END else start // 2,
-                start % 2 == 0,
-                None if stop == END else (stop + 1) // 2,
-                stop % 2 == 0,
-                Verdict(code),
-            )
+            yield piece(start, stop, code)
 
     def __iter__(self) -> Iterator[Piece]:
         return self.pieces()

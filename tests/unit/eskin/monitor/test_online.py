@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from eskin.errors import MonitorError
 from eskin.interval import Verdict
-from eskin.monitor import Formula, Monitor, Piece, evaluate, parse
+from eskin.monitor import Formula, Monitor, Piece, Signal, evaluate, parse
 from tests.unit.eskin.monitor.test_evaluation import FORMULAS, PERIOD, samples
 from tests.unit.eskin.monitor.worlds import Sample, signal
 
@@ -58,6 +58,27 @@ def test_online_verdicts_are_those_of_the_record(
     assert set(codes_of(taken)) >= decided
 
 
+@settings(max_examples=40)
+@given(FORMULAS, samples(exact=False), samples(exact=False), st.integers(1, 4))
+def test_stretches_are_as_their_samples(
+    formula: Formula, p: list[Sample], q: list[Sample], size: int
+) -> None:
+    one, other = (Monitor(formula, {"p": "1", "q": "1"}) for _ in range(2))
+    channels = [("p", p)] * ("p" in formula.channels) + [("q", q)] * ("q" in formula.channels)
+    for name, all_ in channels:
+        for first in range(0, len(all_), size):
+            stretch = all_[first : first + size]
+            for each in stretch:
+                one.push(name, each.earliest, each.latest, each.lo, each.hi, period=PERIOD)
+                if each.gap:
+                    one.gap(name)
+            rows = [(each.earliest, each.latest, each.lo, each.hi) for each in stretch]
+            gaps = [each.gap for each in stretch]
+            other.extend(name, *zip(*rows, strict=True), PERIOD, gaps)
+            assert one.take() == other.take()
+    assert len(one) == len(other)
+
+
 @settings(max_examples=60)
 @given(FORMULAS, samples(exact=False), samples(exact=False), st.integers(0, 4), st.integers(0, 4))
 def test_what_is_final_stays(
@@ -79,6 +100,38 @@ def test_memory_is_bounded() -> None:
             monitor.take()
             most = max(most, len(monitor))
     assert most < 200
+
+
+def test_a_long_record_is_decided_as_a_whole() -> None:
+    formula = parse(
+        "(abs(p) > 0.8 implies eventually[0,200ms] once[0,100ms] p < 0.2) and p < q + 0.5"
+    )
+    count, period = 4000, 20_000_000
+    moments = np.arange(count, dtype=np.int64) * period
+    noise = np.random.default_rng(1).normal(size=(2, count))
+    values = np.sin(np.pi * moments / 1e9) + 0.1 * noise
+    monitor, taken, size = Monitor(formula, {"p": "1", "q": "1"}), [], 0
+    for first in range(0, count, 50):
+        part = slice(first, first + 50)
+        for name, column in zip("pq", values, strict=True):
+            lo, hi = column[part] - 0.01, column[part] + 0.01
+            monitor.extend(name, moments[part], moments[part] + 1000, lo, hi, period)
+        taken += monitor.take()
+        size = max(size, len(monitor))
+    assert size < 1000
+    signals = {
+        name: Signal(moments, moments + 1000, column - 0.01, column + 0.01, period)
+        for name, column in zip("pq", values, strict=True)
+    }
+    whole = [*evaluate(formula, signals).pieces(last=2 * int(taken[-1].end or 0))]
+    joined = [
+        each
+        for each, before in zip(taken, [None, *taken], strict=False)
+        if before is None or each.verdict is not before.verdict
+    ]
+    starts = [(each.start, each.includes_start, each.verdict) for each in joined]
+    assert len(starts) > 100
+    assert starts == [(each.start, each.includes_start, each.verdict) for each in whole]
 
 
 def test_a_decided_window_is_final_at_once() -> None:
@@ -118,5 +171,11 @@ def test_what_cannot_be_pushed_is_refused() -> None:
     for sample in ((5, 4, 1.0, 2.0), (5, 6, 2.0, 1.0), (5, 6, np.nan, 1.0)):
         with pytest.raises(MonitorError):
             monitor.push("q", *sample, period=1)
+    for columns in (([6, 7], [7], [1.0], [2.0]), ([6.5], [7.0], [1.0], [2.0])):
+        with pytest.raises(MonitorError):
+            monitor.extend("q", *columns, 1)
+    with pytest.raises(MonitorError):
+        monitor.extend("q", [6, 5], [7, 5], [1.0, 1.0], [2.0, 2.0], 1)
+    assert len(monitor) == 4
     with pytest.raises(MonitorError):
         Monitor(parse("always p > 1"), {"p": "1"})
