@@ -11,6 +11,7 @@ import logging
 from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import select
+from sqlalchemy.exc import IntegrityError
 
 from eskin.errors import StoreError
 from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, report_damaged
@@ -86,9 +87,13 @@ def rebuild_indexes(connection: Connection, table: Table) -> None:
     fault = find_corruption(connection, table)
     if fault is None:
         return
-    connection.exec_driver_sql(f"REINDEX {table.name}")
-    log.error("indexes rebuilt: table=%s reason=%s", table.name, fault)
-    fault = find_corruption(connection, table)
+    try:
+        connection.exec_driver_sql(f"REINDEX {table.name}")
+    except IntegrityError as error:  # a damaged key equals another one
+        fault = f"{fault}; {error.orig}"
+    else:
+        log.error("indexes rebuilt: table=%s reason=%s", table.name, fault)
+        fault = find_corruption(connection, table)
     if fault is not None:
         raise DamagedTableError(
             f"table {table.name} is damaged: {fault}; restore a backup of the store"

@@ -273,6 +273,21 @@ def test_store_whose_index_cannot_be_rebuilt_is_not_read(place: Path) -> None:
             pass
 
 
+def test_store_with_two_rows_of_one_key_is_not_read(place: Path) -> None:
+    with Store(place) as store:
+        put(store, stretch(2), stretch(3, time=(START + DT,) * 2))
+    begin, end = _page(place, "frames")
+    data = bytearray(place.read_bytes())
+    at = data.index(f"{NODE}\x02".encode(), begin, end) + len(NODE)  # boot 1 takes no byte
+    data[at] = 3
+    place.write_bytes(data)
+    with Store(place) as store:
+        with pytest.raises(StoreError, match="restore a backup"):
+            look_at(store, frames)
+        with pytest.raises(StoreError, match="restore a backup"), store.read():
+            pass
+
+
 def test_file_with_a_damaged_schema_is_rejected_with_a_remedy(place: Path) -> None:
     with Store(place) as store:
         put(store, stretch(1))
