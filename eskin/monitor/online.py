@@ -151,26 +151,24 @@ class Monitor:
         gaps = _NO_GAPS if gap is None else np.asarray(gap, bool)
         count = moments[0].size
         _require_columns(channel, count, (*moments, *bounds), (periods, gaps))
-        begin, end, until = self._spans[at].tolist()
-        if end - begin + count > self._capacity:
+        begin, end, _ = self._spans[at].tolist()
+        needed = end - begin + count
+        if needed > self._capacity:
             raise MonitorError(
-                f"{channel} would keep {end - begin + count} samples, more than "
-                f"{self._capacity}; take what is decided, or state the gap of a channel that is "
-                "silent",
-                value=end - begin + count,
+                f"{channel} would keep {needed} samples, more than {self._capacity}; take what is "
+                "decided, or state the gap of a channel that is silent",
+                value=needed,
             )
-        if end + count > self._columns.room:
-            self._make_room(count)
-            begin, end = self._spans[at, :2].tolist()
+        if needed > self._columns.room // 2:  # else moves cost more than samples
+            self._columns = self._columns.grown(needed)
         program, columns = self._program, self._columns
-        found, until, wrong = accept(
+        added, wrong = accept(
             *moments, *bounds, periods, gaps, columns.times, columns.bounds, columns.gap,
-            columns.codes, program.sides, program.thresholds, at, begin, end, until,
+            columns.codes, program.sides, program.thresholds, self._spans, at,
         )  # fmt: skip
-        self._spans[at, 1:] = found, until
         self._view = None
         for atom in program.coded[at]:
-            self._code(atom, channel, at, end)
+            self._code(atom, channel, at, added)
         if wrong >= 0:
             sample = tuple(each[wrong].item() for each in (*moments, *bounds))
             raise MonitorError(
@@ -301,16 +299,6 @@ class Monitor:
             self._program.atoms[atom], {channel: values}, self._units
         )
 
-    def _make_room(self, count: int) -> None:
-        """Move what is kept to the beginning, into larger columns if need be."""
-        kept = int((self._spans[:, 1] - self._spans[:, 0]).max())
-        room = self._columns.room
-        while kept + count > room // 2:
-            room *= 2
-        self._columns = self._columns.moved(self._spans, room, self._program.channel_of)
-        self._spans[:, 1] -= self._spans[:, 0]
-        self._spans[:, 0] = 0
-
     def _channel(self, name: str) -> int:
         try:
             return self._place[name]
@@ -349,16 +337,15 @@ class _Columns(NamedTuple):
         times, bounds = self.times[:, at], self.bounds[:, at]
         return times[0], times[1], bounds[0], bounds[1], times[2], self.gap[at]
 
-    def moved(self, spans: NDArray[np.int64], room: int, channel_of: NDArray[np.int64]) -> _Columns:
-        """What is kept, at the beginning of columns with this room."""
+    def grown(self, needed: int) -> _Columns:
+        """Columns with room for twice as many samples as are needed, at least."""
+        room = self.room
+        while room < 2 * needed:
+            room *= 2
         made = _Columns.of(self.gap.shape[0], self.codes.shape[0], room)
-        for at, (begin, end, _) in enumerate(spans.tolist()):
-            count = end - begin
-            made.times[:, at, :count] = self.times[:, at, begin:end]
-            made.bounds[:, at, :count] = self.bounds[:, at, begin:end]
-            made.gap[at, :count] = self.gap[at, begin:end]
-            for atom in np.flatnonzero(channel_of == at):
-                made.codes[atom, :count] = self.codes[atom, begin:end]
+        pairs: Any = zip(self, made, strict=True)
+        for each, larger in pairs:
+            larger[..., : self.room] = each
         return made
 
 

@@ -68,6 +68,7 @@ class Op(IntEnum):
 
 _AT_THRESHOLD: Final = int(Side.AT_LEAST)
 _AT_MOST: Final = int(Side.AT_MOST)
+_LISTED: Final = int(Side.LISTED)
 _ATOM: Final = int(Op.ATOM)
 _NOT: Final = int(Op.NOT)
 _AT_LEAST: Final = int(Op.AT_LEAST)
@@ -83,7 +84,7 @@ _RISE: Final = int(Op.RISE)
 
 
 @kernel
-def accept(  # noqa: PLR0913, PLR0917 - the columns of samples, twice
+def accept(  # noqa: C901, PLR0913, PLR0917 - the columns of samples, twice
     earliest: Ints,
     latest: Ints,
     lo: Any,
@@ -96,12 +97,13 @@ def accept(  # noqa: PLR0913, PLR0917 - the columns of samples, twice
     codes: Codes,
     sides: Ints,
     thresholds: Any,
+    spans: Ints,
     channel: int,
-    begin: int,
-    end: int,
-    until: int,
-) -> tuple[int, int, int]:
+) -> tuple[int, int]:
     """Append samples to those of a channel, with the codes of its atoms.
+
+    The row has room for what is kept and what is new; what is kept is moved to its beginning if
+    there is no room behind it.
 
     Args:
         earliest: Of the new samples.
@@ -116,14 +118,25 @@ def accept(  # noqa: PLR0913, PLR0917 - the columns of samples, twice
         codes: Codes of each atom, a row each.
         sides: `Side` of each atom, a row a channel; those of other channels are `Side.LISTED`.
         thresholds: Of each atom.
+        spans: Of each channel, the first sample that is kept, the end, and `NO_UNTIL` or until when
+            the last one is held.
         channel: Which row.
-        begin: First sample of the row that is kept.
-        end: Behind the last one; there is room.
-        until: As in `NO_UNTIL`.
 
     Returns:
-        The new end, the new ``until``, and which sample is in error, or -1.
+        The place of the first new sample, and which sample is in error, or -1.
     """
+    begin, end, until = spans[channel, 0], spans[channel, 1], spans[channel, 2]
+    if end + earliest.size > gap.shape[1]:
+        for k in range(begin, end):
+            times[:, channel, k - begin] = times[:, channel, k]
+            bounds[:, channel, k - begin] = bounds[:, channel, k]
+            gap[channel, k - begin] = gap[channel, k]
+            for atom in range(thresholds.size):
+                if sides[channel, atom] != _LISTED:
+                    codes[atom, k - begin] = codes[atom, k]
+        begin, end = 0, end - begin
+        spans[channel, 0] = 0
+    added, wrong = end, -1
     for k in range(earliest.size):
         low, high = lo[k], hi[k]
         if low == -np.inf and high == np.inf:
@@ -135,7 +148,8 @@ def accept(  # noqa: PLR0913, PLR0917 - the columns of samples, twice
         period = periods[k if periods.size > 1 else 0]
         in_order = -MAX_MOMENT <= first <= latest[k] <= MAX_MOMENT and after < latest[k]
         if not (in_order and low <= high and 0 < period <= MAX_BOUND):
-            return end, until, k
+            wrong = k
+            break
         times[0, channel, end], times[1, channel, end] = first, latest[k]
         times[2, channel, end] = period
         bounds[0, channel, end], bounds[1, channel, end] = low, high
@@ -149,7 +163,8 @@ def accept(  # noqa: PLR0913, PLR0917 - the columns of samples, twice
                 codes[atom, end] = (high <= threshold) + 2 * (low <= threshold)
         end += 1
         until = NO_UNTIL
-    return end, until, -1
+    spans[channel, 1], spans[channel, 2] = end, until
+    return added, wrong
 
 
 @part
