@@ -70,9 +70,15 @@ class ColumnsSelfTest:
         self._around = nearest(positions, neighbours)
         self._windows = np.tile(np.array(_EMPTY), (len(positions), 1))
 
-    def take(self, lows: Floats, highs: Floats) -> None:
-        """Take samples of one quantity, columns × rows, always of the same one."""
-        _take(lows, highs, self._windows)
+    def take(self, lows: Floats, highs: Floats, first: int = 0) -> None:
+        """Take samples of one quantity, columns × rows, always of the same one.
+
+        Args:
+            lows: Their lower bounds.
+            highs: Their upper bounds.
+            first: The first of the columns.
+        """
+        _take(lows, highs, self._windows[first : first + len(lows)])
 
     def examine(self) -> tuple[Verdicts, Verdicts]:
         """Whether each column is dead and whether it is stuck; then a new window begins."""

@@ -268,7 +268,7 @@ class Shard:
     ) -> set[int]:
         """Report taxels that a window has shown to be dead; gives nodes that must sample alone."""
         begin, end = cohort.self_test.tested, found.frame.due
-        cohort.self_test.take(number, found.bounded)
+        cohort.self_test.take(number, *found.bounds)
         broken = set()
         for row, k in cohort.self_test.examine(end):
             taxel = self._settings.taxel[k]

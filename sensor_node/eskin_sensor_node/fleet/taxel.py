@@ -21,7 +21,6 @@ from eskin_sensor_node.fleet.report_kernels import (
     report,
     skip,
 )
-from eskin_sensor_node.fleet.self_test import bounded
 from eskin_sensor_node.fleet.setting import designed, longest_region
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.data_sheet import data_sheet
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from eskin.interval import Floats
     from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.fleet.clocks import Clocks
     from eskin_sensor_node.fleet.columns import Columns
@@ -59,13 +59,13 @@ class FrameReport(NamedTuple):
         frame: Which frame.
         parts: Of each channel; none where nothing was sampled.
         peaks: Decided peaks, see `eskin_sensor_node.fleet.report_kernels.PEAK`.
-        bounded: At which nodes a sample of the first quantity was bounded.
+        bounds: Lower and upper ones of the first quantity, nodes × samples.
     """
 
     frame: Frame
     parts: Sequence[Part]
     peaks: Any
-    bounded: NDArray[np.bool_]
+    bounds: tuple[Floats, Floats]
 
 
 class TaxelRows:
@@ -201,7 +201,7 @@ class TaxelRows:
                 zip(self._columns, map(self._truth.__getitem__, self.quantities), strict=True)
             )
         ]
-        return FrameReport(frame, parts, peaks[:count].copy(), bounded(lows[0], highs[0]))
+        return FrameReport(frame, parts, peaks[:count].copy(), (lows[0], highs[0]))
 
     def skip(self, ticks: int) -> tuple[FrameReport, int]:
         """Skip all frames that begin before a moment.
@@ -215,7 +215,8 @@ class TaxelRows:
             self.next = self._schedule.following(self.next)
         peaks, events = self._room(1)
         count = skip(lost, self._design, self._group, self.columns, peaks, events)
-        found = FrameReport(frame, (), peaks[:count].copy(), np.zeros(0, np.bool_))
+        none = np.empty((0, 0))
+        found = FrameReport(frame, (), peaks[:count].copy(), (none, none))
         return found, lost * len(self.channels)
 
     def leave(self, row: int) -> None:
