@@ -315,9 +315,12 @@ def _until(  # noqa: PLR0913, PLR0917 - two lists and a window
     their_count: int,
     a: int,
     b: int,
+    lists: Ints,
+    at: Ints,
+    inside: Any,
     top: int,
-) -> int:
-    """As `Runs.until`, but without what holds at once where a is 0."""
+) -> tuple[int, int]:
+    """As `Runs.until`; begin and end of the list."""
     new, begin, stop = top, theirs, theirs + their_count
     for k in range(ours, ours + our_count):
         first, last = firsts[k], lasts[k]
@@ -331,30 +334,10 @@ def _until(  # noqa: PLR0913, PLR0917 - two lists and a window
             start = max(_shifted(low, -2 * b), first)
             end = min(_shifted(high, -2 * a), last)
             top = _add(firsts, lasts, new, top, start, end)
-    return top
-
-
-@part
-def _until_or_now(  # noqa: PLR0913, PLR0917 - two lists and a window
-    firsts: Ints,
-    lasts: Ints,
-    ours: int,
-    our_count: int,
-    theirs: int,
-    their_count: int,
-    a: int,
-    b: int,
-    lists: Ints,
-    at: Ints,
-    inside: Any,
-    top: int,
-) -> tuple[int, int]:
-    """``until``; begin and end of the list."""
-    end = _until(firsts, lasts, ours, our_count, theirs, their_count, a, b, top)
     if a > 0:
-        return top, end
-    lists[0, 0], lists[0, 1], lists[1, 0], lists[1, 1] = top, end - top, theirs, their_count
-    return end, _in_many(firsts, lasts, lists[:2], 1, at, inside, end)
+        return new, top
+    lists[0, 0], lists[0, 1], lists[1, 0], lists[1, 1] = new, top - new, theirs, their_count
+    return top, _in_many(firsts, lasts, lists[:2], 1, at, inside, top)
 
 
 @part
@@ -509,7 +492,7 @@ def _walk(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 - an instruction a 
             elif op == _HISTORICALLY:
                 begin, top = _everywhere(firsts, lasts, low, size, 2 * a, 2 * b, top)
             elif op == _UNTIL:
-                begin, top = _until_or_now(
+                begin, top = _until(
                     firsts, lasts, low, size, stack[base + 1, 2 * side],
                     stack[base + 1, 2 * side + 1], a, b, lists, at, inside, top,
                 )  # fmt: skip
@@ -518,7 +501,7 @@ def _walk(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 - an instruction a 
                 theirs = _mirrored(firsts, lasts, low, size, ours)
                 other, count = stack[base + 1, 2 * side], stack[base + 1, 2 * side + 1]
                 top = _mirrored(firsts, lasts, other, count, theirs)
-                found, end = _until_or_now(
+                found, end = _until(
                     firsts, lasts, ours, size, theirs, count, a, b, lists, at, inside, top
                 )
                 begin = end
