@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -11,29 +10,11 @@ import numpy as np
 from eskin.errors import MonitorError
 from eskin.interval import Interval
 from eskin.monitor.atoms import candidates, judge
-from eskin.monitor.checks import channel_horizons, check, comparison_of, sides
+from eskin.monitor.checks import channel_horizons, check, comparison_of
 from eskin.monitor.evaluation import Evaluation
-from eskin.monitor.formula import (
-    Always,
-    And,
-    Atom,
-    Channel,
-    Comparison,
-    Count,
-    Eventually,
-    Fall,
-    Historically,
-    Implies,
-    Not,
-    Once,
-    Or,
-    Reach,
-    Rise,
-    Since,
-    Until,
-    Window,
-)
-from eskin.monitor.online_kernels import CERTAIN, FULL, NO_UNTIL, POSSIBLE, Op, Side, accept, settle
+from eskin.monitor.formula import Atom
+from eskin.monitor.online_kernels import CERTAIN, FULL, NO_UNTIL, POSSIBLE, Side, accept, settle
+from eskin.monitor.program import instructions, threshold
 from eskin.monitor.runs import END
 from eskin.monitor.signal import MAX_MOMENT, Signal, held_samples
 from eskin.monitor.verdicts import Piece, Verdicts, piece
@@ -43,16 +24,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from eskin.monitor.formula import Formula, Node
+    from eskin.monitor.formula import Formula
 
 _FIRST_ROOM: Final = 64
 _NO_GAPS: Final = np.empty(0, bool)
 _FIRST_ARENA: Final = 1024
-_OPS: Final[dict[type[Node], Op]] = {
-    Not: Op.NOT, And: Op.AT_LEAST, Or: Op.AT_LEAST, Implies: Op.IMPLIES, Always: Op.ALWAYS,
-    Eventually: Op.EVENTUALLY, Historically: Op.HISTORICALLY, Once: Op.ONCE, Until: Op.UNTIL,
-    Since: Op.SINCE, Rise: Op.RISE, Fall: Op.FALL,
-}  # fmt: skip
 
 
 class _Arena(threading.local):
@@ -379,7 +355,7 @@ class _Program(NamedTuple):
     @classmethod
     def of(cls, formula: Formula, place: Mapping[str, int], units: Mapping[str, str]) -> _Program:
         atoms = list(dict.fromkeys(node for node in formula.walk() if isinstance(node, Atom)))
-        lines = _lines(formula, {atom: k for k, atom in enumerate(atoms)})
+        lines = instructions(formula, {atom: k for k, atom in enumerate(atoms)})
         channel_of = np.full(len(atoms), -1, np.int64)
         sides_ = np.full((len(place), len(atoms)), int(Side.LISTED), np.int64)
         thresholds = np.zeros(len(atoms))
@@ -395,12 +371,13 @@ class _Program(NamedTuple):
             at = channel_of[k] = place[name]
             whatever = Interval([-np.inf], [np.inf])
             of_any[k] = _codes(atom, {name: whatever}, units)[0]
-            found = _threshold(atom, units)
+            found = threshold(atom, units)
             if found is None:
                 sides_[at, k] = int(Side.CODED)
                 coded[at].append(k)
             else:
-                sides_[at, k], thresholds[k] = found
+                sides_[at, k] = int(Side.AT_LEAST if found.upward else Side.AT_MOST)
+                thresholds[k] = found.value
         most = 3 + max(int(line[1]) for line in lines)
         scratch = (
             np.empty((len(lines) + 1, 4), np.int64),
@@ -432,27 +409,6 @@ def _require_columns(
         )
 
 
-def _lines(formula: Formula, atoms: Mapping[Atom, int]) -> list[tuple[int, int, int, int, int]]:
-    """The instructions of a formula, operands first."""
-    if isinstance(formula, Atom):
-        return [(int(Op.ATOM), 0, atoms[formula], 0, 0)]
-    parts = formula.parts
-    lines = [line for part in parts for line in _lines(part, atoms)]  # type: ignore[arg-type]  # formulas
-    count, a, b, number = len(parts), 0, 0, 1
-    if isinstance(formula, Count):
-        upward = formula.comparison.upward
-        strictly = formula.comparison in {Comparison.GREATER, Comparison.LESS_EQUAL}
-        op, number = Op.AT_LEAST if upward else Op.FEWER, formula.number + strictly
-    else:
-        op = _OPS[type(formula)]
-        number = count if isinstance(formula, And) else 1
-    if isinstance(formula, Window | Reach):
-        a, last = formula.bounds
-        assert last is not None  # noqa: S101 - checked
-        b = last
-    return [*lines, (int(op), count, a, b, number)]
-
-
 def _codes(
     atom: Atom, columns: Mapping[str, Interval], units: Mapping[str, str]
 ) -> NDArray[np.int8]:
@@ -463,20 +419,3 @@ def _codes(
     found: NDArray[np.int8] = np.where(np.broadcast_to(certain, shape), CERTAIN, 0).astype(np.int8)
     found[np.broadcast_to(possible, shape)] |= POSSIBLE
     return found
-
-
-def _threshold(atom: Atom, units: Mapping[str, str]) -> tuple[int, float] | None:
-    """The side and the float with which a channel is compared; ``None`` if it is no such atom."""
-    left, right = atom.left, atom.right
-    upward, strict = atom.comparison.upward, atom.comparison.strict
-    one, other = (side.value for side in comparison_of(atom, {}, units))
-    if isinstance(left, Channel) and isinstance(other, Fraction):
-        constant = other
-    elif isinstance(right, Channel) and isinstance(one, Fraction):
-        constant, upward = one, not upward
-    else:
-        return None
-    below, above = sides(constant)
-    if upward:
-        return int(Side.AT_LEAST), np.nextafter(below, np.inf) if strict else above
-    return int(Side.AT_MOST), np.nextafter(above, -np.inf) if strict else below

@@ -15,6 +15,7 @@ import numpy as np
 
 from eskin.kernels.jit import kernel, part
 from eskin.monitor.formula import MAX_BOUND
+from eskin.monitor.program import Op
 from eskin.monitor.runs import END
 from eskin.monitor.signal import MAX_MOMENT
 
@@ -46,24 +47,6 @@ class Side(IntEnum):
     """The caller gives the codes of each sample."""
     LISTED = 3
     """Several channels: the caller gives the ticks."""
-
-
-class Op(IntEnum):
-    """Instructions; each takes its operands from a stack."""
-
-    ATOM = 0
-    NOT = 1
-    AT_LEAST = 2
-    FEWER = 3
-    IMPLIES = 4
-    ALWAYS = 5
-    EVENTUALLY = 6
-    HISTORICALLY = 7
-    ONCE = 8
-    UNTIL = 9
-    SINCE = 10
-    RISE = 11
-    FALL = 12
 
 
 _AT_THRESHOLD: Final = int(Side.AT_LEAST)

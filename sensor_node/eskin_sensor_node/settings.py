@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind
 from eskin.runtime.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
+from eskin.wire.messages.command_schema import MOST_FORMULA
 from eskin_sensor_node.kinds.registry import Taxel
 from eskin_sensor_node.kinds.settings import Companion, TaxelSection
 from eskin_sensor_node.kinds.skin_section import SkinSection
@@ -357,6 +358,23 @@ class EnergySection(Section):
         return self
 
 
+class MonitorSection(Section):
+    """A formula that the node evaluates at each sample; see docs/monitors.md."""
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,30}$", description="the monitor's name")
+    formula: str = Field(
+        min_length=1,
+        max_length=MOST_FORMULA,
+        description="over channels such as t01.capacitance, with windows over the past",
+    )
+    on: Literal["possible", "certain"] = Field(
+        default="possible", description="the least verdict with which the output is on"
+    )
+    output: Literal["none", "stop", "out1", "out2", "out3"] = Field(
+        default="none", description="what the machine drives"
+    )
+
+
 class NodeRenewalSection(RenewalSection):
     """As in every tier, but less often: there may be many nodes."""
 
@@ -383,6 +401,9 @@ class NodeSettings(Settings):
     renewal: NodeRenewalSection = NodeRenewalSection()
     log: LogSection = LogSection()
     skin: SkinSection = SkinSection()
+    monitor: tuple[MonitorSection, ...] = Field(
+        default=(), max_length=16, description="the monitors; a command adds and removes others"
+    )
     taxel: tuple[Taxel, ...] = Field(
         default=(),
         max_length=100,
@@ -421,6 +442,8 @@ class NodeSettings(Settings):
             raise ValueError("give either [[taxel]] tables or a [skin] with its scenario")
         if self.skin.present and self.fleet.count:
             raise ValueError("a fleet's nodes have [[taxel]] tables; a skin is one node's")
+        if self.monitor and (self.skin.present or self.fleet.count):
+            raise ValueError("[[monitor]] is of a single node with [[taxel]] tables")
         names = self.skin.controllers
         if names and self.node.name not in names:
             raise ValueError(f"skin.controllers = {names} does not name '{self.node.name}'")

@@ -13,7 +13,7 @@ from eskin.runtime.http_server.problems import documented
 from eskin.wire.envelope import sign
 from eskin.wire.messages import Command, CommandName
 from eskin.wire.messages.cbor_map import MOST_COUNT
-from eskin.wire.messages.command_schema import RANGES, check_arguments
+from eskin.wire.messages.command_schema import MOST_FORMULA, RANGES, check_arguments
 from eskin.wire.timestamp import SECOND
 from eskin.wire.topics import Stream, node_topic
 from eskin_cloud.api.dependencies import CloudState, Operator, Reader
@@ -54,6 +54,18 @@ class ArgumentsBody(BaseModel):
     )
     taxel: str | None = Field(default=None, description="of this taxel; none means all")
     channel: str | None = Field(default=None, description="of this channel, with threshold")
+    monitor: str | None = Field(default=None, description="name of the monitor")
+    formula: str | None = Field(
+        default=None,
+        max_length=MOST_FORMULA,
+        description="what it evaluates at each sample, with windows over the past; none removes it",
+    )
+    on: Literal["possible", "certain", "never"] | None = Field(
+        default=None, description="the least verdict with which its output is on"
+    )
+    output: Literal["none", "stop", "out1", "out2", "out3"] | None = Field(
+        default=None, description="what the node drives while it is"
+    )
 
 
 class CommandBody(BaseModel):
@@ -61,7 +73,7 @@ class CommandBody(BaseModel):
 
     model_config = _STRICT
 
-    name: Literal["calibrate", "set", "reset"] = Field(description="what to do")
+    name: Literal["calibrate", "set", "reset", "monitor"] = Field(description="what to do")
     arguments: ArgumentsBody = ArgumentsBody()
     expires_s: float = Field(
         default=3600.0,

@@ -5,7 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from eskin.wire.messages import CommandName
-from eskin.wire.messages.command_schema import SETTINGS, WHOLE_NODE, place_of
+from eskin.wire.messages.command_schema import (
+    MONITOR_SETTINGS,
+    NEVER,
+    SETTINGS,
+    WHOLE_NODE,
+    place_of,
+)
 
 if TYPE_CHECKING:
     from eskin.wire.messages.command_schema import Arguments, State, Value
@@ -15,6 +21,13 @@ def merge_desired_state(desired_state: State, name: CommandName, arguments: Argu
     """The wish after one command more; what is asked of the whole node overrules its taxels'."""
     if name is CommandName.RESET:
         return {}
+    if name is CommandName.MONITOR:
+        place = place_of(arguments)
+        others = {other: found for other, found in desired_state.items() if other != place}
+        own: dict[str, Value] = {
+            field: arguments[field] for field in MONITOR_SETTINGS if field in arguments
+        }
+        return others | {place: own}
     settings = {field: value for field, value in arguments.items() if field in SETTINGS}
     if not settings:
         return desired_state
@@ -43,6 +56,8 @@ def is_settled(desired_state: State, reported: State | None) -> bool:
 def _reports(reported: State, desired_state: State, place: str, field: str, value: Value) -> bool:
     if field in reported.get(place, {}):
         return reported[place][field] == value
+    if field == "on" and value == NEVER:
+        return True  # of a monitor that it does not have
     if place != WHOLE_NODE:
         return False
     taxels = {taxel: found[field] for taxel, found in reported.items() if field in found}

@@ -19,7 +19,7 @@ class CommandDocument(BaseModel):
 
     id: int
     node: str
-    name: Literal["calibrate", "set", "reset"]
+    name: Literal["calibrate", "set", "reset", "monitor"]
     arguments: dict[str, float | str]
     state: Literal["pending", "delivered", "done", "refused", "expired"]
     reason: str | None
@@ -48,8 +48,9 @@ class CommandDocument(BaseModel):
 class StateDocument(BaseModel):
     """How a node should be set, and how it says that it is.
 
-    Both map a place (a channel, a taxel, or ``*`` for the whole node) to its settings; ``…_by`` is
-    the command behind. ``settled`` says whether the node reports all that is desired.
+    Both map a place (a channel, a taxel, ``monitor:NAME``, or ``*`` for the whole node) to its
+    settings; ``…_by`` is the command behind. ``settled`` says whether the node reports all
+    that is desired.
     """
 
     node: str

@@ -24,6 +24,10 @@ State: TypeAlias = dict[str, dict[str, Value]]
 WHOLE_NODE: Final = "*"
 """The place of what holds for all taxels."""
 TAXEL: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
+MONITOR_PLACE: Final = "monitor:"
+"""What a monitor's place begins with; its name follows."""
+MOST_FORMULA: Final = 1000
+"""Characters of a monitor's formula."""
 
 
 class CommandName(StrEnum):
@@ -32,6 +36,7 @@ class CommandName(StrEnum):
     CALIBRATE = "calibrate"
     SET = "set"
     RESET = "reset"
+    MONITOR = "monitor"
 
 
 class Mode(StrEnum):
@@ -78,11 +83,20 @@ RANGES: Final = {
 """Settings that are numbers; ``mode`` and ``adaptive`` are not."""
 SWITCH: Final = ("on", "off")
 SETTINGS: Final = (*RANGES, "mode", "adaptive")
+NEVER: Final = "never"
+ON: Final = ("possible", "certain", NEVER)
+"""With which verdict a monitor's output is on; one with `NEVER` does not run."""
+OUTPUTS: Final = ("none", "stop", "out1", "out2", "out3")
+"""What a monitor may drive."""
+MONITOR_SETTINGS: Final = ("formula", "on", "output")
+"""Settings of a monitor."""
+_CHOICES: Final = {"mode": tuple(Mode), "adaptive": SWITCH, "on": ON, "output": OUTPUTS}
 
 _ALLOWED: Final = {
     CommandName.CALIBRATE: ("taxel",),
     CommandName.SET: (*SETTINGS, "taxel", "channel"),
     CommandName.RESET: (),
+    CommandName.MONITOR: ("monitor", *MONITOR_SETTINGS),
 }
 
 
@@ -93,6 +107,8 @@ def check_arguments(name: CommandName, arguments: Mapping[str, object]) -> Argum
     - ``set``: a ``threshold`` with its ``channel``; or any of ``gain``, ``smoothing``, ``rate``,
       ``mode`` and ``adaptive``, of one ``taxel`` or of all.
     - ``reset``: nothing.
+    - ``monitor``: a ``monitor``, and its ``formula``, with ``on`` (by default ``possible``) and
+      ``output`` (by default ``none``); without a formula, ``on`` is ``never``: it is removed.
 
     Returns:
         The arguments, their numbers as floats.
@@ -107,28 +123,51 @@ def check_arguments(name: CommandName, arguments: Mapping[str, object]) -> Argum
     checked = {field: _check(field, value) for field, value in arguments.items()}
     if name is CommandName.SET:
         _require_fitting(checked)
+    if name is CommandName.MONITOR:
+        if "monitor" not in checked:
+            raise CommandError("monitor", None, "the name of a monitor, such as grip")
+        if "formula" in checked:
+            checked.setdefault("on", ON[0])
+            checked.setdefault("output", OUTPUTS[0])
+        elif set(checked) - {"monitor", "on"} or checked.get("on", NEVER) != NEVER:
+            raise CommandError("formula", None, "a formula; to remove the monitor, its name alone")
+        else:
+            checked["on"] = NEVER
+        if ("formula" in checked) is (checked["on"] == NEVER):
+            raise CommandError("on", NEVER, f"{NEVER} without a formula")
     return checked
 
 
 def place_of(arguments: Mapping[str, Value]) -> str:
     """The place that a command's arguments speak of."""
+    if "monitor" in arguments:
+        return f"{MONITOR_PLACE}{arguments['monitor']}"
     return str(arguments.get("channel", arguments.get("taxel", WHOLE_NODE)))
+
+
+def is_place(text: str) -> bool:
+    """Whether a text is a place."""
+    if text.startswith(MONITOR_PLACE):
+        return TAXEL.fullmatch(text.removeprefix(MONITOR_PLACE)) is not None
+    return text == WHOLE_NODE or (TAXEL.fullmatch(text) or CHANNEL.fullmatch(text)) is not None
 
 
 def _check(field: str, value: object) -> Value:
     if field in RANGES:
         return RANGES[field].check(field, value)
-    if field == "mode":
-        if value not in Mode.__members__.values():
-            raise CommandError(field, value, ", ".join(Mode))
+    if field in _CHOICES:
+        if value not in _CHOICES[field]:
+            raise CommandError(field, value, ", ".join(_CHOICES[field]))
         return str(value)
-    if field == "adaptive":
-        if value not in SWITCH:
-            raise CommandError(field, value, ", ".join(SWITCH))
-        return str(value)
+    if field == "formula":
+        if not isinstance(value, str) or not value.isprintable() or not value.strip():
+            raise CommandError(field, value, "a text on one line")
+        if len(value) > MOST_FORMULA:
+            raise CommandError(field, value[:40], f"at most {MOST_FORMULA} characters")
+        return value
     pattern = CHANNEL if field == "channel" else TAXEL
     if not isinstance(value, str) or pattern.fullmatch(value) is None:
-        example = "t01.capacitance" if field == "channel" else "t01"
+        example = {"channel": "t01.capacitance", "monitor": "grip"}.get(field, "t01")
         raise CommandError(field, value, f"a {field} such as {example}")
     return value
 

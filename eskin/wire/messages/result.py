@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import MessageError
 from eskin.wire.messages.cbor_map import MOST_COUNT, dump, load, read_map, read_texts, sort_texts
-from eskin.wire.messages.command_schema import TAXEL, WHOLE_NODE
-from eskin.wire.messages.header import CHANNEL, Kind, Position, position_fields, read_position
+from eskin.wire.messages.command_schema import is_place
+from eskin.wire.messages.header import Kind, Position, position_fields, read_position
 
 if TYPE_CHECKING:
     from eskin.wire.messages.cbor_map import Fields
@@ -93,8 +93,10 @@ def read_state(value: object) -> State:
     """
     places = read_map(value, "field 8", _MOST_PLACES)
     for place in places:
-        if place != WHOLE_NODE and not (TAXEL.fullmatch(place) or CHANNEL.fullmatch(place)):
-            raise MessageError(f"field 8 speaks of {place!r}; expected a taxel, a channel or *")
+        if not is_place(place):
+            raise MessageError(
+                f"field 8 speaks of {place!r}; expected a taxel, a channel, a monitor or *"
+            )
     return {
         place: read_texts(found, f"field 8, {place}", _MOST_SETTINGS)
         for place, found in places.items()

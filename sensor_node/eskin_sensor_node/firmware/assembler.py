@@ -26,6 +26,8 @@ MOST_GRIDS = 16
 """In one frame: a page has no more patches."""
 MOST_PEAKS = 250
 """In one message: it fits 64 KiB."""
+MOST_VERDICTS = 250
+"""Of all monitors in a stretch: they fit one message."""
 
 
 def encode(
@@ -147,7 +149,7 @@ class Matrix:
 
 
 class Assembler:
-    """Collects samples and peaks until `flush` writes them.
+    """Collects samples, peaks and verdicts until `flush` writes them.
 
     The columns of a patch whose taxels are sampled at the same instants become one matrix. A node
     sets their rates so that one is another divided by a power of two.
@@ -170,6 +172,7 @@ class Assembler:
         self._patches: dict[int, Patch] = {}
         self._parts: dict[int, list[_Part]] = {}
         self._peaks: list[tuple[str, Time, Sequence[Any]]] = []
+        self._verdicts: list[tuple[Time, Sequence[Any]]] = []
         self.written: list[list[Matrix]] = []
 
     @property
@@ -215,8 +218,16 @@ class Assembler:
         )
         self._peaks.append((patch.subject, time, stated))
 
+    def state_verdict(
+        self, monitor: str, time: "Time", verdict: int, because: int, coverage: float
+    ) -> None:
+        """Take a monitor's verdict at a moment; of too many in a stretch the last ones stay."""
+        if len(self._verdicts) == MOST_VERDICTS:
+            del self._verdicts[MOST_VERDICTS // 2]
+        self._verdicts.append((time, (monitor, time, verdict, True, because, coverage)))
+
     def flush(self) -> "list[Record]":
-        """Write what was taken: a frame a page, then peaks of each subject."""
+        """Write what was taken: a frame a page, peaks of each subject, verdicts."""
         pages: dict[int, list[Matrix]] = {}
         for number in sorted(self._parts):
             matrix = Matrix(self._patches[number], self._parts[number])
@@ -229,6 +240,8 @@ class Assembler:
             records.append(self._write_frame(page, pages[page]))
             self.written.append(pages[page])
         records += self._write_peaks()
+        if self._verdicts:
+            records.append(self._write_verdicts())
         return records
 
     def _write_frame(self, page: int, matrices: "list[Matrix]") -> "Record":
@@ -258,6 +271,11 @@ class Assembler:
         )
         head = [patch.number, grid, 0, patch.columns, exponent, offset, codes]
         return head + ([{1: strides}] if strides else [])
+
+    def _write_verdicts(self) -> "Record":
+        found, self._verdicts = self._verdicts, []
+        time = found[0][0][0], found[-1][0][1]
+        return self._message_writer.statements(time, verdicts=[stated for _, stated in found])
 
     def _write_peaks(self) -> "list[Record]":
         by_subject: dict[str, list[tuple[Time, Sequence[Any]]]] = {}

@@ -67,6 +67,10 @@ class Ledger:
         self._awake += times * WAKE_NS
         self._charge(PRICES["interrupt"].times(times))
 
+    def charge_work(self, cycles: Cycles) -> None:
+        """Count other work of the processor."""
+        self._charge(cycles)
+
     def charge_repeats(self, samples: int, conversions: int) -> None:
         """Count samples that were converted again: an interrupt each, and how often in all."""
         self.charge_interrupt(samples)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.wire.messages import ResetCause
 from eskin_sensor_node.machine.ledger import Ledger
+from eskin_sensor_node.machine.outputs import Outputs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -135,12 +136,14 @@ class Machine:
         stopped: Machine time at which it stopped before.
         resets: How often it was reset.
         ledger: What it has done.
+        outputs: What it drives.
         starting: Whether the firmware is to start before the next event.
     """
 
     def __init__(self, *, timeout: int, clock_hz: int) -> None:
         self.events = EventQueue()
         self.ledger = Ledger(clock_hz)
+        self.outputs = Outputs()
         self.on = False
         self.cause = ResetCause.POWER_ON
         self.booted = self.stopped = 0
@@ -179,6 +182,7 @@ class Machine:
             self.ledger.charge_hang(self.now - self._hung)
         self._clear()
         self._watchdog.stop()
+        self.outputs.release(self.now)
         self.on = False
         self.stopped = self.now
         self.resets += 1

@@ -104,6 +104,13 @@ class Sampling:
         """Handle the interrupt after a frame's last sample."""
         self._handle(number)
 
+    def handle(self, span: int) -> int:
+        """Handle another interrupt, which takes a span of ns; gives ns until that is done."""
+        begin = self._begin()
+        self._busy = begin + INTERRUPT_NS + span
+        self._machine.ledger.charge_interrupt()
+        return self._busy - self._machine.now
+
     def stop(self) -> None:
         """Stop sampling."""
         for timer in (*self._complete, *self._inside):
@@ -129,10 +136,14 @@ class Sampling:
             self._inside[number].stop()
 
     def _handle(self, number: int) -> None:
-        machine = self._machine
-        begin = machine.now + WAKE_NS if machine.now >= self._busy else self._busy
+        machine, begin = self._machine, self._begin()
         self._busy = begin + INTERRUPT_NS
         least, most = self.latencies[number]
         latency = begin - machine.now
         self.latencies[number] = min(least, latency), max(most, latency)
         machine.ledger.charge_interrupt()
+
+    def _begin(self) -> int:
+        """When a handler begins whose interrupt comes now."""
+        now = self._machine.now
+        return now + WAKE_NS if now >= self._busy else self._busy

@@ -35,7 +35,7 @@ class TypedControls(Protocol):
         """Apply a command, whole or not at all.
 
         Args:
-            name: ``calibrate``, ``set`` or ``reset``.
+            name: ``calibrate``, ``set``, ``reset`` or ``monitor``.
             arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
 
         Returns:

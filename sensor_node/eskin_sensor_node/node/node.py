@@ -19,6 +19,7 @@ from eskin_sensor_node.machine.prices import message
 from eskin_sensor_node.machine.sampling import Sampling, most_repeats
 from eskin_sensor_node.node.base import BaseNode
 from eskin_sensor_node.node.ground_truth import TrueFrame
+from eskin_sensor_node.node.reflexes import NodeReflexes
 from eskin_sensor_node.node.self_test import NodeSelfTest
 from eskin_sensor_node.node.taxel import EmulatedTaxel, TaxelGroup, TruePart
 from eskin_sensor_node.world.scenario.fit import Staged
@@ -142,6 +143,7 @@ class Node(BaseNode):
     Attributes:
         taxels: The sensing elements, in the order of the settings.
         sampling: Its sampling interrupts.
+        reflexes: Its monitors.
     """
 
     def __init__(
@@ -173,6 +175,14 @@ class Node(BaseNode):
         actions = [partial(self._sample, number) for number in range(len(self.taxels))]
         self.sampling = Sampling(self.machine, actions, self._settings.machine.dma_samples)
         self._sampling_group.boot()
+        self.reflexes = NodeReflexes(
+            self._settings,
+            self.taxels,
+            machine=self.machine,
+            sampling=self.sampling,
+            clock=self._clock.known,
+            assembler=self._assembler,
+        )
         self._self_test = NodeSelfTest(
             self._settings.taxel, self.taxels, self._clock.known, self._outbox.message_writer
         )
@@ -185,9 +195,11 @@ class Node(BaseNode):
     def _arm_sampling(self) -> None:
         for number, taxel in enumerate(self.taxels):
             self.sampling.arm(number, taxel.next)
+        self.reflexes.arm()
 
     def _stop_sampling(self) -> None:
         self.sampling.stop()
+        self.reflexes.stop()
 
     def _next_start(self) -> tuple[int, int]:
         starts = [taxel.next.start for taxel in self.taxels]
@@ -221,6 +233,7 @@ class Node(BaseNode):
         taken = self._work_off(partial(self._sampling_group.take, number))
         for frame in taken or ():
             self._finish(*frame)
+        self.reflexes.arm()
         if taken and self.sampling.due > self.machine.booted + taken[0][1].due:
             self._batch.take(self._flush())
 

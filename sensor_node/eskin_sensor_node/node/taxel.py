@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.message_writer import MessageWriter, Record
     from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.firmware.selftest import SelfTest
+    from eskin_sensor_node.firmware.taxel.taxel import Taxel
     from eskin_sensor_node.kinds.converter import Codes
     from eskin_sensor_node.kinds.frontend import Digitised, Frontend
     from eskin_sensor_node.kinds.settings import Companion, TaxelSection
@@ -305,6 +306,47 @@ class EmulatedTaxel:
                 )
             )
         return total
+
+    @property
+    def calibrated(self) -> Taxel:
+        """Its calibration, as it is adjusted at present."""
+        return self._calibrated
+
+    @property
+    def coverage(self) -> float:
+        """Probability that its intervals hold the truth."""
+        return self._coverage
+
+    @property
+    def chain(self) -> str:
+        """Whose price its inversion has."""
+        return self._taxel.chain
+
+    @property
+    def reads_intervals(self) -> bool:
+        """Whether its world is a recording, known as intervals and not at each moment."""
+        return self._taxel.kind.startswith("recorded")
+
+    def sample_cycles(self, neighbours: int) -> Cycles:
+        """What it takes to measure one sample at most: all codes read along are new."""
+        chains = {each.taxel.chain: 1 for each in self._companions.values()}
+        return inversion(self._taxel.chain, 1, neighbours, chains)
+
+    def converted(self, frame: Frame, k: int) -> list[list[int]]:
+        """What its converter gives for one sample of a frame, which the firmware has to come.
+
+        Returns:
+            Codes of its inputs; twice where the world is known as intervals, none where it is not
+            known.
+        """
+        triggered = self.control_unit.schedule.burst > 0
+        sensed = self.group.sense(self._boot, frame, triggered=triggered)
+        if sensed.missing is not None and sensed.missing[k]:
+            return []
+        return [
+            [int(each.codes[name][self._column][k]) for name in self._calibrated.inputs]
+            for each in sensed.readings
+        ]
 
     def sample(self) -> tuple[list[Record], list[TruePart]]:
         """Sample the next frame; gives gaps, and the truth behind the samples that are sent.

@@ -49,6 +49,8 @@ class SkinControls:
         """
         if name == "calibrate":
             raise CommandError("command", name, "set or reset: a skin keeps no baseline")
+        if name == "monitor":
+            raise CommandError("command", name, "calibrate, set, reset; a skin runs no monitors")
         place = place_of(arguments)
         if place != WHOLE_NODE:
             raise CommandError("taxel", place, "none: all taxels of a skin are sampled together")

@@ -17,6 +17,7 @@ class BioelectricTaxel(Taxel):
 
     quantities = (("bioelectric", "V"),)
     inputs = ("voltage",)
+    monotone = ("bioelectric",)
 
     def _calibrate(self, sheet: "Sheet") -> None:
         self._gain = part(sheet, "electrode_gain")
@@ -25,5 +26,5 @@ class BioelectricTaxel(Taxel):
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Voltage in V."""
         self._functions.measure_amplified(
-            codes[0], n, self._last, self._adc, self._reach, self._gain, *bounds
+            codes[0], n, self.last, self._adc, self._reach, self._gain, *bounds
         )

@@ -16,6 +16,7 @@ class CapacitiveTaxel(Taxel):
 
     quantities = (("capacitance", "F"), ("current", "A"))
     inputs = ("current",)
+    monotone = ("capacitance", "current")
 
     def _calibrate(self, sheet: "Sheet") -> None:
         self._factor = oscillator(sheet)
@@ -23,5 +24,5 @@ class CapacitiveTaxel(Taxel):
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Capacitance in F, current in A."""
         self._functions.measure_capacitive(
-            codes[0], n, self._last, self._adc, self._reach, self._factor, *bounds
+            codes[0], n, self.last, self._adc, self._reach, self._factor, *bounds
         )

@@ -26,6 +26,7 @@ class CoilTaxel(InductiveTaxel):
         ("eddy_phase", "rad"),
     )
     inputs = ("voltage", "in_phase", "quadrature")
+    monotone = ("frequency", "inductance")
 
     def _calibrate(self, sheet: "Sheet") -> None:
         super()._calibrate(sheet)
@@ -41,7 +42,7 @@ class CoilTaxel(InductiveTaxel):
             codes[1],
             codes[2],
             n,
-            self._last,
+            self.last,
             self._demodulator,
             self._reach,
             *self._empty,

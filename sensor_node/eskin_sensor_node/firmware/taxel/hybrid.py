@@ -27,7 +27,7 @@ class HybridTaxel(Taxel):
             self._functions.measure_amplified(
                 codes[k],
                 n,
-                self._last,
+                self.last,
                 self._adc,
                 self._reach,
                 self._gains[k],

@@ -31,7 +31,7 @@ class HygrometerTaxel(Taxel):
         return self._functions.measure_humidity_change(  # type: ignore[no-any-return]  # of a module
             codes,
             n,
-            self._last,
+            self.last,
             self._adc,
             self._reach,
             self._factor,
@@ -49,7 +49,7 @@ class HygrometerTaxel(Taxel):
         self._functions.measure_humidity(
             codes[0],
             n,
-            self._last,
+            self.last,
             self._adc,
             self._reach,
             self._factor,

@@ -20,6 +20,7 @@ class InductiveTaxel(Taxel):
         ("distance", "m"),
     )
     inputs: "tuple[str, ...]" = ("voltage",)
+    monotone: "tuple[str, ...]" = ("frequency", "inductance", "distance")
     derived = ("distance",)
 
     def _calibrate(self, sheet: "Sheet") -> None:
@@ -36,7 +37,7 @@ class InductiveTaxel(Taxel):
         self._functions.measure_inductive(
             codes[0],
             n,
-            self._last,
+            self.last,
             self._adc,
             self._reach,
             self._reference,

@@ -95,6 +95,7 @@ class PadTaxel(Taxel):
         ("pressure", "Pa"),
     )
 
+    monotone = ("capacitance", "current")
     derived = ("plate_distance", "contact_area", "pressure")
 
     def _calibrate(self, sheet: "Sheet") -> None:
@@ -132,7 +133,7 @@ class PadTaxel(Taxel):
         self._functions.measure_felt(
             codes[0],
             n,
-            self._last,
+            self.last,
             self._adc,
             self._reach,
             self._factor,

@@ -23,6 +23,9 @@ class Taxel:
     Args:
         sheet: Its data sheet: SI values by name.
         functions: `eskin_sensor_node.firmware.inversion`, or a compiled copy of it.
+
+    Attributes:
+        last: The greatest code of its converter.
     """
 
     quantities: "tuple[tuple[str, str], ...]" = ()
@@ -32,6 +35,8 @@ class Taxel:
     amplified = 1
     """How many of them, the first ones, are behind the amplifier and the trimmer."""
 
+    monotone: "tuple[str, ...]" = ()
+    """Quantities whose bounds follow from one input's code alone, and ascend or descend with it."""
     derived: "tuple[str, ...]" = ()
     """Quantities of a cause, which a broken taxel does not measure any more."""
     inverted: "Sequence[int]" = ()
@@ -42,7 +47,7 @@ class Taxel:
         self._functions = functions
         self._converter = converter(sheet)
         self.adjust(1.0, 0)
-        self._last = (1 << int(sheet["adc_bits"])) - 1
+        self.last = (1 << int(sheet["adc_bits"])) - 1
         self._reach = sheet["reach"]
         self._calibrate(sheet)
 

@@ -18,6 +18,7 @@ class ThermometerTaxel(Taxel):
 
     quantities = (("temperature", "Cel"),)
     inputs = ("share",)
+    monotone = ("temperature",)
 
     def _calibrate(self, sheet: "Sheet") -> None:
         series, nominal = part(sheet, "series_resistance"), sheet["nominal"]
@@ -31,7 +32,7 @@ class ThermometerTaxel(Taxel):
         return self._functions.measure_thermal_change(  # type: ignore[no-any-return]  # of a module
             codes,
             n,
-            self._last,
+            self.last,
             self._adc,
             self._reach,
             self._divider,
@@ -45,7 +46,7 @@ class ThermometerTaxel(Taxel):
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Temperature in °C."""
         self._functions.measure_temperature(
-            codes[0], n, self._last, self._adc, self._reach, self._divider, self._tolerance, *bounds
+            codes[0], n, self.last, self._adc, self._reach, self._divider, self._tolerance, *bounds
         )
 
 

@@ -24,6 +24,7 @@ class TouchTaxel(Taxel):
 
     quantities = (("area", "m2"), ("capacitance", "F"), ("energy", "J"))
     inputs = ("current",)
+    monotone = ("area", "capacitance", "energy")
     derived = ("area",)
 
     def _calibrate(self, sheet: "Sheet") -> None:
@@ -47,7 +48,7 @@ class TouchTaxel(Taxel):
         self._functions.measure_touch(
             codes[0],
             n,
-            self._last,
+            self.last,
             self._adc,
             self._reaches,
             self._factor,

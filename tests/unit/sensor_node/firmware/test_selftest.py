@@ -192,7 +192,7 @@ def test_taxel_that_cannot_be_broken_any_more_is_believed_again(tmp_path: Path) 
     assert bench.node._self_test.faults == [("t00", CERTAIN, POSSIBLE)]
     assert list(broken(bench)) == ["t00"]  # it saturated all the time: as an open line does
     unit._taxel._adc = (1e-7, 1e-7, 0.0, 0.0, 0.0)  # as if the contact had gone
-    unit._taxel._last = 1 << 20
+    unit._taxel.last = 1 << 20
     bench.run_to(82.0)
     assert list(broken(bench)) == []
     assert bench.node._self_test.faults == [("t00", IMPOSSIBLE, POSSIBLE)]

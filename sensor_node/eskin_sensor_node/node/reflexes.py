@@ -1,0 +1,386 @@
+"""Reflexes of an emulated node: samples one by one, and what they take of the machine."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from eskin.errors import MonitorError, SettingsError
+from eskin.monitor.program import threshold
+from eskin.union_bound import union_coverage
+from eskin_sensor_node.firmware import monitor as engine
+from eskin_sensor_node.firmware.expression import Comparison, Meter
+from eskin_sensor_node.firmware.reflex import Reflex, ReflexUnit, code_ranges
+from eskin_sensor_node.kinds.neighbours import patches
+from eskin_sensor_node.machine.budget import ram_budget
+from eskin_sensor_node.machine.ledger import CONVERSION_NS
+from eskin_sensor_node.machine.monitor_program import MonitorProgram, difference
+from eskin_sensor_node.machine.prices import PRICES, Cycles, inversion
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from collections.abc import Set as AbstractSet
+
+    from eskin.monitor import Atom
+    from eskin.monitor.program import Threshold
+    from eskin_sensor_node.firmware.assembler import Assembler
+    from eskin_sensor_node.firmware.clock import Clock
+    from eskin_sensor_node.firmware.expression import Expression
+    from eskin_sensor_node.firmware.schedule import Frame
+    from eskin_sensor_node.machine.machine import Machine
+    from eskin_sensor_node.machine.sampling import Sampling
+    from eskin_sensor_node.node.taxel import EmulatedTaxel
+    from eskin_sensor_node.settings import NodeSettings
+
+NO_OUTPUT: Final = "none"
+MOST_MONITORS: Final = 16
+MOST_WORK_NS: Final = 1_000_000
+"""ns of work from the last conversion of an instant to the outputs, at most."""
+_METER: Final = 512
+"""Bytes of a taxel that is measured at each sample: bounds, codes, and objects."""
+VERDICTS: Final = {"possible": engine.POSSIBLE, "certain": engine.CERTAIN}
+
+
+class Definition(NamedTuple):
+    """What a monitor is.
+
+    Attributes:
+        formula: Its text.
+        on: The least verdict with which its output is on.
+        output: What it drives; `NO_OUTPUT` for nothing.
+    """
+
+    formula: str
+    on: str = "possible"
+    output: str = NO_OUTPUT
+
+
+class _Compiled(NamedTuple):
+    """An atom that integer thresholds decide."""
+
+    atom: engine.Threshold
+    taxel: EmulatedTaxel
+    quantity: int
+    threshold: Threshold
+
+
+class _Defined(NamedTuple):
+    """A monitor that runs.
+
+    Attributes:
+        definition: What it is.
+        program: What it runs.
+        compiled: Atoms that depend on how taxels are adjusted.
+        meters: Taxels that are measured at each sample, and those around them.
+        taxels: Names of all that it reads.
+    """
+
+    definition: Definition
+    program: MonitorProgram
+    compiled: list[_Compiled]
+    meters: list[Meter]
+    taxels: list[str]
+
+
+class NodeReflexes:
+    """Runs a node's monitors at each sample of the taxels that they read.
+
+    An interrupt after the last conversion of an instant has priority over all other work.
+
+    Args:
+        settings: The node's.
+        taxels: Its taxels, booted.
+        machine: What it runs on.
+        sampling: Its sampling interrupts.
+        clock: What it knows of time.
+        assembler: Takes verdicts.
+
+    Raises:
+        SettingsError: A monitor of the settings cannot be used.
+    """
+
+    def __init__(
+        self,
+        settings: NodeSettings,
+        taxels: Sequence[EmulatedTaxel],
+        *,
+        machine: Machine,
+        sampling: Sampling,
+        clock: Clock,
+        assembler: Assembler,
+    ) -> None:
+        self._settings = settings
+        self._taxels = {taxel.name: taxel for taxel in taxels}
+        self._units = {
+            f"{taxel.name}.{quantity}": unit
+            for taxel in taxels
+            for quantity, unit in taxel.calibrated.quantities
+        }
+        self._machine, self._sampling = machine, sampling
+        self._unit = ReflexUnit(clock, assembler, self._drive)
+        self._timer = machine.interrupt(self._decide)
+        self._sources: dict[str, engine.Source] = {}
+        self._meters: dict[str, Meter] = {}
+        self._around = {
+            settings.taxel[number].id: [settings.taxel[k].id for k in patch.around]
+            for number, patch in patches(settings.taxel).items()
+        }
+        self._adjusted: dict[str, tuple[float, int, int, int]] = {}
+        self._defined: dict[str, _Defined] = {}
+        self._due: list[tuple[EmulatedTaxel, Frame, int]] = []
+        self._last = -1
+        self._done = 0
+        self.reset()
+
+    @property
+    def removed(self) -> list[str]:
+        """Monitors of the settings that a command removed."""
+        return [each.name for each in self._settings.monitor if each.name not in self._defined]
+
+    @property
+    def definitions(self) -> dict[str, Definition]:
+        """All monitors."""
+        return {name: each.definition for name, each in self._defined.items()}
+
+    def reset(self) -> None:
+        """Go back to the monitors of the settings.
+
+        Raises:
+            SettingsError: One cannot be used.
+        """
+        for name in list(self._defined):
+            self.remove(name)
+        for each in self._settings.monitor:
+            try:
+                self.define(each.name, Definition(each.formula, each.on, each.output))
+            except MonitorError as error:
+                raise SettingsError(f"monitor.{each.name}", str(error)) from error
+
+    def define(self, name: str, definition: Definition) -> None:
+        """Run a monitor from the next sample on, in place of one of its name.
+
+        Raises:
+            MonitorError: It cannot be used, or the machine is too small or too slow for it.
+        """
+        program = MonitorProgram.compile(definition.formula, self._units)
+        compiled: list[_Compiled] = []
+        meters: dict[str, Meter] = {}
+        atoms = [self._atom(each, compiled, meters) for each in program.atoms]
+        names = [each.taxel.name for each in compiled] + list(meters)
+        made = _Defined(
+            definition, program, compiled, [*meters.values()], list(dict.fromkeys(names))
+        )
+        self._require_room({**self._defined, name: made})
+        for each in compiled:
+            self._calibrate(each)
+        drift = round(self._settings.clock.drift_ppm * 1e3)
+        monitor = engine.Monitor(program.lines, atoms, program.reach, drift)
+        output = "" if definition.output == NO_OUTPUT else definition.output
+        self._unit.define(
+            Reflex(
+                name, monitor, VERDICTS[definition.on], output, self._coverage(made), made.meters
+            )
+        )
+        self._defined[name] = made
+        self.arm()
+
+    def remove(self, name: str) -> None:
+        """Stop a monitor.
+
+        Raises:
+            MonitorError: There is none of this name.
+        """
+        if name not in self._defined:
+            known = ", ".join(self._defined) or "none"
+            raise MonitorError(f"there is no monitor {name}; there are: {known}", value=name)
+        del self._defined[name]
+        self._unit.remove(name)
+        self.arm()
+
+    def arm(self) -> None:
+        """Await the next instant at which a taxel is sampled that a monitor reads."""
+        self._adjust()
+        self._due = []
+        first = None
+        for name in self._read():
+            taxel = self._taxels[name]
+            frame = taxel.next
+            k = max(0, (self._last - frame.start) // frame.dt + 1)
+            tick = frame.start + k * frame.dt
+            if k >= frame.n or (first is not None and tick > first):
+                continue
+            if first is None or tick < first:
+                first, self._due = tick, []
+            self._due.append((taxel, frame, k))
+        if first is None:
+            self._timer.stop()
+            return
+        converted = CONVERSION_NS * sum(taxel.inputs for taxel, _, _ in self._due)
+        self._machine.arm(self._timer, self._machine.booted + first + converted)
+
+    def stop(self) -> None:
+        """Await nothing."""
+        self._timer.stop()
+
+    def _decide(self) -> None:
+        """Handle the interrupt after the last conversion of an instant."""
+        (_, frame, k), *_ = self._due
+        self._last = frame.start + k * frame.dt
+        samples = []
+        for taxel, own, number in self._due:
+            readings, source = taxel.converted(own, number), self._sources[taxel.name]
+            source.broken = taxel.control_unit.broken
+            if readings:
+                samples.append((source, readings))
+        before = self._unit.work
+        self._changes: list[tuple[str, bool]] = []
+        self._unit.take(self._last, samples)
+        due = {taxel.name for taxel, _, _ in self._due}
+        cycles = self._cycles(self._defined, self._unit.work - before, due)
+        self._machine.ledger.charge_work(cycles)
+        now = self._machine.now
+        done = now + self._sampling.handle(cycles.span(self._settings.machine.clock_hz))
+        for output, level in self._changes:
+            self._machine.outputs.drive(output, level=level, time=done, cause=now)
+        self.arm()
+
+    def _drive(self, output: str, level: bool) -> None:  # noqa: FBT001 - as the firmware calls it
+        self._changes.append((output, level))
+
+    def _read(self) -> list[str]:
+        """Names of the taxels that some monitor reads."""
+        return list(
+            dict.fromkeys(name for defined in self._defined.values() for name in defined.taxels)
+        )
+
+    def _atom(self, atom: Atom, compiled: list[_Compiled], meters: dict[str, Meter]) -> engine.Atom:
+        """Thresholds where one conversion decides; else the taxels are measured."""
+        compared = threshold(atom, self._units)
+        if compared is not None:
+            name, _, quantity = compared.channel.rpartition(".")
+            taxel = self._taxels[name]
+            if quantity in taxel.calibrated.monotone:
+                derived = quantity in taxel.calibrated.derived
+                made = engine.Threshold(self._source(name), 0, derived=derived)
+                compiled.append(_Compiled(made, taxel, self._quantity(taxel, quantity), compared))
+                return made
+        read: list[str] = []
+
+        def measured(channel: str) -> Expression:
+            name, _, quantity = channel.rpartition(".")
+            read.append(name)
+            meter = meters[name] = self._meter(name)
+            around = {each: self._meter(each) for each in self._around.get(name, ())}
+            meter.is_read, meter.around = True, [*around.values()]
+            meters.update(around)
+            return meter.quantity(self._quantity(self._taxels[name], quantity))
+
+        expression, strict = difference(atom, self._units, measured)
+        derived = any(
+            quantity in self._taxels[name].calibrated.derived
+            for name, _, quantity in (each.rpartition(".") for each in atom.channels)
+        )
+        sources = [self._source(name) for name in dict.fromkeys(read)]
+        return Comparison(sources, expression, strict=strict, derived=derived)
+
+    def _source(self, name: str) -> engine.Source:
+        if name not in self._sources:
+            taxel = self._taxels[name]
+            self._sources[name] = engine.Source(taxel.control_unit.schedule.dt)
+            self._adjusted[name] = _adjustment(taxel)
+        return self._sources[name]
+
+    def _meter(self, name: str) -> Meter:
+        if name not in self._meters:
+            self._meters[name] = Meter(self._source(name), self._taxels[name].calibrated)
+        return self._meters[name]
+
+    @staticmethod
+    def _quantity(taxel: EmulatedTaxel, quantity: str) -> int:
+        return [each for each, _ in taxel.calibrated.quantities].index(quantity)
+
+    def _adjust(self) -> None:
+        """Compile thresholds anew where a taxel's settings have changed."""
+        for name in self._read():
+            taxel, found = self._taxels[name], _adjustment(self._taxels[name])
+            if self._adjusted[name] == found:
+                continue
+            self._adjusted[name] = found
+            self._sources[name].sample_every(taxel.control_unit.schedule.dt)
+            for defined in self._defined.values():
+                for each in defined.compiled:
+                    if each.taxel is taxel:
+                        self._calibrate(each)
+
+    def _calibrate(self, compared: _Compiled) -> None:
+        taxel, threshold = compared.taxel, compared.threshold
+        ranges = code_ranges(
+            taxel.calibrated, 0, compared.quantity, upward=threshold.upward, value=threshold.value
+        )
+        compared.atom.set(*ranges)
+        tried = 2 * (2 + taxel.calibrated.last.bit_length())
+        self._machine.ledger.charge_work(inversion(taxel.chain, tried, 0, {}))
+
+    def _coverage(self, defined: _Defined) -> float:
+        """Probability that all samples hold which a verdict is made of."""
+        return union_coverage(
+            *(
+                union_coverage(
+                    self._taxels[name].coverage,
+                    n=defined.program.reach // self._taxels[name].control_unit.schedule.dt + 2,
+                )
+                for name in defined.taxels
+            )
+        )
+
+    def _require_room(self, defined: Mapping[str, _Defined]) -> None:
+        machine = self._settings.machine
+        if len(defined) > MOST_MONITORS:
+            raise MonitorError(f"a node runs {MOST_MONITORS} monitors at most; remove one")
+        names = {name for each in defined.values() for name in each.taxels}
+        for name in names:
+            if self._taxels[name].reads_intervals:
+                raise MonitorError(f"{name} plays a recording; a node's monitors read others")
+        dt = min(self._taxels[name].control_unit.schedule.dt for name in names)
+        meters = {id(meter) for each in defined.values() for meter in each.meters}
+        size = sum(each.program.memory(dt) for each in defined.values()) + _METER * len(meters)
+        free = machine.ram_bytes - ram_budget(self._settings).total
+        if size > free:
+            raise MonitorError(
+                f"the monitors need {size} bytes of RAM, and {free} are free; use shorter windows",
+                value=size,
+            )
+        work = sum(each.program.work for each in defined.values())
+        cycles = self._cycles(defined, work, names)
+        span, most = cycles.span(machine.clock_hz), min(MOST_WORK_NS, dt // 2)
+        if span > most:
+            raise MonitorError(
+                f"the monitors need up to {cycles.most} cycles at a sample, {span} ns, and {most} "
+                f"ns are allowed (half of the sampling period of {dt} ns, at most "
+                f"{MOST_WORK_NS}); use fewer operators, a lower rate, or let the cloud evaluate "
+                "some",
+                value=span,
+            )
+
+    def _cycles(
+        self, defined: Mapping[str, _Defined], runs: int, names: AbstractSet[str]
+    ) -> Cycles:
+        """Of all monitors at an instant, at most where some taxels were sampled."""
+        total = PRICES["monitor"].times(len(defined)).plus(PRICES["monitor_run"].times(runs))
+        measured = {
+            name for name, meter in self._meters.items() if name in names and _uses(defined, meter)
+        }
+        for name in measured:
+            taxel = self._taxels[name]
+            total = total.plus(taxel.sample_cycles(len(self._around.get(name, ()))))
+        return total
+
+
+def _uses(defined: Mapping[str, _Defined], meter: Meter) -> bool:
+    return any(meter in each.meters for each in defined.values())
+
+
+def _adjustment(taxel: EmulatedTaxel) -> tuple[float, int, int, int]:
+    """What thresholds depend on, and the period."""
+    unit: Any = taxel.control_unit
+    chosen = unit.adaptation
+    return chosen.gain, chosen.trim, chosen.plate, unit.schedule.dt
