@@ -3,6 +3,7 @@
 #include "inversion.h"
 #include "machine.h"
 #include "message.h"
+#include "monitor.h"
 
 static buffer_t buffer(void)
 {
@@ -265,6 +266,19 @@ static void sealing(void)
     COUNT(seal(&key, nonce, aad, length(aad), text, length(text), tag));
 }
 
+static void monitor(void)
+{
+    static monitor_t made;
+    const int32_t *lines = integers(), *atoms = integers();
+    int drift = integer(), dt = integer();
+    const int32_t *codes = integers();
+    int32_t *verdicts = integers();
+    int many = length(atoms) / 5;
+    begin_monitor(&made, lines, length(lines) / 5, atoms, many, drift);
+    COUNT(for (int k = 0; k < length(verdicts); k++)
+              verdicts[k] = step(&made, (tick_t)k * dt, codes + k * many));
+}
+
 static const struct {
     const char *name;
     void (*run)(void);
@@ -283,7 +297,7 @@ static const struct {
     {"pressure", pressure},       {"rest", rest},
     {"smoothing", smoothing},     {"peaks", peaks},
     {"encode_frame", encode_frame}, {"peak", peak},
-    {"sealing", sealing},
+    {"sealing", sealing},         {"monitor", monitor},
 };
 
 void run_case(const char *name)

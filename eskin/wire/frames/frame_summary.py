@@ -220,7 +220,7 @@ def _read_patches(
         codes, end = read_string(data, place, 2)
         good = end > codes and before < patch < MOST_PATCHES and epoch <= MOST_COUNT
         good = good and grid <= used + 1 and grid < len(grids) and 1 <= columns <= MOST_COLUMNS
-        good = good and FINEST <= exponent <= COARSEST and abs(offset) <= MOST_OFFSET
+        good = good and FINEST <= exponent <= COARSEST and -MOST_OFFSET <= offset <= MOST_OFFSET
         if not good:
             return NOWHERE
         before, used = patch, max(used, grid)

@@ -111,6 +111,11 @@ class MonitorProgram:
             changes.append(grown * sum(taken) + grown)
         return total
 
+    @property
+    def operations(self) -> int:
+        """Of interval arithmetic in its comparisons, at most."""
+        return sum(len([*atom.walk()]) for atom in self.atoms)
+
     def memory(self, period: int) -> int:
         """Bytes of RAM that it takes, whatever is measured.
 

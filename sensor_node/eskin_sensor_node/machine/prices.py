@@ -65,14 +65,11 @@ PRICES: Final[Mapping[str, Cycles]] = _counted() | {
     "frame": Cycles(2_000, 10_000),
     "message": Cycles(20_000, 60_000),
     "self_test": Cycles(150, 900),
-    "monitor": Cycles(200, 2_000),
-    "monitor_run": Cycles(30, 400),
     **{kind.chain: Cycles(*kind.cycles) for kind in KINDS.values() if kind.cycles is not None},
 }
 """Of each operation; assumed are an interrupt (entry, taking codes out of a buffer, exit), a frame
 (schedule, states), a message (flash driver, MQTT, TLS records, IP), a sample of a skin in its
-self-test, a monitor at a sample and each run that its instructions take, and kinds without a
-count."""
+self-test, and kinds without a count."""
 CORTEX_A53: Final[Mapping[str, Cycles]] = {
     "pad": Cycles(250, 1_700),
     "neighbour": Cycles(15, 130),

@@ -365,7 +365,9 @@ class NodeReflexes:
         self, defined: Mapping[str, _Defined], runs: int, names: AbstractSet[str]
     ) -> Cycles:
         """Of all monitors at an instant, at most where some taxels were sampled."""
-        total = PRICES["monitor"].times(len(defined)).plus(PRICES["monitor_run"].times(runs))
+        total = PRICES["monitor_run"].times(runs)
+        for each in defined.values():
+            total = total.plus(PRICES["interval_product"].times(each.program.operations))
         measured = {
             name for name, meter in self._meters.items() if name in names and _uses(defined, meter)
         }

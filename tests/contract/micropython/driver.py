@@ -19,6 +19,7 @@ from eskin_sensor_node.firmware.selftest import SelfTest
 
 from tests.contract.micropython.delivery import deliver
 from tests.contract.micropython.examination import examine
+from tests.contract.micropython.monitoring import decide as run_monitors
 from tests.contract.micropython.sampling import encode
 
 TYPE_CHECKING = False
@@ -135,6 +136,8 @@ def run(job: "Table") -> "list[Any]":
         return examine(job)
     if "matrices" in job:
         return encode(job)
+    if "monitors" in job:
+        return run_monitors(job)
     return deliver(job) if "script" in job else say(job)
 
 

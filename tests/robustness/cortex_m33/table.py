@@ -13,6 +13,7 @@ from tests.robustness.cortex_m33.channels import channels
 from tests.robustness.cortex_m33.cycles import cycles
 from tests.robustness.cortex_m33.inversions import inversions
 from tests.robustness.cortex_m33.machine import FLAGS, ROOT, MachineError, run, versions
+from tests.robustness.cortex_m33.monitors import monitors
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -82,7 +83,7 @@ def count() -> Table:
         MachineError: The program did not run, does not count its loop right, or gives other bits
             than the firmware's Python.
     """
-    counts = [*arithmetic(), *inversions(), *channels()]
+    counts = [*arithmetic(), *inversions(), *channels(), *monitors()]
     own = [Case.of("nothing"), *(Case.of("loop", rounds) for rounds in _LOOP)]
     cases = own + [case for each in counts for case in (*each.cases, *each.less)]
     results = run(cases)

@@ -39,6 +39,7 @@ from eskin.errors import (
 from eskin.identity import ChainVerifier, IdentityKind, der, new_key
 from eskin.wire.messages import Position
 from tests.robustness.fuzz.targets import enrolment, requests
+from tests.robustness.fuzz.targets.frame import check as check_frame
 from tests.robustness.fuzz.targets.settings import NODE
 from tests.unit.sensor_node.flashes import open_flash
 from tests.unit.sensor_node.scenario.scripts import HEAD
@@ -281,3 +282,14 @@ def test_reason_of_a_rejected_setting_is_short(tmp_path: Path) -> None:
     with pytest.raises(SettingsError) as caught:
         NodeSettings.load(path)
     assert len(str(caught.value)) < 2000
+
+
+def test_least_integer_is_no_offset_of_a_frame() -> None:
+    """Its size is no integer of 64 bits; the compiled reader took it."""
+    check_frame(
+        bytes.fromhex(
+            "a9010102030311045820868ec9aec7f85e03e778862415b4f6de75fce9bb456b9f2f33ab8d3e1696"
+            "6c530500061ab2d05e0007821b18d75b84d6c35e001b18d75b84d6c36da00881851a007a12001a01"
+            "312d00189601fb3feff7ced916872b09818701000001263b7fffffffffffffff430008a6"
+        )
+    )

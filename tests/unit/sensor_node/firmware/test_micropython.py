@@ -24,12 +24,15 @@ from eskin_sensor_node.world.scenario.file import scenario_text
 
 from eskin.identity import IdentityKind
 from eskin.interval import Interval
+from eskin.monitor import Atom, parse
+from eskin.monitor.program import instructions
 from eskin.wire.envelope import sign
 from eskin.wire.frames import Frame, Sampling, Statements, encode_samples
 from eskin.wire.messages import Command, CommandName, Kind, Outcome, Result, Shedding, Status
 from eskin.wire.topics import Stream, node_topic
 from tests.contract.micropython.delivery import deliver
 from tests.contract.micropython.examination import examine
+from tests.contract.micropython.monitoring import decide
 from tests.unit.sensor_node.designs import SECOND, Bench, table
 from tests.unit.sensor_node.firmware.jobs import Recorder
 from tests.unit.sensor_node.messages import decode, frames_of
@@ -130,6 +133,49 @@ def test_samples_of_a_patch_have_the_same_bytes(tmp_path: Path) -> None:
         exponent, offset, codes = encode_samples(Interval(lo, hi), sampling, float(width))
         expected.append([exponent, str(offset), codes.hex()])
     assert under_micropython({"matrices": given}, tmp_path) == expected
+
+
+MONITORS = (
+    "p > 0",
+    "count(p > 0, q > 0) >= 2 or not q > 0",
+    "count(p > 0, q > 0) < 2 implies once[3ms,20ms] p > 0",
+    "historically[0,9ms](p > 0 since[0,20ms] q > 0)",
+    "rise(p > 0) and once[1ms,40ms] fall(q > 0)",
+)
+
+
+def test_monitors_decide_the_same(tmp_path: Path) -> None:
+    draw = np.random.default_rng(11)
+    jobs = []
+    for text in MONITORS:
+        formula = parse(text)
+        atoms = list(dict.fromkeys(node for node in formula.walk() if isinstance(node, Atom)))
+        lines = [
+            [op, taken, str(a), str(b), number]
+            for op, taken, a, b, number in instructions(
+                formula, {atom: k for k, atom in enumerate(atoms)}
+            )
+        ]
+        steps = draw.integers(-1, 6, (300, len(atoms))).tolist()
+        ranges = [[4, 9, 2, 9, 1_000_000] for _ in atoms]
+        jobs.append([lines, ranges, str(40_000_000), 20_000, str(1_000_000), steps])
+    comparisons = []
+    for _ in range(200):
+        bounds = np.sort(
+            draw.normal(size=(4, 2)) * 10.0 ** draw.integers(-300, 300, (4, 1)), axis=1
+        )
+        bounds[3] = np.sort(np.abs(bounds[3])) * draw.choice((-1.0, 1.0))
+        bounds[3].sort()
+        bounds[:3][draw.random((3, 2)) < 0.1] = 0.0
+        bounds[:2].sort(axis=1)
+        bounds[2].sort()
+        given = [np.float64(bound).astype("<f8").tobytes().hex() for bound in bounds.ravel()]
+        comparisons.append([given, bool(draw.random() < 0.5)])
+    job = {"monitors": jobs, "comparisons": comparisons}
+    expected = json.loads(json.dumps(decide(job)))
+    assert under_micropython(job, tmp_path) == expected
+    verdicts = {verdict for each in expected[: len(MONITORS)] for verdict, _ in each}
+    assert verdicts == {0, 1, 2}
 
 
 def fate(seed: int) -> list[list[Any]]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from eskin_sensor_node.firmware import monitor as engine
 from eskin_sensor_node.firmware.reflex import Reflex
+from eskin_sensor_node.machine.monitor_program import MonitorProgram
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -156,3 +157,25 @@ def test_verdicts_hold_whatever_the_rate_of_the_clock_is(
     for now, verdict in found.items():
         if verdict != engine.POSSIBLE:
             assert verdict == int(record.at(true_time(now)))
+
+
+@settings(max_examples=300)
+@given(FORMULAS, st.lists(st.integers(0, CODES - 1), min_size=30, max_size=40), st.integers(3, 4))
+def test_work_is_bounded_by_what_the_program_states(
+    formula: Formula, codes: list[int], other: int
+) -> None:
+    monitor, sources = build(formula, 1, 0)
+    atoms = tuple(dict.fromkeys(node for node in formula.walk() if isinstance(node, Atom)))
+    lines = instructions(formula, {atom: k for k, atom in enumerate(atoms)})
+    program = MonitorProgram(formula, tuple(lines), atoms, 0)
+    for now in range(12 * len(codes)):
+        for name, source in sources.items():
+            place, rest = divmod(now, 3 if name == "p" else other)
+            source.fresh = rest == 0
+            if source.fresh:
+                source.take(now, [[codes[(place + (name == "q")) % len(codes)]]])
+        before = monitor.work
+        if Reflex("", monitor, engine.CERTAIN, "", 1.0).compare(now):
+            monitor.step(now)
+        if now > 24:
+            assert monitor.work - before <= program.work
