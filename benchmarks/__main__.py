@@ -29,6 +29,7 @@ from benchmarks.peaks import measure_peaks
 from benchmarks.pipeline import measure_pipeline
 from benchmarks.pixels import measure_pixels
 from benchmarks.pyramid import measure_pyramid
+from benchmarks.reflexes import measure_reflexes
 from benchmarks.report import Row, as_table, write_json
 from benchmarks.skin import HAND, measure_skin
 from benchmarks.skin_reads import measure_skin_reads
@@ -58,6 +59,8 @@ def main() -> None:
         rows += measure_peaks()
     with _step(console, "monitors against rtamt's"):
         rows += measure_monitors()
+    # It shows its own progress.
+    rows += measure_reflexes()
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
         data = Path(folder)
         with _step(console, "sealing and opening envelopes"):
