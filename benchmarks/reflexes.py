@@ -110,7 +110,7 @@ def press(
         truth, count = _script(draw)
         codes = _converted(sensing, truth, begin)
         levels = np.array([unit.run(begin, row) for unit, row in zip(units, codes, strict=True)])
-        above = np.concatenate((past, truth), axis=1) > THRESHOLD
+        above: Marks = np.asarray(np.concatenate((past, truth), axis=1) > THRESHOLD)
         # A slow clock counts less than 3 ms from a sample to the third after it.
         reach = 3 if rate > 0.0 else 4
         held = np.lib.stride_tricks.sliding_window_view(above, reach + 1, axis=1).any(axis=2)
@@ -127,9 +127,9 @@ def press(
         begin += truth.shape[1]
         done += count
         on_chunk(done)
-    beyond = 1.0 - section.noise.coverage if section.noise is not None else 0.0
+    beyond = 1.0 - section.noise.coverage
     return {
-        name: Outcome(done, *map(int, counts), beyond * int(counts[0]))
+        name: Outcome(done, *counts.tolist(), beyond * int(counts[0]))
         for name, counts in found.items()
     }
 
@@ -143,7 +143,7 @@ class _Unit:
         clock: Any = Clock(0, 0, _DRIFT)
         assembler: Any = _Silent()
         self._unit = ReflexUnit(clock, assembler, self._levels.__setitem__)
-        self._source = engine.Source(_DT)
+        self._source = engine.Source(_DT, _DRIFT)
         for name, text in _FORMULAS.items():
             program = MonitorProgram.compile(text, {CHANNEL: "F"})
             compared = threshold(program.atoms[0], {CHANNEL: "F"})
@@ -192,7 +192,8 @@ def _converted(sensing: SensingColumns, truth: Floats, begin: int) -> list[list[
     codes: NDArray[np.int64] = sensing.frontend.digitise({"capacitance": truth}, random).codes[
         "current"
     ]
-    return codes.tolist()  # type: ignore[return-value]  # of two axes
+    rows: list[list[int]] = codes.tolist()
+    return rows
 
 
 def reactions(seconds: float, folder: Path) -> Floats:

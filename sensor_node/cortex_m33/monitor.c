@@ -133,15 +133,19 @@ void begin_monitor(monitor_t *made, const int32_t *lines, int count, const int32
         line->result[0].n = line->result[1].n = 0;
         line->kept[0] = line->kept[1] = line->was[0] = line->was[1] = 0;
     }
-    for (int k = 0; k < many; k++, atoms += 5)
-        made->atom[k] = (atom_t){{atoms[0], atoms[1]}, {atoms[2], atoms[3]}, 2 * (tick_t)atoms[4] - 1,
-                                 BEGIN - 1, BEGIN - 1, POSSIBLE, POSSIBLE, 0};
+    for (int k = 0; k < many; k++, atoms += 5) {
+        tick_t period = atoms[4];
+        tick_t lasting = drift == 0 ? period : period * BILLION / (BILLION + drift) - 1;
+        made->atom[k] = (atom_t){{atoms[0], atoms[1]}, {atoms[2], atoms[3]}, 2 * period, 2 * lasting - 1,
+                                 BEGIN - 1, BEGIN - 1, BEGIN - 1, POSSIBLE, POSSIBLE, 0};
+    }
 }
 
 static void compare(atom_t *atom, tick_t now, int32_t code)
 {
-    atom->former = atom->verdict, atom->before = atom->until, atom->fresh = 1;
-    atom->until = 2 * now + atom->lasting;
+    atom->former = atom->verdict, atom->fresh = 1;
+    atom->before = 2 * now == atom->expected ? 2 * now - 1 : atom->until;
+    atom->expected = 2 * now + atom->period, atom->until = 2 * now + atom->lasting;
     if (atom->certain[0] <= code && code <= atom->certain[1])
         atom->verdict = CERTAIN;
     else

@@ -27,7 +27,7 @@ typedef struct {
 
 typedef struct {
     int32_t certain[2], possible[2];
-    tick_t lasting, until, before;
+    tick_t period, lasting, expected, until, before;
     int verdict, former, fresh;
 } atom_t;
 

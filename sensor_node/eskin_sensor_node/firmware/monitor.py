@@ -52,31 +52,41 @@ _BILLION = 1000000000
 class Source:
     """A taxel whose samples atoms compare.
 
+    A sample holds until the next one, or for one period of true time if that does not come.
+
     Args:
-        period: Of its samples, ns.
+        period: From sample to sample, ns of the clock.
+        drift: Greatest error of the clock's rate, in parts of 1e9.
 
     Attributes:
         until: The last tick for which its latest sample holds, if no other comes.
+        held: The last tick for which the sample before held.
         fresh: Whether it was sampled at the instant that is decided.
         readings: The codes of its inputs then; twice, where the input was an interval.
         broken: Whether its derived quantities mean nothing.
     """
 
-    __slots__ = ("_lasting", "broken", "fresh", "readings", "until")
+    __slots__ = (
+        "_drift", "_expected", "_lasting", "_period", "broken", "fresh", "held", "readings", "until"
+    )  # fmt: skip
 
-    def __init__(self, period: int) -> None:
+    def __init__(self, period: int, drift: int) -> None:
+        self._drift = drift
         self.sample_every(period)
-        self.until = BEGIN - 1
+        self.until = self.held = self._expected = BEGIN - 1
         self.fresh = self.broken = False
         self.readings: Readings = ()
 
     def sample_every(self, period: int) -> None:
-        """Hold samples for another period, ns."""
-        self._lasting = 2 * period - 1
+        """Take samples with another period, ns."""
+        least = period if self._drift == 0 else windows(0, period, self._drift)[0][1]
+        self._period, self._lasting = 2 * period, 2 * least - 1
 
     def take(self, now: int, readings: "Readings") -> None:
-        """Hold a sample that was taken now, for one period."""
-        self.until, self.fresh, self.readings = 2 * now + self._lasting, True, readings
+        """Take a sample of now."""
+        self.held = 2 * now - 1 if 2 * now == self._expected else self.until
+        self._expected, self.until = 2 * now + self._period, 2 * now + self._lasting
+        self.fresh, self.readings = True, readings
 
 
 class Atom:
@@ -105,7 +115,8 @@ class Atom:
 
     def take(self, now: int) -> None:
         """Compare the samples of now, and those of other taxels that are held."""
-        self._former, self.before, self.fresh = self._verdict, self.until, True
+        self._former, self.fresh = self._verdict, True
+        self.before = min([each.held if each.fresh else each.until for each in self.sources])
         self.until = min([source.until for source in self.sources])
         known = self.until >= 2 * now
         if self._derived and any(source.broken for source in self.sources):

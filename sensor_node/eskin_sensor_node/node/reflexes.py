@@ -118,6 +118,7 @@ class NodeReflexes:
         self._machine, self._sampling = machine, sampling
         self._unit = ReflexUnit(clock, assembler, self._drive)
         self._timer = machine.interrupt(self._decide)
+        self._drift = round(settings.clock.drift_ppm * 1e3)
         self._sources: dict[str, engine.Source] = {}
         self._meters: dict[str, Meter] = {}
         self._around = {
@@ -172,8 +173,7 @@ class NodeReflexes:
         self._require_room({**self._defined, name: made})
         for each in compiled:
             self._calibrate(each)
-        drift = round(self._settings.clock.drift_ppm * 1e3)
-        monitor = engine.Monitor(program.lines, atoms, program.reach, drift)
+        monitor = engine.Monitor(program.lines, atoms, program.reach, self._drift)
         output = "" if definition.output == NO_OUTPUT else definition.output
         self._unit.define(
             Reflex(
@@ -285,7 +285,7 @@ class NodeReflexes:
     def _source(self, name: str) -> engine.Source:
         if name not in self._sources:
             taxel = self._taxels[name]
-            self._sources[name] = engine.Source(taxel.control_unit.schedule.dt)
+            self._sources[name] = engine.Source(taxel.control_unit.schedule.dt, self._drift)
             self._adjusted[name] = _adjustment(taxel)
         return self._sources[name]
 

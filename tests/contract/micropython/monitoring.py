@@ -23,7 +23,7 @@ def decide(job: "Mapping[str, Any]") -> "list[Any]":
     """
     decided: list[Any] = [_run(*each) for each in job["monitors"]]
     for bounds, strict in job["comparisons"]:
-        source = Source(1)
+        source = Source(1, 0)
         source.take(0, ())
         atom = expression.Comparison([source], _built(bounds), strict=strict, derived=False)
         atom.take(0)
@@ -41,7 +41,7 @@ def _run(
 ) -> "list[list[int]]":
     made = []
     for first, last, low, high, period in atoms:
-        atom = Threshold(Source(period), 0, derived=False)
+        atom = Threshold(Source(period, drift), 0, derived=False)
         atom.set((first, last), (low, high))
         made.append(atom)
     program = [(op, taken, int(a), int(b), number) for op, taken, a, b, number in lines]

@@ -59,7 +59,7 @@ def _case(text: str, seed: int) -> tuple[list[Case], int]:
     codes = np.where(random.random(codes.shape) < (0.02 if seed == 1 else 0.1), _MISSING, codes)
     codes[:, 0] = np.maximum(codes[:, 0], 0)
     certain, possible = (5, 7), (3, 7)
-    sources = [engine.Source(_DT) for _ in atoms]
+    sources = [engine.Source(_DT, _DRIFT) for _ in atoms]
     made = [engine.Threshold(source, 0, derived=False) for source in sources]
     for each in made:
         each.set(certain, possible)

@@ -6,13 +6,14 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import pytest
 from eskin_sensor_node.firmware import monitor as engine
 from eskin_sensor_node.firmware.reflex import Reflex
 from eskin_sensor_node.machine.monitor_program import MonitorProgram
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eskin.monitor import Atom, Channel, Comparison, Constant, Formula, Signal, evaluate
+from eskin.monitor import Atom, Channel, Comparison, Constant, Formula, Signal, evaluate, parse
 from eskin.monitor.formula import Always, Eventually, Until
 from eskin.monitor.program import Op, instructions, threshold
 from tests.unit.eskin.monitor.formulas import bounds, formulas
@@ -69,7 +70,7 @@ def codes_of(value: float, side: int, *, upward: bool) -> tuple[int, int]:
 def build(
     formula: Formula, scale: int, drift: int
 ) -> tuple[engine.Monitor, dict[str, engine.Source]]:
-    sources = {name: engine.Source(scale * period) for name, period in PERIODS.items()}
+    sources = {name: engine.Source(scale * period, drift) for name, period in PERIODS.items()}
     atoms = list(dict.fromkeys(node for node in formula.walk() if isinstance(node, Atom)))
     made: list[engine.Threshold] = []
     for atom in atoms:
@@ -116,6 +117,7 @@ def signal_of(
     codes: list[int | None],
     moment: Callable[[int], int] = lambda tick: tick,
     scale: int = 1,
+    until: int = 1000,
 ) -> Signal:
     period = scale * PERIODS[name]
     kept = [k for k, code in enumerate(codes) if code is not None]
@@ -125,7 +127,7 @@ def signal_of(
     return Signal(
         *(moments, moments, lo, np.array(lo) + 1.0, period, np.array(gap, bool)),
         unit="1",
-        until=1000 * scale,
+        until=until,
     )
 
 
@@ -141,22 +143,57 @@ def test_verdicts_are_those_of_the_library(
     assert [found[now] for now in moments.tolist()] == record.codes_at(moments).tolist()
 
 
-@settings(max_examples=200)
-@given(FORMULAS, SAMPLES, SAMPLES, st.integers(0, 200_000), st.floats(-1.0, 1.0))
-def test_verdicts_hold_whatever_the_rate_of_the_clock_is(
-    formula: Formula, p: list[int | None], q: list[int | None], drift: int, rate: float
-) -> None:
-    samples, scale = {"p": p, "q": q}, 1_000_000
+LONG = (
+    "once[0,6ns] rise(p > 1)",
+    "once[3ns,8ns] fall(q > 1)",
+    "historically[0,9ns](p > 0 or q > 2)",
+    "not once[4ns,12ns](p > 2 and q > 2)",
+    "(p > 0 since[0,12ns] rise(q > 1)) or q <= 0",
+    "q < 3 since[4ns,8ns] p > 2",
+    "rise(p > 1) and once[2ns,9ns] rise(p > 1)",
+    "count(once[0,3ns] p > 2, once[0,4ns] q > 2, p > 1) >= 2",
+)
+
+
+def records(seed: int) -> dict[str, list[int | None]]:
+    """Codes of both channels, a few missing."""
+    draw = np.random.default_rng(seed)
+    found: dict[str, list[int | None]] = {}
+    for name, count in (("p", 400), ("q", 300)):
+        codes = draw.integers(0, CODES, count).tolist()
+        found[name] = [None if draw.random() < 0.05 else code for code in codes]
+    return found
+
+
+@pytest.mark.parametrize("text", LONG)
+def test_verdicts_of_a_long_record_are_those_of_the_library(text: str) -> None:
+    formula, samples = parse(text), records(1)
+    found = run(formula, samples)
+    signals = {name: signal_of(name, each, until=5000) for name, each in samples.items()}
+    moments = np.array(sorted(found), np.int64)
+    codes = evaluate(formula, signals).codes_at(moments)
+    assert [found[now] for now in moments.tolist()] == codes.tolist()
+    assert len(set(codes.tolist())) > 1
+
+
+@pytest.mark.parametrize("rate", [-1.0, -0.5, 0.0, 0.7, 1.0])
+@pytest.mark.parametrize("text", LONG)
+def test_verdicts_hold_whatever_the_rate_of_the_clock_is(text: str, rate: float) -> None:
+    formula, samples, scale, drift = parse(text), records(2), 1_000_000, 100_000
 
     def true_time(ticks: int) -> int:
         return ticks + int(rate * drift * ticks / 1e9)
 
     found = run(formula, samples, scale, drift)
-    signals = {name: signal_of(name, each, true_time, scale) for name, each in samples.items()}
+    signals = {
+        name: signal_of(name, each, true_time, scale, until=5000 * scale)
+        for name, each in samples.items()
+    }
     record = evaluate(scaled(formula, scale), signals)
-    for now, verdict in found.items():
-        if verdict != engine.POSSIBLE:
-            assert verdict == int(record.at(true_time(now)))
+    decided = {now: verdict for now, verdict in found.items() if verdict != engine.POSSIBLE}
+    truths = record.codes_at(np.array([true_time(now) for now in decided], np.int64)).tolist()
+    assert [*decided.values()] == truths
+    assert len(decided) > 50
 
 
 @settings(max_examples=300)
