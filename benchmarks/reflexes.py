@@ -110,10 +110,11 @@ def press(
         truth, count = _script(draw)
         codes = _converted(sensing, truth, begin)
         levels = np.array([unit.run(begin, row) for unit, row in zip(units, codes, strict=True)])
-        above: Marks = np.asarray(np.concatenate((past, truth), axis=1) > THRESHOLD)
+        above = np.concatenate((past, truth), axis=1) > THRESHOLD
         # A slow clock counts less than 3 ms from a sample to the third after it.
         reach = 3 if rate > 0.0 else 4
-        held = np.lib.stride_tricks.sliding_window_view(above, reach + 1, axis=1).any(axis=2)
+        seen = np.lib.stride_tricks.sliding_window_view(above, reach + 1, axis=1)
+        held: Marks = np.asarray(seen.any(axis=2))
         truths = {"": above[:, 4:], "once[0,3ms] ": held[:, -truth.shape[1] :]}
         for k, name in enumerate(_FORMULAS):
             possible, certain, true = levels[:, :, 2 * k], levels[:, :, 2 * k + 1], truths[name]
@@ -127,11 +128,13 @@ def press(
         begin += truth.shape[1]
         done += count
         on_chunk(done)
-    beyond = 1.0 - section.noise.coverage
-    return {
-        name: Outcome(done, *counts.tolist(), beyond * int(counts[0]))
-        for name, counts in found.items()
-    }
+    sheet: Any = section
+    beyond = 1.0 - sheet.noise.coverage
+    outcomes = {}
+    for name, counts in found.items():
+        samples, violated, missed, false = (int(count) for count in counts)
+        outcomes[name] = Outcome(done, samples, violated, missed, false, beyond * samples)
+    return outcomes
 
 
 class _Unit:

@@ -171,6 +171,36 @@ def test_command_reaches_the_node_and_its_state_comes_back(demo: RunningDemo) ->
         client.post("/api/v1/nodes/palm/commands", json={"name": "reset"})
 
 
+def test_monitor_is_set_by_a_command_and_its_verdicts_become_events(demo: RunningDemo) -> None:
+    squeeze = {"formula": "t01.capacitance > 50 pF", "on": "possible", "output": "stop"}
+    with demo.client() as client:
+
+        def ask(arguments: dict[str, str]) -> str:
+            path = "/api/v1/nodes/fingertip/commands"
+            asked = client.post(path, json={"name": "monitor", "arguments": arguments})
+            assert asked.status_code == 202, asked.text
+            command = f"/nodes/fingertip/commands/{asked.json()['id']}"
+            wait_until(lambda: demo.get(command)["state"] in {"done", "refused"}, "the answer")
+            return str(demo.get(command)["state"])
+
+        def found() -> set[str]:
+            items = demo.get("/events", kind="verdict", node="fingertip")["items"]
+            own = [each for each in items if json.loads(each["detail"])["monitor"] == "squeeze"]
+            return {each["verdict"] for each in own}
+
+        assert ask({"monitor": "squeeze", **squeeze}) == "done"
+        state = demo.get("/nodes/fingertip/state")
+        assert state["settled"] is True
+        assert state["reported"]["monitor:squeeze"] == squeeze
+        wait_until(lambda: found() == {"impossible", "possible", "certain"}, "all verdicts")
+        assert ask({"monitor": "ahead", "formula": "always[0,1s] t01.current > 0"}) == "refused"
+        assert ask({"monitor": "squeeze"}) == "done"
+        state = demo.get("/nodes/fingertip/state")
+        assert state["settled"] is False  # the refused one is still desired
+        assert "monitor:squeeze" not in state["reported"]
+        client.post("/api/v1/nodes/fingertip/commands", json={"name": "reset"})
+
+
 def test_second_demo_on_the_same_folder_is_refused(demo: RunningDemo) -> None:
     done = subprocess.run(
         [ESKIN, "demo", "--data", str(demo.data), "--port", str(free_port())],
