@@ -37,6 +37,7 @@ from eskin.monitor.formula import (
 )
 from eskin.monitor.online import Monitor
 from eskin.monitor.parser import parse
+from eskin.monitor.shared import SharedError
 from eskin.monitor.signal import Signal
 from eskin.monitor.verdicts import Because, Piece, Verdicts
 
@@ -71,6 +72,7 @@ __all__ = [
     "Or",
     "Piece",
     "Rise",
+    "SharedError",
     "Signal",
     "Since",
     "Subtract",

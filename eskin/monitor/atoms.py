@@ -4,25 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from eskin.errors import MonitorError
 from eskin.interval import Interval
-from eskin.monitor.checks import as_interval, comparison_of, sides
+from eskin.monitor.checks import as_interval, comparison_of, linear_of, sides
 from eskin.monitor.formula import Comparison
 from eskin.monitor.runs import END, Runs
+from eskin.monitor.shared import SharingColumns
+from eskin.monitor.signal import HeldSamples
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
+    from eskin.monitor.checks import Linear
     from eskin.monitor.formula import Atom
     from eskin.monitor.runs import Ticks
-    from eskin.monitor.signal import HeldSamples, Signal
+    from eskin.monitor.signal import Signal
 
     _Cells = tuple[Ticks, Ticks, list[NDArray[np.int64]], NDArray[np.int8]]
 
@@ -31,6 +33,8 @@ KNOWN, GAP, PENDING = range(3)
 
 _MOST_CANDIDATES: Final = 2**26
 """Combinations of samples of several channels that may hold at once, over all time."""
+_SHARING: Final = 2
+"""Samples that may share errors with each other, at least."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,7 @@ class Candidates:
         kind: KNOWN, or GAP or PENDING where one of the values is any.
         certain: True for all values of the candidate.
         possible: True for some.
-        sides: The greater side of the comparison and the less one, where it holds.
+        difference: What is positive where the comparison holds, for robustness.
         frontier: No later sample can change what is before this tick.
     """
 
@@ -53,16 +57,8 @@ class Candidates:
     kind: NDArray[np.int8]
     certain: NDArray[np.bool_]
     possible: NDArray[np.bool_]
-    sides: tuple[Interval, Interval]
+    difference: Interval
     frontier: int
-
-    @cached_property
-    def difference(self) -> Interval:
-        """What is positive where the comparison holds, for robustness."""
-        above, below = self.sides
-        made = above - below
-        shape = self.first.shape
-        return Interval(np.broadcast_to(made.inf, shape), np.broadcast_to(made.sup, shape))
 
     def where(self, chosen: NDArray[np.bool_]) -> Runs:
         """Ticks at which one of the chosen candidates may hold."""
@@ -77,31 +73,63 @@ def candidates(
     Raises:
         MonitorError: Moments are so uncertain that there are too many.
     """
-    names = sorted(atom.channels)
-    units = {name: signals[name].unit for name in names}
-    if len(names) == 1:
-        first, last, choices, kind = _of_one(held[names[0]])
+    variables = sorted(atom.variables)
+    units = {name: signals[name].unit for name, _ in variables}
+    delayed = {each: _delayed(held[each[0]], each[1]) for each in variables}
+    if len(variables) == 1:
+        first, last, choices, kind = _of_one(delayed[variables[0]])
     else:
-        first, last, choices, kind = _of_several([held[name] for name in names])
-    columns = {}
-    for name, choice in zip(names, choices, strict=True):
-        signal, index = signals[name], held[name].index
+        first, last, choices, kind = _of_several([delayed[each] for each in variables])
+    plain, shares = {}, {}
+    for variable, choice in zip(variables, choices, strict=True):
+        signal, index = signals[variable[0]], held[variable[0]].index
         # After the samples stands what is not known; so the sample -1 has any value.
         lo = np.append(signal.lo[index], -np.inf)
         hi = np.append(signal.hi[index], np.inf)
-        columns[name] = Interval(lo[choice], hi[choice])
+        plain[variable] = Interval(lo[choice], hi[choice])
+        if signal.shared is not None:
+            epochs = np.append(np.broadcast_to(signal.shared.epoch, signal.lo.shape)[index], 0)
+            shares[variable] = signal.shared, epochs[choice]
+    columns = SharingColumns(plain, shares)
     left, right = (side.value for side in comparison_of(atom, columns, units))
     certain, possible = judge(left, atom.comparison, right)
+    above, below = (left, right) if atom.comparison.upward else (right, left)
     shape = first.shape
-    x, y = as_interval(left), as_interval(right)
-    return Candidates(
-        first,
-        last,
-        kind,
-        np.broadcast_to(certain, shape),
-        np.broadcast_to(possible, shape),
-        (x, y) if atom.comparison.upward else (y, x),
-        min((held[name].frontier for name in names), default=END),
+    made = as_interval(above) - as_interval(below)
+    difference = Interval(np.broadcast_to(made.inf, shape), np.broadcast_to(made.sup, shape))
+    certain, possible = np.broadcast_to(certain, shape), np.broadcast_to(possible, shape)
+    linear = None if len(shares) < _SHARING else _difference(atom, units)
+    if linear is not None:
+        difference = columns.narrow(linear, difference)
+        strict = atom.comparison.strict
+        certain = certain | (difference.inf > 0.0 if strict else difference.inf >= 0.0)
+        possible = possible & (difference.sup > 0.0 if strict else difference.sup >= 0.0)
+    frontier = min((each.frontier for each in delayed.values()), default=END)
+    return Candidates(first, last, kind, certain, possible, difference, frontier)
+
+
+def _difference(atom: Atom, units: Mapping[str, str]) -> Linear | None:
+    """What is positive where a comparison holds, as a sum of channels, in the unit compared in."""
+    left, right = (linear_of(side, units) for side in (atom.left, atom.right))
+    if left is None or right is None:
+        return None
+    minus = right.times(Fraction(-1), right.unit)
+    # A constant is converted rather than a channel.
+    found = left.plus(minus) if left.terms else minus.plus(left)
+    return found if atom.comparison.upward else found.times(Fraction(-1), found.unit)
+
+
+def _delayed(held: HeldSamples, delay: int) -> HeldSamples:
+    """When each sample may be the one that held so many ns ago."""
+    if delay == 0:
+        return held
+    return HeldSamples(
+        held.first + 2 * delay,
+        held.last + 2 * delay,
+        held.index,
+        held.gaps.once(delay, delay),
+        held.pending.once(delay, delay),
+        held.frontier if abs(held.frontier) == END else held.frontier + 2 * delay,
     )
 
 

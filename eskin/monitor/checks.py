@@ -43,7 +43,7 @@ from eskin.monitor.units import ONE, Unit, known_unit, unit_of
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from eskin.monitor.formula import Node
+    from eskin.monitor.formula import Node, Variable
 
 
 class Horizon(NamedTuple):
@@ -92,7 +92,7 @@ def check(formula: Formula, units: Mapping[str, str], *, bounded: bool = False) 
     _require_known(formula, units)
     for node in formula.walk():
         if isinstance(node, Atom):
-            comparison_of(node, {}, units)
+            comparison_of(node, Columns(), units)
         if bounded and isinstance(node, Window | Reach) and node.bounds[1] is None:
             raise MonitorError(
                 f"{type(node).__name__.lower()} has no last bound, and its memory would have none; "
@@ -138,7 +138,8 @@ def channel_horizons(formula: Formula) -> dict[str, Horizon]:
             continue
         seen.add((id(node), first, last))
         if isinstance(node, Channel):
-            past, future = (None if math.isinf(each) else int(each) for each in (-first, last))
+            ends = node.delay - first, last - node.delay
+            past, future = (None if math.isinf(each) else int(each) for each in ends)
             found[node.name].append(
                 Horizon(
                     None if past is None else max(past, 0),
@@ -183,13 +184,13 @@ class Quantity(NamedTuple):
 
 
 def comparison_of(
-    atom: Atom, columns: Mapping[str, Interval], units: Mapping[str, str]
+    atom: Atom, columns: Columns, units: Mapping[str, str]
 ) -> tuple[Quantity, Quantity]:
     """Both sides of a comparison in one unit.
 
     Args:
         atom: The comparison.
-        columns: Intervals of each channel, of one shape; a channel without them is not evaluated.
+        columns: Intervals of each channel, of one shape; one without them is not evaluated.
         units: UCUM code of each channel.
 
     Raises:
@@ -226,11 +227,11 @@ def as_interval(value: Fraction | Interval | None) -> Interval:
 
 
 def _measure(  # noqa: PLR0911 - a line for each kind of expression
-    node: Expression, columns: Mapping[str, Interval], units: Mapping[str, str]
+    node: Expression, columns: Columns, units: Mapping[str, str]
 ) -> Quantity:
     """Evaluate an expression; units are checked in the same walk."""
     if isinstance(node, Channel):
-        return Quantity(columns.get(node.name), unit_of(units[node.name]))
+        return Quantity(columns.get(node.variable), unit_of(units[node.name]))
     if isinstance(node, Constant):
         return Quantity(node.value, _constant_unit(node))
     parts = [_measure(part, columns, units) for part in node.parts if isinstance(part, Expression)]
@@ -245,12 +246,93 @@ def _measure(  # noqa: PLR0911 - a line for each kind of expression
     if isinstance(node, Multiply | Divide):
         return _product(node, *parts)
     if isinstance(node, Add | Subtract):
-        return _sum(node, *parts)
+        return _narrowed(node, _sum(node, *parts), columns, units)
     found = parts[0]
     for part in parts[1:]:
         one, other = _alike(found, part, node)
         found = Quantity(_extreme(node, one.value, other.value), one.unit or other.unit)
     return found
+
+
+class Columns(dict["Variable", Interval]):
+    """Intervals of channels, of one shape."""
+
+    def narrow(self, linear: Linear, value: Interval) -> Interval:
+        """A sum again, narrower where it is known that errors are shared."""
+        del linear
+        return value
+
+
+def _narrowed(
+    node: Expression, found: Quantity, columns: Columns, units: Mapping[str, str]
+) -> Quantity:
+    if not isinstance(found.value, Interval):
+        return found
+    linear = linear_of(node, units)
+    if linear is None or linear.unit != found.unit:
+        return found
+    return Quantity(columns.narrow(linear, found.value), found.unit)
+
+
+class Linear(NamedTuple):
+    """A sum of channels times numbers.
+
+    Attributes:
+        terms: The number of each channel.
+        constant: What is added.
+        unit: Of the sum; ``None`` where it is that of what stands beside it.
+    """
+
+    terms: dict[Variable, Fraction]
+    constant: Fraction
+    unit: Unit | None
+
+    def times(self, factor: Fraction, unit: Unit | None) -> Linear:
+        """All of it times a number, in a unit."""
+        terms = {variable: number * factor for variable, number in self.terms.items()}
+        return Linear(terms, self.constant * factor, unit)
+
+    def _in(self, unit: Unit | None) -> Linear:
+        if self.unit is None or unit is None or self.unit == unit:
+            return self
+        return self.times(self.unit.scale / unit.scale, unit)
+
+    def plus(self, other: Linear) -> Linear:
+        """The sum with another one, in the unit of the first that has one."""
+        unit = self.unit or other.unit
+        one, two = self._in(unit), other._in(unit)
+        terms = dict(one.terms)
+        for variable, number in two.terms.items():
+            terms[variable] = terms.get(variable, Fraction(0)) + number
+        return Linear(terms, one.constant + two.constant, unit)
+
+
+def linear_of(node: Expression, units: Mapping[str, str]) -> Linear | None:  # noqa: PLR0911 - a line for each kind
+    """An expression as a sum of channels; ``None`` if it is none, or has temperatures in Cel."""
+    if isinstance(node, Channel):
+        unit = unit_of(units[node.name])
+        return None if unit.offset else Linear({node.variable: Fraction(1)}, Fraction(0), unit)
+    if isinstance(node, Constant):
+        given = _constant_unit(node)
+        return None if given is not None and given.offset else Linear({}, node.value, given)
+    if not isinstance(node, Negate | Add | Subtract | Multiply | Divide):
+        return None
+    parts = [linear_of(part, units) for part in node.parts if isinstance(part, Expression)]
+    known = [part for part in parts if part is not None]
+    if len(known) < len(parts):
+        return None
+    if isinstance(node, Negate):
+        return known[0].times(Fraction(-1), known[0].unit)
+    one, other = known
+    if isinstance(node, Add | Subtract):
+        sign = Fraction(-1 if isinstance(node, Subtract) else 1)
+        return one.plus(other.times(sign, other.unit))
+    if isinstance(node, Multiply) and not one.terms:
+        one, other = other, one
+    if other.terms or other.unit not in (None, ONE) or other.constant == 0:
+        return None
+    factor = other.constant if isinstance(node, Multiply) else 1 / other.constant
+    return one.times(factor, one.unit)
 
 
 def _extreme(
@@ -466,7 +548,7 @@ def _conversion_reasons(atom: Atom, units: Mapping[str, str] | None) -> list[str
         for part in node.parts:
             if not isinstance(part, Expression) or part.channels:
                 continue
-            given = _measure(part, {}, {})
+            given = _measure(part, Columns(), {})
             for unit in known:
                 given = _converted(given, unit, node)
             if isinstance(given.value, Fraction) and len(set(sides(given.value))) > 1:

@@ -32,7 +32,7 @@ MAX_BOUND: Final = 2**58
 KEYWORDS: Final = frozenset(
     {
         "not", "and", "or", "implies", "always", "eventually", "historically", "once", "until",
-        "since", "rise", "fall", "count", "abs", "min", "max", "inf",
+        "since", "rise", "fall", "count", "abs", "min", "max", "inf", "delay",
     }
 )  # fmt: skip
 """Words of the grammar; a channel with such a name stands in double quotes."""
@@ -172,7 +172,14 @@ class Expression(Node):
         """Names of the channels in it."""
         return frozenset(node.name for node in self.walk() if isinstance(node, Channel))
 
+    @property
+    def variables(self) -> frozenset[Variable]:
+        """The channels in it, each with its delay."""
+        return frozenset(node.variable for node in self.walk() if isinstance(node, Channel))
 
+
+Variable: TypeAlias = tuple[str, int]
+"""Name of a channel, and how many ns ago it is read."""
 Operand: TypeAlias = "Expression | int | float | Fraction | Decimal"
 
 
@@ -180,11 +187,17 @@ Operand: TypeAlias = "Expression | int | float | Fraction | Decimal"
 class Channel(Expression):
     """A signal by its name, ``{taxel}.{quantity}``: any series of intervals, also of a count.
 
+    Attributes:
+        name: Its name.
+        delay: How many ns ago it is read: ``delay(t07.pressure, 100ms)``.
+
     Raises:
-        MonitorError: The name is empty, or has a quote or a control character in it.
+        MonitorError: The name is empty, or has a quote or a control character in it; or the delay
+            is negative or too long.
     """
 
     name: str
+    delay: int = 0
 
     def __post_init__(self) -> None:
         name: object = self.name
@@ -194,7 +207,19 @@ class Channel(Expression):
                 column=self.column,
                 value=self.name,
             )
+        delay: object = self.delay
+        if not isinstance(delay, int) or not 0 <= delay <= MAX_BOUND:
+            raise MonitorError(
+                f"a delay lies in [0, {MAX_BOUND}] ns, not {shown(self.delay)}",
+                column=self.column,
+                value=self.delay,
+            )
         super().__post_init__()
+
+    @property
+    def variable(self) -> Variable:
+        """Its name and its delay."""
+        return self.name, self.delay
 
 
 @dataclass(frozen=True)
@@ -309,6 +334,11 @@ class Formula(Node):
     def channels(self) -> frozenset[str]:
         """Names of the channels in it."""
         return frozenset(node.name for node in self.walk() if isinstance(node, Channel))
+
+    @property
+    def variables(self) -> frozenset[Variable]:
+        """The channels in it, each with its delay."""
+        return frozenset(node.variable for node in self.walk() if isinstance(node, Channel))
 
 
 @dataclass(frozen=True)
@@ -445,9 +475,9 @@ class Count(Formula):
         super().__post_init__()
 
 
-def channel(name: str) -> Channel:
+def channel(name: str, delay: int = 0) -> Channel:
     """A channel, whose comparisons are formulas: ``channel("t07.pressure") > 3000``."""
-    return Channel(name)
+    return Channel(name, delay)
 
 
 def _expression(value: Operand) -> Expression:
@@ -568,7 +598,8 @@ def _written(node: Node) -> tuple[str, int]:  # noqa: C901, PLR0911 - a line for
     kind = type(node)
     if isinstance(node, Channel):
         plain = _PLAIN_NAME.fullmatch(node.name) and node.name not in KEYWORDS
-        return node.name if plain else f'"{node.name}"', WHOLE
+        name = node.name if plain else f'"{node.name}"'
+        return f"delay({name}, {time_text(node.delay)})" if node.delay else name, WHOLE
     if isinstance(node, Constant):
         unit = "" if node.unit is None else f" {node.unit}"
         return f"{number_text(node.value)}{unit}", SIGN if node.value < 0 else WHOLE

@@ -10,12 +10,13 @@ import numpy as np
 from eskin.errors import MonitorError
 from eskin.interval import Interval
 from eskin.monitor.atoms import candidates, judge
-from eskin.monitor.checks import channel_horizons, check, comparison_of
+from eskin.monitor.checks import Columns, channel_horizons, check, comparison_of
 from eskin.monitor.evaluation import Evaluation
 from eskin.monitor.formula import Atom
 from eskin.monitor.online_kernels import CERTAIN, FULL, NO_UNTIL, POSSIBLE, Side, accept, settle
 from eskin.monitor.program import instructions, threshold
 from eskin.monitor.runs import END
+from eskin.monitor.shared import SharedError
 from eskin.monitor.signal import MAX_MOMENT, Signal, held_samples
 from eskin.monitor.verdicts import Piece, Verdicts, piece
 
@@ -59,6 +60,7 @@ class Monitor:
         formula: All its windows must be bounded.
         units: UCUM code of each channel.
         coverage: Of channels whose intervals do not always enclose the truth.
+        shared: Of channels whose samples share errors; epochs come with the samples.
         capacity: How many samples a channel may keep.
 
     Attributes:
@@ -74,6 +76,7 @@ class Monitor:
         units: Mapping[str, str],
         *,
         coverage: Mapping[str, float] | None = None,
+        shared: Mapping[str, SharedError] | None = None,
         capacity: int = 2**16,
     ) -> None:
         check(formula, units, bounded=True)
@@ -82,6 +85,7 @@ class Monitor:
         self._place = {name: k for k, name in enumerate(self._names)}
         self._units = {name: units[name] for name in self._names}
         self._coverage = {name: (coverage or {}).get(name, 1.0) for name in self._names}
+        self._shared = dict(shared or {})
         self._capacity = capacity
         horizons = channel_horizons(formula)
         self._past = np.array([horizons[name].past or 0 for name in self._names], np.int64)
@@ -92,7 +96,15 @@ class Monitor:
         self._view: Verdicts | None = None
 
     def push(
-        self, channel: str, earliest: int, latest: int, lo: float, hi: float, *, period: int
+        self,
+        channel: str,
+        earliest: int,
+        latest: int,
+        lo: float,
+        hi: float,
+        *,
+        period: int,
+        epoch: int = 1,
     ) -> None:
         """Add the next sample of a channel, with its moment's enclosure in ns.
 
@@ -103,7 +115,7 @@ class Monitor:
             MonitorError: The formula has no such channel, the sample is before the last one, or the
                 channel keeps too many, as another channel is silent.
         """
-        self.extend(channel, [earliest], [latest], [lo], [hi], period)
+        self.extend(channel, [earliest], [latest], [lo], [hi], period, epoch=epoch)
 
     def extend(
         self,
@@ -114,8 +126,11 @@ class Monitor:
         hi: ArrayLike,
         period: ArrayLike,
         gap: ArrayLike | None = None,
+        epoch: ArrayLike = 1,
     ) -> None:
         """Add the next samples of a channel at once; arguments as of `Signal`.
+
+        Epochs count where the channel shares errors.
 
         Raises:
             MonitorError: As `push`; the samples before the one in error are added.
@@ -125,8 +140,9 @@ class Monitor:
         bounds = np.asarray(lo, np.float64), np.asarray(hi, np.float64)
         periods = np.asarray(period, np.int64).reshape(-1)
         gaps = _NO_GAPS if gap is None else np.asarray(gap, bool)
+        epochs = np.asarray(epoch, np.int64).reshape(-1)
         count = moments[0].size
-        _require_columns(channel, count, (*moments, *bounds), (periods, gaps))
+        _require_columns(channel, count, (*moments, *bounds), (periods, gaps, epochs))
         begin, end, _ = self._spans[at].tolist()
         needed = end - begin + count
         if needed > self._capacity:
@@ -139,7 +155,7 @@ class Monitor:
             self._columns = self._columns.grown(needed)
         program, columns = self._program, self._columns
         added, wrong = accept(
-            *moments, *bounds, periods, gaps, columns.times, columns.bounds, columns.gap,
+            *moments, *bounds, periods, gaps, epochs, columns.times, columns.bounds, columns.gap,
             columns.codes, program.sides, program.thresholds, self._spans, at,
         )  # fmt: skip
         self._view = None
@@ -256,23 +272,27 @@ class Monitor:
     def _signal(self, name: str) -> Signal:
         at = self._place[name]
         begin, end, until = self._spans[at].tolist()
-        earliest, latest, lo, hi, period, gap = (
+        earliest, latest, lo, hi, period, gap, epoch = (
             each[begin:end].copy() for each in self._columns.of_channel(at)
         )
+        shared = self._shared.get(name)
+        if shared is not None:
+            shared = SharedError(shared.alpha, shared.beta, epoch, shared.name)
         return Signal(
             *(earliest, latest, lo, hi, period, gap),
             unit=self._units[name],
             coverage=self._coverage[name],
             until=None if until == NO_UNTIL else until,
+            shared=shared,
         )
 
     def _code(self, atom: int, channel: str, at: int, first: int) -> None:
         """Write the codes of an atom over one channel, from a sample on."""
         end = self._spans[at, 1]
-        _, _, lo, hi, _, _ = self._columns.of_channel(at)
+        _, _, lo, hi, *_ = self._columns.of_channel(at)
         values = Interval(lo[first:end], hi[first:end])
         self._columns.codes[atom, first:end] = _codes(
-            self._program.atoms[atom], {channel: values}, self._units
+            self._program.atoms[atom], channel, values, self._units
         )
 
     def _channel(self, name: str) -> int:
@@ -297,7 +317,7 @@ class _Columns(NamedTuple):
     @classmethod
     def of(cls, channels: int, atoms: int, room: int) -> _Columns:
         return cls(
-            np.empty((3, channels, room), np.int64),
+            np.empty((4, channels, room), np.int64),
             np.empty((2, channels, room), np.float64),
             np.zeros((channels, room), bool),
             np.zeros((atoms, room), np.int8),
@@ -308,10 +328,10 @@ class _Columns(NamedTuple):
     def room(self) -> int:
         return int(self.gap.shape[1])
 
-    def of_channel(self, at: int) -> tuple[Any, Any, Any, Any, Any, Any]:
-        """Earliest, latest, lo, hi, period, gap."""
+    def of_channel(self, at: int) -> tuple[Any, ...]:
+        """Earliest, latest, lo, hi, period, gap, epoch."""
         times, bounds = self.times[:, at], self.bounds[:, at]
-        return times[0], times[1], bounds[0], bounds[1], times[2], self.gap[at]
+        return times[0], times[1], bounds[0], bounds[1], times[2], self.gap[at], times[3]
 
     def grown(self, needed: int) -> _Columns:
         """Columns with room for twice as many samples as are needed, at least."""
@@ -363,14 +383,14 @@ class _Program(NamedTuple):
         coded: list[list[int]] = [[] for _ in place]
         listed = []
         for k, atom in enumerate(atoms):
-            names = atom.channels
-            if len(names) != 1:
+            names = atom.variables
+            if len(names) != 1 or any(delay for _, delay in names):
                 listed.append(k)
                 continue
-            [name] = names
+            [(name, _)] = names
             at = channel_of[k] = place[name]
             whatever = Interval([-np.inf], [np.inf])
-            of_any[k] = _codes(atom, {name: whatever}, units)[0]
+            of_any[k] = _codes(atom, name, whatever, units)[0]
             found = threshold(atom, units)
             if found is None:
                 sides_[at, k] = int(Side.CODED)
@@ -396,11 +416,11 @@ def _require_columns(
     channel: str,
     count: int,
     columns: tuple[NDArray[Any], ...],
-    others: tuple[NDArray[Any], NDArray[Any]],
+    others: tuple[NDArray[Any], NDArray[Any], NDArray[Any]],
 ) -> None:
-    periods, gaps = others
+    periods, gaps, epochs = others
     if any(each.shape != (count,) for each in columns) or not (
-        periods.size in {1, count} and gaps.size in {0, count}
+        periods.size in {1, count} and epochs.size in {1, count} and gaps.size in {0, count}
     ):
         raise MonitorError(f"the columns of {channel} have different lengths; give all alike")
     if columns[0].dtype != np.int64 or columns[1].dtype != np.int64:
@@ -410,9 +430,9 @@ def _require_columns(
 
 
 def _codes(
-    atom: Atom, columns: Mapping[str, Interval], units: Mapping[str, str]
+    atom: Atom, channel: str, values: Interval, units: Mapping[str, str]
 ) -> NDArray[np.int8]:
-    [values] = columns.values()
+    columns = Columns({(channel, 0): values})
     left, right = (side.value for side in comparison_of(atom, columns, units))
     certain, possible = judge(left, atom.comparison, right)
     shape = values.shape

@@ -74,6 +74,7 @@ def accept(  # noqa: C901, PLR0913, PLR0917 - the columns of samples, twice
     hi: Any,
     periods: Ints,
     gaps: Any,
+    epochs: Ints,
     times: Ints,
     bounds: Any,
     gap: Any,
@@ -95,7 +96,8 @@ def accept(  # noqa: C901, PLR0913, PLR0917 - the columns of samples, twice
         hi: Of the new samples.
         periods: Of each, or of all.
         gaps: Whether a gap follows each; empty where none does.
-        times: Earliest, latest and period of the samples that are kept, a row a channel.
+        epochs: Of each, or of all.
+        times: Earliest, latest, period and epoch of the samples that are kept, a row a channel.
         bounds: Their lo and hi.
         gap: Whether a gap follows.
         codes: Codes of each atom, a row each.
@@ -135,6 +137,7 @@ def accept(  # noqa: C901, PLR0913, PLR0917 - the columns of samples, twice
             break
         times[0, channel, end], times[1, channel, end] = first, latest[k]
         times[2, channel, end] = period
+        times[3, channel, end] = epochs[k if epochs.size > 1 else 0]
         bounds[0, channel, end], bounds[1, channel, end] = low, high
         gap[channel, end] = gaps.size > 0 and gaps[k]
         for atom in range(thresholds.size):

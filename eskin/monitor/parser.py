@@ -307,7 +307,7 @@ class _Parser:
             value=token.text,
         )
 
-    def _keyword(self, token: _Token) -> Node:
+    def _keyword(self, token: _Token) -> Node:  # noqa: PLR0911 - a line for each keyword
         word, column = token.text, token.column
         if word == "not":
             return self._make(Not, column, self._formula(PREFIX))
@@ -324,6 +324,8 @@ class _Parser:
             value = self._expression(0)
             self._expect(")")
             return self._make(Absolute, column, value)
+        if word == "delay":
+            return self._delayed(column)
         if word in {"min", "max"}:
             kind = Minimum if word == "min" else Maximum
             return self._make(kind, column, self._list(self._expression))
@@ -334,6 +336,20 @@ class _Parser:
             column=column,
             value=word,
         )
+
+    def _delayed(self, column: int) -> Channel:
+        self._expect("(")
+        token = self._take()
+        if token.kind != "quoted" and (token.kind != "word" or token.text in KEYWORDS):
+            raise MonitorError(
+                f"delay takes a channel and a time, as in delay(p, 100ms), not {shown(token.text)}",
+                column=token.column,
+                value=token.text,
+            )
+        self._expect(",")
+        delay = _nanoseconds(self._time())
+        self._expect(")")
+        return self._make(Channel, column, token.text, delay)
 
     def _list(self, read: Callable[[int], _Made]) -> tuple[_Made, ...]:
         self._expect("(")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from eskin.monitor.checks import comparison_of, sides
+from eskin.monitor.checks import Columns, comparison_of, sides
 from eskin.monitor.formula import (
     Always,
     And,
@@ -124,9 +124,11 @@ def threshold(atom: Atom, units: Mapping[str, str]) -> Threshold | None:
 
     A constant that no float holds becomes the next one that is compared alike.
     """
+    if any(delay for _, delay in atom.variables):
+        return None
     left, right = atom.left, atom.right
     upward, strict = atom.comparison.upward, atom.comparison.strict
-    one, other = (side.value for side in comparison_of(atom, {}, units))
+    one, other = (side.value for side in comparison_of(atom, Columns(), units))
     if isinstance(left, Channel) and isinstance(other, Fraction):
         channel, constant = left, other
     elif isinstance(right, Channel) and isinstance(one, Fraction):

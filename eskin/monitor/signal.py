@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from eskin.monitor.runs import Ticks
+    from eskin.monitor.shared import SharedError
     from eskin.tube import Tube
 
 MAX_MOMENT: Final = 2**62 - 2**60
@@ -40,6 +41,7 @@ class Signal:
         coverage: Probability with which each sample's interval encloses the truth.
         until: The next sample is not earlier, in ns; the last one is held until then, or, before a
             gap, for one period of that time.
+        shared: Errors that the samples share; ``None`` for none.
 
     Raises:
         MonitorError: The parts do not fit each other, or moments are out of order.
@@ -55,6 +57,7 @@ class Signal:
     unit: str
     coverage: float
     until: int | None
+    shared: SharedError | None
 
     def __init__(  # noqa: PLR0913 - the columns of a signal
         self,
@@ -68,6 +71,7 @@ class Signal:
         unit: str = "1",
         coverage: float = 1.0,
         until: int | None = None,
+        shared: SharedError | None = None,
     ) -> None:
         values = Interval(lo, hi)
         shape = values.shape
@@ -88,6 +92,9 @@ class Signal:
             raise MonitorError(f"coverage must lie in [0, 1], not {coverage}", value=coverage)
         set_(self, "coverage", float(coverage))
         set_(self, "until", until)
+        set_(self, "shared", shared)
+        if shared is not None and shared.epoch.shape not in ((), shape):
+            raise MonitorError(f"epochs have shape {shared.epoch.shape}, the bounds have {shape}")
         if np.any(self.period <= 0) or np.any(self.period > MAX_BOUND):
             raise MonitorError(f"period must lie in [1, {MAX_BOUND}] ns; see {self.period}")
         if until is not None and abs(until) > MAX_MOMENT:

@@ -169,6 +169,8 @@ def _measured(  # noqa: PLR0911 - a line for each kind of expression
     node: Expression, unit: Unit, read: Callable[[str], Measured]
 ) -> Measured:
     if isinstance(node, Channel):
+        if node.delay:
+            raise _unsuited(node)
         return read(node.name)
     if isinstance(node, Constant):
         return firmware.number(*sides(_constant(node, unit)))

@@ -53,7 +53,8 @@ def constants() -> st.SearchStrategy[Expression]:
 def expressions(
     names: Sequence[str], constant: st.SearchStrategy[Expression]
 ) -> st.SearchStrategy[Expression]:
-    leaves = st.sampled_from(names).map(Channel) | constant
+    channels = st.builds(Channel, st.sampled_from(names), st.sampled_from((0, 0, 5, 10**8)))
+    leaves = channels | constant
 
     def extend(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
         pairs = [st.builds(kind, inner, inner) for kind in (Add, Subtract, Multiply, Divide)]

@@ -22,9 +22,9 @@ LEVELS = (-1.0, 0.0, 1.0)
 
 ATOMS = st.builds(
     Atom,
-    st.sampled_from("pq").map(Channel),
+    st.sampled_from((Channel("p"), Channel("q"), Channel("p", 3))),
     st.sampled_from(Comparison),
-    st.sampled_from((Channel("q"), Constant(0), Constant(1))),
+    st.sampled_from((Channel("q"), Channel("p", 2), Constant(0), Constant(1))),
 )
 FORMULAS = formulas(ATOMS, bounds(4, unbounded=False), max_leaves=4)
 

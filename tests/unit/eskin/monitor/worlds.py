@@ -158,7 +158,7 @@ class Truth:
 
     def _value(self, node: Expression, t: Fraction) -> Fraction:  # noqa: PLR0911
         if isinstance(node, Channel):
-            return Fraction(self._values[node.name](t))
+            return Fraction(self._values[node.name](t - node.delay))
         if isinstance(node, Constant):
             return node.value
         parts = [self._value(part, t) for part in node.parts if isinstance(part, Expression)]
