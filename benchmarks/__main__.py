@@ -31,6 +31,7 @@ from benchmarks.pixels import measure_pixels
 from benchmarks.pyramid import measure_pyramid
 from benchmarks.reflexes import measure_reflexes
 from benchmarks.report import Row, as_table, write_json
+from benchmarks.shared_errors import measure_shared_errors
 from benchmarks.skin import HAND, measure_skin
 from benchmarks.skin_reads import measure_skin_reads
 from benchmarks.storage import measure_storage
@@ -61,6 +62,8 @@ def main() -> None:
         rows += measure_monitors()
     # It shows its own progress.
     rows += measure_reflexes()
+    with _step(console, "differences with shared errors"):
+        rows += measure_shared_errors()
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
         data = Path(folder)
         with _step(console, "sealing and opening envelopes"):

@@ -10,6 +10,7 @@ CONFIDENCE: Final = 1.0 - 1e-6
 """Chance brings more violations than allowed once in a million audits of a channel."""
 _SUMS: Final = (
     *("frames", "samples", "violations", "mislabelled", "late", "unbounded", "forgotten"),
+    *("contradictions",),
     *("width", "magnitude"),
 )
 
@@ -31,6 +32,8 @@ class ChannelAudit:
         late: Frames whose enclosure of time does not hold the true time.
         unbounded: Samples with an unbounded side; they hold, but have no width.
         forgotten: Frames whose truth the emulator has dropped (beyond its limit).
+        contradictions: Channels of the patch whose shared error no true factor explains, among
+            those whose intervals always hold.
         width: Sum of the finite widths.
         magnitude: Sum of the true values' sizes, over the same samples.
     """
@@ -46,6 +49,7 @@ class ChannelAudit:
     late: int = 0
     unbounded: int = 0
     forgotten: int = 0
+    contradictions: int = 0
     width: float = field(default=0.0)
     magnitude: float = field(default=0.0)
 
@@ -78,7 +82,8 @@ class ChannelAudit:
     @property
     def passes(self) -> bool:
         """Whether the channel keeps its promise."""
-        return self.violations <= self.allowed and self.late == 0 and self.mislabelled == 0
+        broken = self.late + self.mislabelled + self.contradictions
+        return self.violations <= self.allowed and broken == 0
 
 
 def binomial_quantile(trials: int, probability: float, confidence: float) -> int:

@@ -22,6 +22,8 @@ from sqlalchemy import func, select, tuple_
 from eskin.demo.audit.channel import ChannelAudit
 from eskin.demo.audit.sealed import has_columns, open_frame, sealed_rows
 from eskin.errors import AuditError
+from eskin.interval import Interval
+from eskin.monitor import SharedError
 from eskin.privacy.sealed_message import name_place
 from eskin.wire.frames import FrameSummary
 from eskin.wire.frames.frame_scan import Part, scan_frames
@@ -166,11 +168,13 @@ class _Sums:
     counts: dict[str, Integers] = field(default_factory=dict)
     amounts: dict[str, Floats] = field(default_factory=dict)
     coverage: Floats = field(init=False)
+    factors: dict[tuple[int, int], tuple[Floats, Floats]] = field(default_factory=dict)
+    """By patch and epoch, between which bounds the factor of each column must lie."""
 
     def __post_init__(self) -> None:
         patches = len(self.described.patches)
         names = ("frames", "samples", "violations", "late", "unbounded", "forgotten", "mislabelled")
-        self.counts = {name: np.zeros(patches, np.int64) for name in names}
+        self.counts = {name: np.zeros(patches, np.int64) for name in (*names, "contradictions")}
         self.amounts = {name: np.zeros(patches) for name in ("width", "magnitude")}
         self.coverage = np.ones(patches)
 
@@ -199,12 +203,42 @@ class _Sums:
         for name, values in {"width": width, "magnitude": magnitude}.items():
             np.add.at(self.amounts[name], numbers, np.add.reduceat(values, begins))
 
+    def share(self, number: int, epoch: int, lo: Floats, hi: Floats, truth: Floats) -> None:
+        """Narrow the factor α of each column to what explains some true values: ``x = α·u``.
+
+        Args:
+            number: Of the patch.
+            epoch: In which α is constant.
+            lo: Lower bounds, rows × columns.
+            hi: Upper bounds.
+            truth: True values.
+        """
+        patch = self.described.patches[number]
+        if set(patch.beta) != {(0.0, 0.0)}:  # no emulated kind states a summand
+            return
+        alpha = np.broadcast_to(np.array(patch.alpha), (len(patch.taxels), 2)).T
+        low, high = self.factors.setdefault((number, epoch), (alpha[0].copy(), alpha[1].copy()))
+        for k, (least, most) in enumerate(alpha.T.tolist()):
+            x = truth[:, k]
+            known = np.isfinite(lo[:, k]) & np.isfinite(hi[:, k]) & (x > 0.0)
+            error = SharedError((least, most))
+            own, found = error.own_parts(Interval(lo[known, k], hi[known, k]))
+            kept = found & (own.inf > 0.0)
+            if np.any(kept):
+                factor = Interval(x[known][kept]) / own[kept]
+                low[k] = max(low[k], float(factor.inf.max()))
+                high[k] = min(high[k], float(factor.sup.min()))
+
     def count(self, name: str, numbers: Integers | Sequence[int]) -> None:
         """Count one for each patch."""
         np.add.at(self.counts[name], numbers, 1)
 
     def entries(self, node: str) -> Iterator[ChannelAudit]:
         """One entry for each patch with stored samples."""
+        for (number, _), (low, high) in self.factors.items():
+            if self.coverage[number] == 1.0:
+                self.counts["contradictions"][number] += int((low > high).sum())
+        self.factors.clear()
         for number, patch in enumerate(self.described.patches):
             counts: dict[str, Any] = {name: int(each[number]) for name, each in self.counts.items()}
             if any(counts.values()):
@@ -317,6 +351,15 @@ class _Comparison:
         numbers = whole[:, Part.PATCH]
         sums.compare(numbers, whole[:, Part.BEGIN], records.lo, records.hi, values)
         np.minimum.at(sums.coverage, numbers, records.coverage)
+        for record in np.flatnonzero(whole[:, Part.EPOCH]).tolist():
+            number, epoch, begin, rows, columns = whole[
+                record, [Part.PATCH, Part.EPOCH, Part.BEGIN, Part.ROWS, Part.COLUMNS]
+            ].tolist()
+            cells = slice(begin, begin + rows * columns)
+            parts = (
+                each[cells].reshape(rows, columns) for each in (records.lo, records.hi, values)
+            )
+            sums.share(number, epoch, *parts)
         times = np.array([(truth.time, truth.end, truth.lasting) for _, truth in known])
         time, end, lasting = times[whole[:, Part.FRAME]].T
         earliest, latest = whole[:, Part.EARLIEST], whole[:, Part.LATEST]
@@ -359,6 +402,8 @@ class _Comparison:
             one, start = np.array([number]), np.zeros(1, np.int64)
             sums.compare(one, start, run.lo.ravel(), run.hi.ravel(), values)
             sums.coverage[number] = min(sums.coverage[number], run.coverage)
+            if run.epoch:
+                sums.share(number, run.epoch, run.lo, run.hi, values.reshape(run.lo.shape))
             since = run.ticks - truth.ticks
             off = truth.time + since - run.t, truth.end - truth.lasting + since - run.t
             if max(map(abs, off)) > run.error:

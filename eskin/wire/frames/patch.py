@@ -56,9 +56,10 @@ class Patch:
         positions: x and y, or x, y and z of all columns, in um.
         neighbours: Pairs of columns whose taxels touch, the lesser first.
         skew: How much later than its row each column is sampled, in ns; empty if not at all.
-        alpha: Enclosure of the factor in ``x = alpha·u + beta``, constant within an epoch: one for
-            all columns or one for each; empty where columns share no error.
-        beta: The same of the summand, in the unit.
+        alpha: Enclosure of the factor in ``x = alpha·(u + beta)``, above 0. Each column has a
+            factor of its own, constant within an epoch; the enclosure is one for all columns or
+            one for each; empty where samples share no error.
+        beta: The same of the summand, in the unit of u.
         slew: Bound of the quantity's rate of change, in units a second; ``None`` if none is known.
         threshold: From which value on there is a contact, in the unit; ``None`` without contacts.
         cell_area: Area of a taxel's cell, in m2; ``None`` without contacts.
@@ -206,8 +207,8 @@ def _require_shared(alpha: Sequence[Bounds], beta: Sequence[Bounds], columns: in
         _require_count(bounds, (0, 1, columns), what)
         if len(bounds) > 1 and len(set(bounds)) == 1:
             raise MessageError(f"{what} has the same item for all columns; write it once")
-    if any(lo <= 0.0 <= hi for lo, hi in alpha):
-        raise MessageError("field 12 contains 0: nothing can be calculated back from it")
+    if any(lo <= 0.0 for lo, _ in alpha):
+        raise MessageError("field 12 is not above 0: nothing can be calculated back from it")
 
 
 def _bounds(value: object, what: str) -> Bounds:

@@ -52,16 +52,20 @@ class Patch:
         columns: Channels.
         finest: Finest exponent of its quanta.
         subject: Name of the person that its samples are about; empty where they are of none.
+        epoch: Of errors that its samples share; 0 where they share none.
     """
 
-    __slots__ = ("columns", "finest", "number", "page", "subject")
+    __slots__ = ("columns", "epoch", "finest", "number", "page", "subject")
 
-    def __init__(self, number: int, page: int, columns: int, finest: int, subject: str) -> None:
+    def __init__(
+        self, number: int, page: int, columns: int, finest: int, subject: str, epoch: int
+    ) -> None:
         self.number = number
         self.page = page
         self.columns = columns
         self.finest = finest
         self.subject = subject
+        self.epoch = epoch
 
 
 class _Part:
@@ -269,7 +273,7 @@ class Assembler:
         exponent, offset, codes = self._encode(
             lows, highs, matrix.rows, patch.columns, matrix.first_row, strides, patch.finest
         )
-        head = [patch.number, grid, 0, patch.columns, exponent, offset, codes]
+        head = [patch.number, grid, patch.epoch, patch.columns, exponent, offset, codes]
         return head + ([{1: strides}] if strides else [])
 
     def _write_verdicts(self) -> "Record":

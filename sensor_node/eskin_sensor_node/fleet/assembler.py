@@ -222,7 +222,9 @@ class CohortAssembler:
             codes.append(found.codes)
             used += len(found.codes)
             grid = grids.index(matrix.grid)
-            heads.append((patch.number, patch.columns, matrix.start, matrix.last, grid))
+            heads.append(
+                (patch.number, patch.columns, matrix.start, matrix.last, grid, patch.epoch)
+            )
         samples = np.array([matrix.samples for matrix in matrices])
         return Page(
             number,

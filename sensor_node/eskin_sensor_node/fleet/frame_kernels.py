@@ -67,7 +67,7 @@ class Page(NamedTuple):
     Attributes:
         number: Of the page.
         heads: Of each matrix: number of its patch, columns, ticks of the first row, ticks of the
-            last row, number of its grid; matrices × 5.
+            last row, number of its grid, epoch; matrices × 6.
         grids: Period, number of the first row, rows; grids × 3. Matrices of one grid have one
             start.
         coverages: Of each grid.
@@ -113,7 +113,7 @@ def _write_patch(out: Bytes, at: int, page: Page, row: int, k: int, grid: int) -
     patch, columns = page.heads[k, 0], page.heads[k, 1]
     at = head(out, at, ARRAY, 8 if page.strided[k] else 7)
     at = integer(out, integer(out, at, patch), grid)
-    at = integer(out, integer(out, at, 0), columns)
+    at = integer(out, integer(out, at, page.heads[k, 5]), columns)
     at = integer(out, integer(out, at, page.exponents[k, row]), page.offsets[k, row])
     at = _octets(out, at, page.codes[page.begins[k, row] : page.ends[k, row]])
     if page.strided[k]:

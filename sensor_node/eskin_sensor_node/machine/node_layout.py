@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 MOST_COLUMNS: Final = 64
 WEARER: Final = "wearer"
 """The subject of biometric patches; the gateway maps it to a pseudonym."""
+FIRST_EPOCH: Final = 1
+"""Of errors that no command, autoranging or actuation changes: those of the oscillators' parts."""
 _MICRO: Final = 1e6
 _NAME: Final = 31
 """Characters of a patch's name, at most."""
@@ -148,7 +150,14 @@ def plan_layout(settings: NodeSettings) -> NodeLayout:
     places: dict[tuple[int, str], Column] = {}
     for number, ((key, taxels), patch) in enumerate(zip(parts, patches, strict=True)):
         finest = finest_exponent(patch.least_width)
-        planned = PlannedPatch(number, page_of[number], len(taxels), finest, patch.subject or "")
+        planned = PlannedPatch(
+            number,
+            page_of[number],
+            len(taxels),
+            finest,
+            patch.subject or "",
+            FIRST_EPOCH if patch.alpha else 0,
+        )
         for column, place in enumerate(taxels):
             places[place, key.quantity] = Column(planned, column)
     columns = tuple(
@@ -200,6 +209,14 @@ def _describe(
             each = [[round(_MICRO * v) for v in places[taxel.id]] for taxel in taxels]
             positions = tuple(zip(*each, strict=True))
         widths = [least_widths(taxel, settings.companions(taxel))[key.quantity] for taxel in taxels]
+        alpha = tuple(
+            shared_errors(taxel, settings.companions(taxel)).get(key.quantity) for taxel in taxels
+        )
+        shared = tuple(each for each in alpha if each is not None)
+        if len(shared) < len(alpha):
+            shared = ()
+        elif len(set(shared)) == 1:
+            shared = shared[:1]
         neighbours: tuple[tuple[int, int], ...] = ()
         threshold, cell_area = None, None
         if key.contact is not None:
@@ -218,6 +235,8 @@ def _describe(
                 subject=WEARER if key.biometric else None,
                 positions=positions,
                 neighbours=neighbours,
+                alpha=shared,
+                beta=((0.0, 0.0),) if shared else (),
                 threshold=threshold,
                 cell_area=cell_area,
             )
@@ -242,6 +261,23 @@ def least_widths(taxel: TaxelSection, companions: Mapping[str, Companion]) -> di
     firmware: Any = taxel.firmware
     widths = _least_widths(firmware, tuple(sorted(sheet.items())), tuple(bits))
     return dict(zip(taxel.units, widths, strict=True))
+
+
+def shared_errors(
+    taxel: TaxelSection, companions: Mapping[str, Companion]
+) -> Mapping[str, tuple[float, float]]:
+    """Bounds of α, by the quantities whose samples share it."""
+    sheet = data_sheet(taxel, companions)
+    firmware: Any = taxel.firmware
+    return _shared_errors(firmware, tuple(sorted(sheet.items())))
+
+
+@functools.cache
+def _shared_errors(
+    firmware: Any, sheet: tuple[tuple[str, float], ...]
+) -> Mapping[str, tuple[float, float]]:
+    found: Mapping[str, tuple[float, float]] = firmware(dict(sheet), compiled_inversion()).shared()
+    return found
 
 
 @functools.cache

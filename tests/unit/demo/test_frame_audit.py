@@ -15,6 +15,7 @@ from eskin_cloud.store.removal import PatchSweep, remove, remove_rows
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, removals, sealed_messages
 from eskin_cloud.store.write.removal_counts import RemovalReason, Sweep
+from eskin_sensor_node.columns.stretch import PatchColumns
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from sqlalchemy import delete, insert, select, update
 
@@ -52,6 +53,32 @@ class WornColumns(TinyColumns):
 
     patches = (*PATCHES[:2], HEART)
     layout = Layout(tuple(patch.content_hash for patch in patches), pages=(2, 1))
+
+
+class SharingColumns(TinyColumns):
+    """The same skin, whose air has one factor in all samples."""
+
+    alpha = 0.9, 1.1
+    factors: tuple[float, ...] = (1.05,)
+    patches = (
+        replace(PATCHES[0], least_width=2.0**-10, alpha=(alpha,), beta=((0.0, 0.0),)),
+        *PATCHES[1:],
+    )
+    layout = Layout(tuple(patch.content_hash for patch in patches), pages=(2, 1))
+
+    def _patch(self, number: int, grid: int, shape: tuple[int, int]) -> PatchColumns:
+        if number:
+            return super()._patch(number, grid, shape)
+        own = 10.0 + 30.0 * self._random.random(shape)
+        truth = own * self.factors[self.stretches % len(self.factors)]
+        lo, hi = self.alpha[0] * (own - 0.01), self.alpha[1] * (own + 0.01)
+        return PatchColumns(number, grid, 1, lo, hi, truth)
+
+
+class DriftingColumns(SharingColumns):
+    """Its factor is another one in each stretch, and always within its bounds."""
+
+    factors = (1.04, 1.06)
 
 
 class Said(NamedTuple):
@@ -369,3 +396,19 @@ def test_frames_of_an_erased_subject_are_not_compared(worn: Worn) -> None:
     found = worn.audit()
     assert found.passes
     assert "heart.bioelectric" not in totals(found)
+
+
+@pytest.mark.parametrize("compacted", [False, True])
+@pytest.mark.parametrize("build", [SharingColumns, DriftingColumns])
+def test_shared_error_that_is_not_constant_is_found(
+    tmp_path: Path, build: type[SharingColumns], *, compacted: bool
+) -> None:
+    demo = Demo(tmp_path, build)
+    if compacted:
+        demo.compact()
+    found = demo.audit()
+    demo.store.close()
+    (air,) = (each for each in found.channels if each.channel == "air.temperature")
+    assert air.violations == 0
+    assert air.contradictions == (build is DriftingColumns)
+    assert found.passes is (build is SharingColumns)

@@ -5,9 +5,9 @@ from eskin_sensor_node.firmware.taxel.taxel import Taxel
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from eskin_sensor_node.firmware.calibration import Sheet
+    from eskin_sensor_node.firmware.calibration import Bounds, Sheet
     from eskin_sensor_node.firmware.inversion import Buffer, Codes
 
 
@@ -20,6 +20,10 @@ class CapacitiveTaxel(Taxel):
 
     def _calibrate(self, sheet: "Sheet") -> None:
         self._factor = oscillator(sheet)
+
+    def shared(self) -> "Mapping[str, Bounds]":
+        """The oscillator's factor: a capacitance is ``factor / I`` (eq. 6)."""
+        return {"capacitance": self._factor}
 
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Capacitance in F, current in A."""

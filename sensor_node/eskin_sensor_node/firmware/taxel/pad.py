@@ -127,6 +127,10 @@ class PadTaxel(Taxel):
         nearer, farther = quotient(*ends), quotient(ends[1], ends[0])
         return {"capacitance": nearer, "current": farther, "plate_distance": farther}
 
+    def shared(self) -> "Mapping[str, Bounds]":
+        """The oscillator's factor: a capacitance is ``factor / I`` (eq. 6)."""
+        return {"capacitance": self._factor}
+
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Capacitance in F, current in A, mean distance in m, what it feels in Pa."""
         self.air.permittivity(codes[1:], n, bounds[4], bounds[5])

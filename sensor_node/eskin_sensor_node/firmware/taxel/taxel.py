@@ -61,6 +61,13 @@ class Taxel:
         if gains != (1.0, 1.0) or trim != 0:
             self._adc = adjusted(self._converter, gains, trimmer(self.sheet, trim))
 
+    def shared(self) -> "Mapping[str, Bounds]":
+        """Bounds of α, by the quantities that are ``α·u`` with the same α in all samples.
+
+        The bounds are those that `measure` multiplies u by, to the same bit.
+        """
+        return {}
+
     def move(self, before: int, steps: int) -> "Mapping[str, Bounds]":
         """Calculate with the plates at another step; gives by what quantities change.
 

@@ -43,6 +43,10 @@ class TouchTaxel(Taxel):
         ratio = quotient(distance(self.sheet, before), distance(self.sheet, steps))
         return {"capacitance": ratio, "energy": ratio}
 
+    def shared(self) -> "Mapping[str, Bounds]":
+        """The oscillator's factor: a capacitance is ``factor / I`` (eq. 6)."""
+        return {"capacitance": self._factor}
+
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Area in m², capacitance in F, energy in J."""
         self._functions.measure_touch(

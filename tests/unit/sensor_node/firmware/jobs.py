@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 _SCHEDULE = ("dt", "stretch", "most", "burst", "pause")
-_PATCH = ("number", "page", "columns", "finest", "subject")
+_PATCH = ("number", "page", "columns", "finest", "subject", "epoch")
 
 
 class Recorder:
