@@ -53,13 +53,16 @@ def some(chance: random.Random, lo: float, hi: float) -> Fraction:
 
 
 def draw(
-    chance: random.Random, errors: dict[int, tuple[Fraction, Fraction]], beta: tuple[float, float]
+    chance: random.Random,
+    errors: dict[int, tuple[Fraction, Fraction]],
+    beta: tuple[float, float],
+    epochs: tuple[int, ...],
 ) -> World:
-    lo, hi, epochs, truth = [], [], [], []
+    lo, hi, drawn, truth = [], [], [], []
     for _ in range(COUNT):
         least = chance.randint(-32, 32) / 8
         most = least + chance.randint(0, 2) / 16
-        epoch = chance.choice((1, 1, 1, 2, 0))
+        epoch = chance.choice(epochs)
         ends = [
             Fraction(a) * (Fraction(u) + Fraction(b))
             for a in ALPHA
@@ -71,15 +74,17 @@ def draw(
         bounds = Interval(float(min(ends)), float(max(ends)))  # exact: small binary fractions
         lo.append(float(bounds.inf) - chance.choice((0.0, 2.0**-10)))
         hi.append(float(bounds.sup) + chance.choice((0.0, 2.0**-10)))
-        epochs.append(epoch)
-    return World(np.array(lo), np.array(hi), np.array(epochs), truth)
+        drawn.append(epoch)
+    return World(np.array(lo), np.array(hi), np.array(drawn), truth)
 
 
-def scene(seed: int, beta: tuple[float, float] = BETA) -> dict[str, World]:
+def scene(
+    seed: int, beta: tuple[float, float] = BETA, *, epochs: tuple[int, ...] = (1, 1, 1, 2, 0)
+) -> dict[str, World]:
     """Worlds of p and q, which share one error."""
     chance = random.Random(seed)  # noqa: S311 - drawn from a seed
     errors = {epoch: (some(chance, *ALPHA), some(chance, *beta)) for epoch in (1, 2)}
-    return {name: draw(chance, errors, beta) for name in "pq"}
+    return {name: draw(chance, errors, beta, epochs) for name in "pq"}
 
 
 MOMENTS = np.arange(COUNT) * PERIOD
@@ -111,12 +116,39 @@ def test_no_truth_contradicts_a_verdict(text: str, eighths: int, seed: int, zero
         assert (robustness.sup < 0.0) <= (verdict is Verdict.IMPOSSIBLE)
 
 
+SUMS = {
+    "p - delay(p, 3ns) > {c}": (1, -1, 0),
+    "p + q - delay(p, 3ns) > {c}": (1, -1, 1),
+    "p + delay(p, 3ns) > {c}": (1, 1, 0),
+    "2 * p - q / 2 > {c}": (2, 0, Fraction(-1, 2)),
+    "q - p / 4 > {c}": (Fraction(-1, 4), 0, 1),
+}
+
+
+@pytest.mark.parametrize("text", SUMS)
+def test_no_truth_next_to_a_bound_is_contradicted(text: str) -> None:
+    decided = 0
+    for seed in range(300):
+        worlds = scene(seed, epochs=(1,))
+        k = 2 + seed % (COUNT - 2)
+        p, q = worlds["p"].truth, worlds["q"].truth
+        value = sum(
+            Fraction(c) * x for c, x in zip(SUMS[text], (p[k], p[k - 1], q[k]), strict=True)
+        )
+        for shift in (Fraction(-1, 16), Fraction(-1, 2**20), Fraction(1, 2**20), Fraction(1, 16)):
+            bound = float(value + shift)
+            formula = parse(text.format(c=f"{bound:.17g}"))
+            found = evaluate(formula, {name: signal(each) for name, each in worlds.items()})
+            verdict = found.at(k * PERIOD)
+            assert verdict in {Verdict.POSSIBLE, Verdict(2 * (value > Fraction(bound)))}
+            decided += verdict is not Verdict.POSSIBLE
+    assert decided > 0
+
+
 def test_more_is_decided_where_errors_are_shared() -> None:
     possible = {True: 0, False: 0}
     for seed in range(40):
-        worlds = scene(seed)
-        for each in worlds.values():
-            each.epoch[:] = 1
+        worlds = scene(seed, epochs=(1,))
         for text in FORMULAS[:8]:
             formula = parse(text.format(c=1))
             for shared in possible:
