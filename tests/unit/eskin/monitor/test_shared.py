@@ -116,7 +116,7 @@ def test_no_truth_contradicts_a_verdict(text: str, eighths: int, seed: int, zero
         assert (robustness.sup < 0.0) <= (verdict is Verdict.IMPOSSIBLE)
 
 
-SUMS = {
+SUMS: dict[str, tuple[Fraction | int, ...]] = {
     "p - delay(p, 3ns) > {c}": (1, -1, 0),
     "p + q - delay(p, 3ns) > {c}": (1, -1, 1),
     "p + delay(p, 3ns) > {c}": (1, 1, 0),
