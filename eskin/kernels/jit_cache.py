@@ -9,6 +9,7 @@ import logging
 import os
 import pickle
 import tempfile
+import time
 from contextlib import contextmanager, suppress
 from enum import EnumType
 from pathlib import Path
@@ -150,7 +151,7 @@ def _held(lock: Path) -> Iterator[None]:
         yield
         return
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        _wait_for(descriptor, lock)
         yield
     finally:
         # By name: a process that was forked meanwhile holds the same descriptor.
@@ -158,6 +159,30 @@ def _held(lock: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+def _wait_for(descriptor: int, lock: Path) -> None:
+    """Lock a file; a process that is stopped while it holds the lock is not waited for for ever."""
+    begun, stated = time.monotonic(), False
+    while True:
+        with suppress(BlockingIOError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        waited = time.monotonic() - begun
+        if waited > MOST_WAIT_S:
+            log.warning(
+                "a kernel is compiled here, too: another process holds its lock: file=%s "
+                "waited_s=%.0f", lock, waited,
+            )  # fmt: skip
+            return
+        if waited > _STATED_S and not stated:
+            stated = True
+            log.warning("waiting for a kernel that another process compiles: file=%s", lock)
+        time.sleep(_POLL_S)
+
+
+_POLL_S: Final = 0.02
+_STATED_S: Final = 10.0
+MOST_WAIT_S: Final = 120.0
+"""Beyond the time that the longest kernel takes on a busy machine."""
 _DIGEST: Final = hashlib.sha256().digest_size
 _dumps: Final[Callable[[object], bytes]] = serialize.dumps
 """pickle's, for functions and types of numba's, too."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,9 +47,14 @@ def first(folder: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 def waits(process: subprocess.Popen[str]) -> bool:
-    """Whether it waits for a lock, or has ended without one."""
-    asked = [line.split() for line in Path("/proc/locks").read_text().splitlines() if "->" in line]
-    return process.poll() is not None or str(process.pid) in {fields[5] for fields in asked}
+    """Whether it has opened a lock, or has ended without one."""
+    if process.poll() is not None:
+        return True
+    opened = []
+    for each in Path(f"/proc/{process.pid}/fd").iterdir():
+        with suppress(OSError):
+            opened.append(each.readlink())
+    return any(each.suffix == ".lock" for each in opened)
 
 
 @pytest.mark.parametrize(
@@ -70,3 +77,14 @@ def test_death_of_the_first_leaves_the_kernel_to_the_second(
         wait_until(lambda: waits(second), "the second waits")
         first.kill()
         assert second.communicate(timeout=SLOWEST_S)[0].split() == ["2.5", "0"]
+
+
+def test_process_that_is_stopped_while_it_compiles_is_not_waited_for(
+    folder: Path, first: subprocess.Popen[str]
+) -> None:
+    first.send_signal(signal.SIGSTOP)
+    impatient = f"from eskin.kernels import jit_cache\njit_cache.MOST_WAIT_S = 0.2\n{TELL}"
+    with start(folder, impatient, "5.0") as second:
+        assert second.communicate(timeout=SLOWEST_S)[0].split() == ["2.5", "0"]
+    first.send_signal(signal.SIGCONT)
+    assert first.communicate("\n", timeout=SLOWEST_S)[0] == "1.5\n"
