@@ -27,6 +27,7 @@ from eskin_cloud.api import (
     live,
     login,
     models,
+    monitors,
     nodes,
     notices,
     prediction,
@@ -51,7 +52,17 @@ def people_application(cloud: AppState) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     app = _application(cloud, "eskin cloud", secure=cloud.secure, refusal=HTTPStatus.UNAUTHORIZED)
     asked = nodes, gateways, commands, series, comparison, models, prediction, export, events, live
-    for resource in (*asked, layouts, frames, contacts, storage, tokens, audit_log, subjects):
+    for resource in (
+        *asked,
+        monitors,
+        layouts,
+        frames,
+        contacts,
+        storage,
+        tokens,
+        audit_log,
+        subjects,
+    ):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     app.include_router(login.router)

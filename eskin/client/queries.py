@@ -93,6 +93,34 @@ class Queries:
         params = written_moments(start=start, end=end) | {"other": other, "state": state}
         return self._ask(_path(node, channel, "comparison/time"), params)
 
+    def verdicts(
+        self,
+        formula: str,
+        *,
+        node: str | None = None,
+        verdict: Literal["impossible", "possible", "certain"] | None = None,
+        start: Moment | None = None,
+        end: Moment | None = None,
+    ) -> list[dict[str, Any]]:
+        """When a formula over stored channels has which verdict, in order of time.
+
+        Args:
+            formula: Signal temporal logic with bounded windows, such as
+                ``always[0,50ms](t01.capacitance > 50 pF)``.
+            node: Of channels without one; others are ``"NODE/CHANNEL"`` in double quotes.
+            verdict: Only stretches with this one.
+            start: Included.
+            end: Excluded.
+
+        Raises:
+            QueryError: A moment without a time zone.
+            CloudError: The cloud refused, or did not answer.
+        """
+        params = written_moments(start=start, end=end) | {"formula": formula}
+        params |= {} if node is None else {"node": node}
+        params |= {} if verdict is None else {"verdict": verdict}
+        return list(self._pages.items(f"{API}/monitors/evaluation", params))
+
     def anomalies(
         self,
         node: str,

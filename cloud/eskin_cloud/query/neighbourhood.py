@@ -28,10 +28,10 @@ class ChannelSource(NamedTuple):
 
 def look_around(source: ChannelSource, window: Window) -> SampleValidity:
     """When each sample in and around a window may be valid."""
-    return SampleValidity.of(_read_around(source, window))
+    return SampleValidity.of(read_around(source, window))
 
 
-def _read_around(source: ChannelSource, window: Window) -> Aggregates:
+def read_around(source: ChannelSource, window: Window) -> Aggregates:
     """The samples in and around a window, so far that no other may be valid in it."""
     channel = source.channel
     if channel["t_first"] is None:

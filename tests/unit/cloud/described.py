@@ -18,6 +18,9 @@ UNSAYABLE: Final = (
     r"^(model|other): .* of the same unit$",
     r"^parameter: ",  # each model has its own
     r"^cursor: ",  # opaque
+    r"^formula: ",  # a grammar
+    r"^node: is missing",  # of a formula
+    r"^start, end: ",  # too far for formulas
     r"^(quantity|points): ",  # by the node's layout
     r"^\S+( is .*)?; allowed: ",  # a command's arguments, by its name
 )

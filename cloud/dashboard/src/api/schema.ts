@@ -376,3 +376,13 @@ export interface TokenDocument {
   readonly expires: string | null;
   readonly revoked: string | null;
 }
+
+export interface VerdictDocument {
+  readonly start: string;
+  readonly includes_start: boolean;
+  readonly end: string;
+  readonly includes_end: boolean;
+  readonly verdict: "impossible" | "possible" | "certain";
+  readonly because: readonly ("width" | "moment" | "gap" | "pending")[];
+  readonly coverage: number;
+}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Final
+from urllib.parse import quote
 
 import numpy as np
 from eskin_cloud.query.models import DEFAULTS
@@ -31,6 +32,7 @@ _SWING: Final = "&".join(
     for name, (lo, hi) in {**DEFAULTS["alternating_capacitance"], "frequency": (2.0, 2.0)}.items()
 )
 _PREDICTED: Final = f"model=alternating_capacitance&{_SWING}&{_ALL}"
+_FORMULA: Final = quote(f"once[0,50ms]({CHANNEL} > 1.5) and delay({CHANNEL}, 20ms) < {OTHER}")
 _ASKED: Final = (
     f"{_SERIES}?{_ALL}&points=100",
     f"{_SERIES}?points=2\ntext/csv",
@@ -40,6 +42,8 @@ _ASKED: Final = (
     f"{_SERIES}/threshold?at_least=1.2&at_most=1.6&outside=true",
     f"{_SERIES}/time?{_ALL}&below=1.5",
     f"{_SERIES}/comparison?other={NODE}/{OTHER}&state=below&{_ALL}&limit=5",
+    f"api/v1/monitors/evaluation?node={NODE}&{_ALL}&limit=5&formula={_FORMULA}",
+    f"api/v1/monitors/evaluation?formula=%22{NODE}/{OTHER}%22+%3E+1.5&verdict=possible",
     f"{_SERIES}/comparison/time?other={NODE}/{OTHER}&{_ALL}",
     f"{_SERIES}/prediction?{_PREDICTED}&points=20",
     f"{_SERIES}/anomalies?{_PREDICTED}&origin={START}&limit=2",

@@ -1,0 +1,160 @@
+"""A formula over the store says what it says of all samples, read as hulls or not."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from eskin_cloud.query.neighbourhood import ChannelSource
+from eskin_cloud.query.stored_verdicts import StoredVerdicts, as_signal
+from eskin_cloud.rollup.samples import read_samples
+from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.window import Window
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from eskin.interval import Verdict
+from eskin.monitor import Atom, Channel, Comparison, Constant, evaluate
+from tests.support.examples import examples
+from tests.unit.cloud.clouds import emptied, put
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
+from tests.unit.cloud.test_comparison import OTHER, said_of, windows
+from tests.unit.eskin.monitor.formulas import bounds, formulas
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from eskin_cloud.store import Store
+
+    from eskin.monitor import Formula
+    from eskin.wire.frames import Frame
+    from tests.unit.cloud.clouds import Stand
+
+WHOLE = Window(START - 10**6, START + 10**6)
+ATOMS = st.builds(
+    Atom,
+    st.sampled_from((Channel(CHANNEL), Channel(OTHER), Channel(CHANNEL, 12))),
+    st.sampled_from(Comparison),
+    st.sampled_from((Channel(OTHER), Constant(0), Constant(1))),
+)
+FORMULAS = formulas(ATOMS, bounds(60, unbounded=False), max_leaves=4)
+
+
+@contextmanager
+def sources_of(store: Store, formula: Formula) -> Iterator[dict[str, ChannelSource]]:
+    with store.read() as connection:
+        yield {
+            name: ChannelSource(connection, find_channel(connection, NODE, name))
+            for name in formula.channels
+        }
+
+
+@settings(max_examples=examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(said_of(CHANNEL), said_of(OTHER), FORMULAS, windows, st.sampled_from((1, 3, 10**6)))
+def test_verdicts_are_those_of_all_samples(
+    store: Store,
+    one: list[Frame],
+    other: list[Frame],
+    formula: Formula,
+    window: Window,
+    samples: int,
+) -> None:
+    emptied(store)
+    put(store, *one, *other)
+    with sources_of(store, formula) as sources:
+        stored = StoredVerdicts(formula, sources, points=3, samples=samples)
+        pieces = [*stored.pieces(window)]
+        signals = {
+            name: as_signal(read_samples(*source, WHOLE), source.channel["unit"])
+            for name, source in sources.items()
+        }
+    whole = evaluate(formula, signals)
+    found = {tick: piece.verdict for piece in pieces for tick in range(piece.first, piece.last + 1)}
+    ticks = np.arange(2 * window.start, 2 * window.end)
+    assert list(found) == ticks.tolist()
+    expected = whole.codes_at_ticks(ticks)
+    assert [int(verdict) for verdict in found.values()] == expected.tolist()
+    for piece in pieces:
+        assert bool(piece.because) is (piece.verdict is Verdict.POSSIBLE)
+
+
+EVALUATION = "/api/v1/monitors/evaluation"
+TOUCHES = np.where(np.arange(4000) % 1000 < 100, 5.0, 1.0)
+
+
+def ask(formula: str, **more: object) -> dict[str, object]:
+    return {"formula": formula, "start": START, "end": START + 3999 * DT, **more}
+
+
+@pytest.mark.anyio
+async def test_a_formula_is_answered_page_by_page(stand: Stand) -> None:
+    parts = np.split(np.arange(4000), 4)
+    put(
+        stand.cloud.store,
+        *(
+            stretch(
+                number,
+                TOUCHES[part] - 0.5,
+                TOUCHES[part] + 0.5,
+                time=(START + int(part[0]) * DT,) * 2,
+            )
+            for number, part in enumerate(parts)
+        ),
+    )
+    formula = f"once[0,{50 * DT}ns] {CHANNEL} > 3"
+    whole = (await stand.get(EVALUATION, **ask(formula, node=NODE))).json()
+    assert whole["next"] is None
+    verdicts = [each["verdict"] for each in whole["items"]]
+    assert verdicts == ["certain", "impossible"] * 4
+    again: list[object] = []
+    cursor: str | None = ""
+    while cursor is not None:
+        more = {"cursor": cursor} if cursor else {}
+        page = (await stand.get(EVALUATION, **ask(formula, node=NODE, limit=3, **more))).json()
+        again += page["items"]
+        cursor = page["next"]
+    assert again == whole["items"]
+    quoted = formula.replace(CHANNEL, f'"{NODE}/{CHANNEL}"')
+    certain = (await stand.get(EVALUATION, **ask(quoted, verdict="certain"))).json()
+    assert certain["items"] == whole["items"][::2]
+
+
+BAD: tuple[tuple[dict[str, object], int], ...] = (
+    ({"formula": "p >"}, 422),
+    ({"formula": "1 > 2", "node": NODE}, 422),
+    ({"formula": f"{CHANNEL} > 1"}, 422),
+    ({"formula": f"{CHANNEL} > 1 V", "node": NODE}, 422),
+    ({"formula": f"once {CHANNEL} > 1", "node": NODE}, 422),
+    ({"formula": "t99.nothing > 1", "node": NODE}, 404),
+    ({"formula": f'"nowhere/{CHANNEL}" > 1'}, 404),
+    ({"formula": f"{CHANNEL} > 1", "node": NODE, "verdict": "perhaps"}, 422),
+    ({"formula": f"{CHANNEL} > 1", "node": NODE, "start": "2200-01-01T00:00:00Z",
+      "end": "2201-01-01T00:00:00Z"}, 422),
+    ({"formula": f"{CHANNEL} > 1", "node": NODE, "cursor": "x"}, 422),
+    ({"formula": "x" * 1001, "node": NODE}, 422),
+)  # fmt: skip
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize(("parameters", "status"), BAD)
+async def test_what_cannot_be_evaluated_is_refused(
+    stand: Stand, parameters: dict[str, object], status: int
+) -> None:
+    put(stand.cloud.store, stretch(0, TOUCHES[:10] - 0.5, TOUCHES[:10] + 0.5))
+    assert (await stand.get(EVALUATION, **parameters)).status_code == status
+
+
+def test_hulls_decide_where_nothing_happens(store: Store) -> None:
+    calm = np.ones(1000)
+    for number in range(8):
+        time = START + number * 1000 * DT
+        put(store, stretch(number, calm - 0.5, calm + 0.5, time=(time, time)))
+    formula = Atom(Channel(CHANNEL), Comparison.GREATER, Constant(3))
+    window = Window(START + 10 * DT, START + 6000 * DT)
+    with sources_of(store, formula) as sources:
+        stored = StoredVerdicts(formula, sources, points=16, samples=100)
+        (piece,) = stored.pieces(window)
+    assert piece.verdict is Verdict.IMPOSSIBLE
+    assert stored.reads == 1
