@@ -10,11 +10,12 @@ from eskin.union_bound import union_coverage
 from eskin_sensor_node.firmware import monitor as engine
 from eskin_sensor_node.firmware.expression import Comparison, Meter
 from eskin_sensor_node.firmware.reflex import Reflex, ReflexUnit, code_ranges
-from eskin_sensor_node.kinds.neighbours import patches
+from eskin_sensor_node.kinds.neighbours import measured_around, patches
 from eskin_sensor_node.machine.budget import ram_budget
 from eskin_sensor_node.machine.ledger import CONVERSION_NS
 from eskin_sensor_node.machine.monitor_program import MonitorProgram, difference
-from eskin_sensor_node.machine.prices import PRICES, Cycles, inversion
+from eskin_sensor_node.machine.prices import BILLION, PRICES, Cycles, inversion
+from eskin_sensor_node.machine.processor import processor_load
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -359,6 +360,14 @@ class NodeReflexes:
                 f"{MOST_WORK_NS}); use fewer operators, a lower rate, or let the cloud evaluate "
                 "some",
                 value=span,
+            )
+        needed = processor_load(self._settings, measured_around(self._settings.taxel)).total
+        needed += cycles.most * BILLION // dt
+        if needed > machine.clock_hz:
+            raise MonitorError(
+                f"with the monitors the node needs up to {needed} cycles a second, and has "
+                f"{machine.clock_hz}; use fewer operators or a lower rate",
+                value=needed,
             )
 
     def _cycles(

@@ -19,6 +19,8 @@ from tests.unit.sensor_node.messages import decode, samples_of
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from eskin.wire.messages.command_schema import Arguments
+
 CHANNEL = "t01.capacitance"
 FORMULA = f"{CHANNEL} > 50 pF"
 
@@ -188,4 +190,18 @@ def test_verdicts_after_missing_samples_name_the_gap(tmp_path: Path) -> None:
     found = [each.verdict for each in verdicts]
     assert found == [Verdict.POSSIBLE, Verdict.CERTAIN, Verdict.POSSIBLE, Verdict.CERTAIN]
     assert all(Because.GAP in each.because for each in verdicts[::2])
+    bench.close()
+
+
+def test_a_machine_that_would_become_too_slow_refuses(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, machine={"clock_hz": 40_000_000})
+    controls = NodeControls(bench.node)
+    some = " or ".join(f"once[0,{k}ms] {CHANNEL} > {k} pF" for k in range(20, 28))
+    with pytest.raises(MonitorError) as refused:
+        controls.apply(
+            "monitor", {"monitor": "m", "formula": some, "on": "certain", "output": "none"}
+        )
+    assert isinstance(refused.value.value, int)
+    simple: Arguments = {"monitor": "m", "formula": FORMULA, "on": "certain", "output": "none"}
+    assert "monitor:m" in controls.apply("monitor", simple)
     bench.close()
