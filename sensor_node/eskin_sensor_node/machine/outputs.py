@@ -59,7 +59,7 @@ class Outputs:
             self._on.discard(output)
         edge = Edge(time, output, level, cause)
         self.edges.append(edge)
-        log.info(
+        log.debug(
             "output changed: name=%s level=%s reaction_us=%.1f",
             output, "on" if level else "off", (time - cause) / 1e3,
         )  # fmt: skip

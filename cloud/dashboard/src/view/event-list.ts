@@ -21,13 +21,24 @@ export interface EventScope {
 const FAULT = / certainly (stuck|dead)/;
 
 function symbol(event: EventItem): SVGSVGElement {
-  if (event.kind === "peak" && event.verdict) return verdictSymbol(event.verdict);
+  const { kind, verdict } = event;
+  if ((kind === "peak" || kind === "verdict") && verdict && verdict !== "impossible") return verdictSymbol(verdict);
   const made = icon(event.kind === "gap" ? ICONS.gap : event.kind === "command" ? ICONS.command : ICONS.status);
   made.classList.add("kind", event.kind);
   return made;
 }
 
-function what(event: EventItem): string {
+/** A monitor's verdict: its name, and why it is only possible. */
+function monitorText(detail: string): string {
+  const found: unknown = JSON.parse(detail);
+  if (typeof found !== "object" || found === null || !("monitor" in found)) return detail;
+  const because = "because" in found && Array.isArray(found.because) ? found.because.join(", ") : "";
+  return because === "" ? String(found.monitor) : `${String(found.monitor)}: by ${because}`;
+}
+
+/** What an event's row says of it. */
+export function what(event: EventItem): string {
+  if (event.kind === "verdict" && event.detail) return monitorText(event.detail);
   if (event.kind === "gap") {
     if (event.detail && FAULT.test(event.detail)) return event.detail;
     const length = Number(parseInstant(event.time.hi) - parseInstant(event.time.lo));
@@ -110,8 +121,8 @@ export class EventList {
     private readonly context: Context,
     private readonly scope: EventScope,
   ) {
-    const kinds = this.choice("kind", "all kinds", ["peak", "gap", "status", "command"]);
-    const verdicts = this.choice("verdict", "all verdicts", ["certain", "possible"]);
+    const kinds = this.choice("kind", "all kinds", ["peak", "verdict", "gap", "status", "command"]);
+    const verdicts = this.choice("verdict", "all verdicts", ["certain", "possible", "impossible"]);
     const filters = element("div", { class: "filters" }, kinds, verdicts);
     const head = element("header", { class: "side-head" }, element("h2", {}, "Events"), filters);
     this.root = element("aside", { class: "side", "aria-label": "events" }, head, this.note, this.rows, this.foot);
