@@ -63,6 +63,13 @@ def test_full_flash_is_explained_by_its_node_and_by_what_is_behind_it(
     assert wrong(burnt, replace(CUT, part=part)) == []
 
 
+@pytest.mark.parametrize("hour", [-3600.0, 3600.0])
+def test_gap_of_a_node_whose_clock_was_an_hour_off_is_explained(burnt: Store, hour: float) -> None:
+    assert wrong(burnt, blow("cut", "cloud", hour, hour + 5.0)) == []
+    (fault,) = wrong(burnt, blow("cut", "cloud", hour - 500.0, hour - 400.0))
+    assert "gap without a cause" in fault
+
+
 def test_fault_of_another_node_explains_nothing(burnt: Store) -> None:
     (fault,) = wrong(burnt, replace(CUT, part="palm"))
     assert "gap without a cause" in fault

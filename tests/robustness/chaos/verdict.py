@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 DRAIN_S: Final = 90.0
 """For so long nothing may arrive of what waits; so what is under way is no older after a fault."""
+_HOUR_NS: Final = 3600 * SECOND
+"""By so much the faults of clocks move them."""
 _CLOCK_NS: Final = 2 * SECOND
 """By so much a node's time may differ from ours: what it lives after a restart begins a second
 after the latest sample of before, however soon that was."""
@@ -50,7 +52,9 @@ class Cause:
         """Whether a blow fell on one of those, at the time of what was lost or soon before it."""
         near = blow.part == gap.node or (self.behind and blow.part not in NODES)
         until = blow.end + _CLOCK_NS + round(self.after_s * SECOND)
-        in_time = blow.begin - _CLOCK_NS <= gap.latest and gap.earliest <= until
+        # A node that started while its clock was an hour off lives in that hour.
+        off = _HOUR_NS * round((gap.earliest - blow.begin) / _HOUR_NS)
+        in_time = blow.begin - _CLOCK_NS <= gap.latest - off and gap.earliest - off <= until
         return blow.fault in self.faults and near and in_time
 
 
