@@ -20,7 +20,7 @@ from tests.robustness.chaos.faults import FAULTS
 from tests.robustness.chaos.plan import Blow, Stroke, make_plan
 from tests.robustness.chaos.site import Site, part_names
 from tests.robustness.chaos.verdict import DRAIN_S, judge
-from tests.robustness.model.traces import check_windows, pick, windows
+from tests.robustness.model.traces import check_windows, pick, vanished, windows
 from tests.support.processes import unwound_by_signals, wait_until
 
 if TYPE_CHECKING:
@@ -110,8 +110,12 @@ def trace_faults(events: Sequence[Event], say: Callable[[str], None]) -> list[st
         f"traced: {len(events)} events; {len(found)} windows of {sum(map(len, found))} events "
         f"checked, {result.distinct} states"
     )
+    gone = [
+        f"{node}: frame {sequence} of boot {boot} was in flash, and is neither stored nor lost"
+        for node, boot, sequence in vanished(events)
+    ]
     if result.broken is None:
-        return []
+        return gone
     window, at = result.last("window"), result.last("at")
     said = [f"{e.what} {e.gateway} {e.boot}:{e.sequence}" for e in found[window - 1][:at]]
     what = f"{result.broken} after {result.length} states"
@@ -122,7 +126,7 @@ def trace_faults(events: Sequence[Event], say: Callable[[str], None]) -> list[st
         for e in found[window - 1]
     ]
     say(f"the whole window: {', '.join(later)}")
-    return [f"trace of {found[window - 1][0].node}: {what}: {', '.join(said)}"]
+    return [*gone, f"trace of {found[window - 1][0].node}: {what}: {', '.join(said)}"]
 
 
 def _report(verdict: Verdict, plan: Sequence[Stroke], say: Callable[[str], None]) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from eskin.wire.messages import Kind
 from tests.robustness.chaos.clocks import Wallclock, build_library
 from tests.robustness.chaos.recorder import read_events, record_flash, record_spool, record_store
+from tests.robustness.model.traces import Event, vanished
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -58,3 +59,17 @@ def test_times_of_a_moved_clock_are_set_right_to_the_millisecond(tmp_path: Path)
         assert before - 1.0 < each.time < time.time() + 1.0
         # So that events at one millisecond compare equal, and are sorted by their kinds.
         assert each.time == round(each.time, 3)
+
+
+def test_frame_that_vanished_from_a_flash_is_named() -> None:
+    events = [
+        Event(1.0, what, "palm", 7, sequence)
+        for what, sequence in (
+            *(("made", sequence) for sequence in range(4)),
+            *(("freed", sequence) for sequence in (0, 2)),
+            ("evicted", 1),
+            ("stored", 0),
+        )
+    ]
+    assert vanished(events) == [("palm", 7, 2), ("palm", 7, 3)]
+    assert vanished(event._replace(node="hand") for event in events if event.sequence < 2) == []

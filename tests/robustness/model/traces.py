@@ -75,6 +75,18 @@ def _window(events: Sequence[Event], messages: Sequence[tuple[int, int]]) -> lis
     return window
 
 
+def vanished(events: Iterable[Event]) -> list[tuple[str, int, int]]:
+    """Node, boot and number of what was made in a flash, and is neither stored nor stated as lost.
+
+    To be asked when everything has arrived. It does not rely on what nodes or the audit say of
+    their last frames before a kill.
+    """
+    found: dict[str, set[tuple[str, int, int]]] = defaultdict(set)
+    for each in events:
+        found[each.what].add((each.node, each.boot, each.sequence))
+    return sorted(found["made"] - found["stored"] - found["evicted"])
+
+
 def pick(found: Sequence[list[Event]], most: int = MOST_WINDOWS) -> list[list[Event]]:
     """The windows with most events: what was sent again, taken over or stored late."""
     return sorted(found, key=len, reverse=True)[:most]
