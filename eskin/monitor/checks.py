@@ -442,7 +442,8 @@ def _converted(given: Quantity, unit: Unit, node: Node) -> Quantity:
     if own.dimension != unit.dimension:
         shown = [_unit_text(each) for each in (own, unit)]
         raise MonitorError(
-            f"units do not fit in {node}: {shown[0]} is not {shown[1]}; correct one of them",
+            f"units do not fit in {node}: in base units, {shown[0]} is not {shown[1]}; "
+            "correct one of them",
             column=node.column,
             value=str(node),
         )
