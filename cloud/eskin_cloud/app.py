@@ -34,6 +34,7 @@ from eskin_cloud.api import (
     series,
     storage,
     subjects,
+    thresholds,
     tokens,
 )
 from eskin_cloud.api.dependencies import Reader
@@ -51,13 +52,12 @@ _VERSION: Final = "1"
 def people_application(cloud: AppState) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     app = _application(cloud, "eskin cloud", secure=cloud.secure, refusal=HTTPStatus.UNAUTHORIZED)
-    asked = nodes, gateways, commands, series, comparison, models, prediction, export, events, live
+    asked = nodes, gateways, commands, series, frames, contacts, export, events, live
+    of_monitors = monitors, thresholds, comparison, prediction, models
     for resource in (
         *asked,
-        monitors,
+        *of_monitors,
         layouts,
-        frames,
-        contacts,
         storage,
         tokens,
         audit_log,

@@ -1,4 +1,4 @@
-"""Questions with three honest answers: two channels compared, a channel beside a prediction."""
+"""Monitors over stored channels: formulas, two channels compared, predictions."""
 
 from __future__ import annotations
 
@@ -121,6 +121,19 @@ class Queries:
         params |= {} if verdict is None else {"verdict": verdict}
         return list(self._pages.items(f"{API}/monitors/evaluation", params))
 
+    def verdict_time(
+        self,
+        formula: str,
+        *,
+        node: str | None = None,
+        start: Moment | None = None,
+        end: Moment | None = None,
+    ) -> dict[str, Any]:
+        """For how long (s) and how often a formula holds: intervals; arguments as `verdicts`."""
+        params = written_moments(start=start, end=end) | {"formula": formula}
+        params |= {} if node is None else {"node": node}
+        return self._ask(f"{API}/monitors/evaluation/time", params)
+
     def anomalies(
         self,
         node: str,
@@ -139,7 +152,7 @@ class Queries:
             channel: Such as ``t01.capacitance``.
             model: A quantity of a model, such as ``touch.capacitance``.
             parameters: The model's parameters by name, in SI units.
-            origin: The model's time 0; else ``start``.
+            origin: The model's time 0; else ``start``. One of both is needed, but by a constant.
             start: Included.
             end: Excluded.
 

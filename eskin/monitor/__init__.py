@@ -15,6 +15,7 @@ from eskin.monitor.formula import (
     Comparison,
     Constant,
     Count,
+    Deviation,
     Divide,
     Eventually,
     Expression,
@@ -37,6 +38,7 @@ from eskin.monitor.formula import (
 )
 from eskin.monitor.online import Monitor
 from eskin.monitor.parser import parse
+from eskin.monitor.prediction import Prediction, PredictionParameter
 from eskin.monitor.shared import SharedError
 from eskin.monitor.signal import Signal
 from eskin.monitor.verdicts import Because, Piece, Verdicts
@@ -52,6 +54,7 @@ __all__ = [
     "Comparison",
     "Constant",
     "Count",
+    "Deviation",
     "Divide",
     "Eventually",
     "Exactness",
@@ -71,6 +74,8 @@ __all__ = [
     "Once",
     "Or",
     "Piece",
+    "Prediction",
+    "PredictionParameter",
     "Rise",
     "SharedError",
     "Signal",

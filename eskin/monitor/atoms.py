@@ -64,6 +64,28 @@ class Candidates:
         """Ticks at which one of the chosen candidates may hold."""
         return Runs.of(self.first[chosen], self.last[chosen])
 
+    @property
+    def missing(self) -> Runs:
+        """Ticks at which samples may be missing that could decide it."""
+        return self.where((self.kind != KNOWN) & ~self.certain & self.possible)
+
+    def changes(self, atom: Atom, held: Mapping[str, HeldSamples]) -> tuple[Ticks, Ticks]:
+        """The first and the last tick at which its truth may change, for each moment that may do.
+
+        Of one channel, a moment between two samples that decide it alike changes nothing.
+        """
+        variables = sorted(atom.variables)
+        if len(variables) > 1:
+            parts = [_moments(_delayed(held[name], delay)) for name, delay in variables]
+            earliest, latest = (np.concatenate(each) for each in zip(*parts, strict=True))
+            return np.sort(earliest), np.sort(latest)
+        known = np.flatnonzero(self.kind == KNOWN)
+        before, after = known[:-1], known[1:]
+        certain, possible = self.certain, self.possible
+        alike = (certain[before] & certain[after]) | ~(possible[before] | possible[after])
+        earliest, latest = _moments(self, known)
+        return earliest[~alike], latest[~alike]
+
 
 def candidates(
     atom: Atom, signals: Mapping[str, Signal], held: Mapping[str, HeldSamples]
@@ -117,6 +139,14 @@ def _difference(atom: Atom, units: Mapping[str, str]) -> Linear | None:
     # A constant is converted rather than a channel.
     found = left.plus(minus) if left.terms else minus.plus(left)
     return found if atom.comparison.upward else found.times(Fraction(-1), found.unit)
+
+
+def _moments(
+    held: HeldSamples | Candidates, chosen: NDArray[np.intp] | slice = slice(None)
+) -> tuple[Ticks, Ticks]:
+    """The ticks at which each sample but the first may begin to hold."""
+    first, last = held.first[chosen], held.last[chosen]
+    return first[1:], np.maximum(last[:-1] + 1, first[1:])
 
 
 def _delayed(held: HeldSamples, delay: int) -> HeldSamples:

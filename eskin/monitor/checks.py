@@ -18,6 +18,7 @@ from eskin.monitor.formula import (
     Channel,
     Constant,
     Count,
+    Deviation,
     Divide,
     Expression,
     Fall,
@@ -90,6 +91,7 @@ def check(formula: Formula, units: Mapping[str, str], *, bounded: bool = False) 
         MonitorError: A channel is unknown, units do not fit, or a window is unbounded or too long.
     """
     _require_known(formula, units)
+    units = {**units, **deviation_units(formula, units)}
     for node in formula.walk():
         if isinstance(node, Atom):
             comparison_of(node, Columns(), units)
@@ -110,15 +112,34 @@ def check(formula: Formula, units: Mapping[str, str], *, bounded: bool = False) 
     return found
 
 
+def deviation_units(formula: Formula, units: Mapping[str, str]) -> dict[str, str]:
+    """UCUM code of each deviation: that of its channel.
+
+    Raises:
+        MonitorError: A prediction does not fit its channel.
+    """
+    found = {}
+    for node in formula.deviations.values():
+        found[node.name] = units[node.source]
+        try:
+            node.prediction.bounds(units[node.source])
+        except MonitorError as error:
+            raise MonitorError(error.reason, column=node.column, value=node.name) from error
+    return found
+
+
 def _require_known(formula: Formula, units: Mapping[str, str]) -> None:
     for node in formula.walk():
-        if isinstance(node, Channel) and node.name not in units:
-            near = difflib.get_close_matches(node.name, units, n=1)
+        if not isinstance(node, Channel):
+            continue
+        name = node.source if isinstance(node, Deviation) else node.name
+        if name not in units:
+            near = difflib.get_close_matches(name, units, n=1)
             remedy = (
                 f"did you mean {near[0]}?" if near else f"there are {', '.join(units) or 'none'}"
             )
             raise MonitorError(
-                f"unknown channel {node.name}; {remedy[:200]}", column=node.column, value=node.name
+                f"unknown channel {name}; {remedy[:200]}", column=node.column, value=name
             )
 
 
@@ -440,9 +461,8 @@ def _converted(given: Quantity, unit: Unit, node: Node) -> Quantity:
     if own is None or own == unit:
         return Quantity(value, unit)
     if own.dimension != unit.dimension:
-        shown = [_unit_text(each) for each in (own, unit)]
         raise MonitorError(
-            f"units do not fit in {node}: in base units, {shown[0]} is not {shown[1]}; "
+            f"units do not fit in {node}: one side is in {own}, the other in {unit}; "
             "correct one of them",
             column=node.column,
             value=str(node),
@@ -455,11 +475,6 @@ def _converted(given: Quantity, unit: Unit, node: Node) -> Quantity:
         return Quantity(value * ratio + offset, unit)
     moved = value if ratio == 1 else value * enclosed(ratio)
     return Quantity(moved if offset == 0 else moved + enclosed(offset), unit)
-
-
-def _unit_text(unit: Unit) -> str:
-    powers = [f"{name}{power if power != 1 else ''}" for name, power in unit.dimension]
-    return ".".join(powers) or "1"
 
 
 def is_exact(formula: Formula, units: Mapping[str, str] | None = None) -> Exactness:
@@ -475,7 +490,9 @@ def is_exact(formula: Formula, units: Mapping[str, str] | None = None) -> Exactn
     Raises:
         MonitorError: Units do not fit each other.
     """
-    reasons: list[str] = []
+    if units is not None:
+        units = {**units, **deviation_units(formula, units)}
+    reasons = [f"{name} is rounded outward" for name in formula.deviations]
     directions: dict[str, set[int]] = {}
     owners: dict[str, set[Atom]] = {}
     for atom, sign in _polarities(formula):

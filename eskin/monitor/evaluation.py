@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from collections import defaultdict
+from functools import cached_property
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
 from eskin.monitor.atoms import GAP, KNOWN, candidates
-from eskin.monitor.checks import check
+from eskin.monitor.checks import check, horizon
 from eskin.monitor.formula import (
     Always,
     And,
@@ -25,6 +27,7 @@ from eskin.monitor.formula import (
     Since,
     Until,
 )
+from eskin.monitor.prediction import deviation
 from eskin.monitor.runs import END, Runs, at_least
 from eskin.monitor.signal import Signal, held_samples
 from eskin.monitor.verdicts import Verdicts
@@ -35,12 +38,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.monitor.atoms import Candidates
-    from eskin.monitor.formula import Formula
+    from eskin.monitor.formula import Formula, Node
+    from eskin.monitor.runs import Ticks
     from eskin.monitor.signal import HeldSamples
     from eskin.tube import Tube
 
 Pair: TypeAlias = "tuple[Runs, Runs]"
 """Where a formula is true for certain, and where it may be true."""
+_MORE_RUNS: Final = 6
+"""Changes of ``until`` beside those of its operands: 2 (p + 2 q) of p and q runs, one each."""
 
 
 def evaluate(formula: Formula, signals: Mapping[str, Signal | Tube]) -> Verdicts:
@@ -48,7 +54,8 @@ def evaluate(formula: Formula, signals: Mapping[str, Signal | Tube]) -> Verdicts
 
     Args:
         formula: What to evaluate.
-        signals: Each channel's samples; a tube is read as `Signal.from_tube` does.
+        signals: Each channel's samples; a tube is read as `Signal.from_tube` does. A deviation is
+            made of its channel unless it is given by its name.
 
     Raises:
         MonitorError: The formula does not fit the signals: see `check`.
@@ -58,6 +65,9 @@ def evaluate(formula: Formula, signals: Mapping[str, Signal | Tube]) -> Verdicts
         for name, each in signals.items()
     }
     check(formula, {name: each.unit for name, each in read.items()})
+    for name, node in formula.deviations.items():
+        if name not in read:
+            read[name] = deviation(read[node.source], node.prediction)
     return Verdicts(Evaluation(formula, read))
 
 
@@ -103,6 +113,56 @@ class Evaluation:
             return certain | later, possible & ~later
 
         return self._walk(self.formula, pair)
+
+    def most_changes(self, first: int, last: int) -> int | None:
+        """How often its truth may change from just before a run of ticks until just after it.
+
+        Returns:
+            ``None`` where samples are missing within the horizon: then there is no bound.
+        """
+        past, future = horizon(self.formula)
+        begin = -END if past is None else first - 2 * past
+        end = END if future is None else last + 1 + 2 * future
+        weights, found = self._weights
+        for atom, weight in weights.items():
+            (earliest, latest), missing = self._changes[atom]
+            if missing.overlaps(np.array([begin - 1]), np.array([end]))[0]:
+                return None
+            before = int(np.searchsorted(latest, begin, side="left"))
+            until = int(np.searchsorted(earliest, end, side="right"))
+            found += weight * max(until - before, 0)
+        return found
+
+    @cached_property
+    def _changes(self) -> dict[Atom, tuple[tuple[Ticks, Ticks], Runs]]:
+        return {
+            atom: (found.changes(atom, self.held), found.missing)
+            for atom, found in self._atoms.items()
+        }
+
+    @cached_property
+    def _weights(self) -> tuple[dict[Atom, int], int]:
+        """How often the formula may change where each atom changes once, and besides.
+
+        A window moves changes and adds none. ``rise`` and ``fall`` make two of each. φ until ψ is a
+        union of one interval for each run of φ and each of ψ that overlap, and of those of ψ: of p
+        and q runs, p + 2 q at most; and c changes make c / 2 + 1 runs at most.
+        """
+        weights: dict[Atom, int] = defaultdict(int)
+        constant = 0
+        waiting: list[tuple[Node, int]] = [(self.formula, 1)]
+        while waiting:
+            node, weight = waiting.pop()
+            if isinstance(node, Atom):
+                weights[node] += weight
+            elif isinstance(node, Rise | Fall):
+                waiting.append((node.operand, 2 * weight))
+            elif isinstance(node, Until | Since):
+                constant += _MORE_RUNS * weight
+                waiting += [(node.left, weight), (node.right, 2 * weight)]
+            else:
+                waiting += [(part, weight) for part in node.parts]
+        return weights, constant
 
     def differences(self) -> NDArray[np.float64]:
         """All values that a robustness can have, ascending."""

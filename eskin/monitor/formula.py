@@ -22,6 +22,8 @@ from eskin.interval import require_plain
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from eskin.monitor.prediction import Prediction
+
 MAX_DEPTH: Final = 100
 """Operators within operators; walks over a formula recurse this deep."""
 MAX_SIZE: Final = 10_000
@@ -32,7 +34,7 @@ MAX_BOUND: Final = 2**58
 KEYWORDS: Final = frozenset(
     {
         "not", "and", "or", "implies", "always", "eventually", "historically", "once", "until",
-        "since", "rise", "fall", "count", "abs", "min", "max", "inf", "delay",
+        "since", "rise", "fall", "count", "abs", "min", "max", "inf", "delay", "outside",
     }
 )  # fmt: skip
 """Words of the grammar; a channel with such a name stands in double quotes."""
@@ -223,6 +225,31 @@ class Channel(Expression):
 
 
 @dataclass(frozen=True)
+class Deviation(Channel):
+    """By how much a channel's samples lie outside of a prediction; negative where inside.
+
+    It is a channel whose name is its text: ``outside(t07.pressure, constant(value = 3 kPa))``.
+
+    Attributes:
+        source: The channel that is measured.
+        prediction: What a model predicts for it.
+
+    Raises:
+        MonitorError: As of `Channel`.
+    """
+
+    name: str = field(init=False)
+    source: str = field(kw_only=True)
+    prediction: Prediction = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        source = Channel(self.source, column=self.column)
+        origin = f", {self.prediction.origin}" if self.prediction.origin else ""
+        object.__setattr__(self, "name", f"outside({source}, {self.prediction}{origin})")
+        Expression.__post_init__(self)
+
+
+@dataclass(frozen=True)
 class Constant(Expression):
     """A number in a unit.
 
@@ -332,8 +359,19 @@ class Formula(Node):
 
     @property
     def channels(self) -> frozenset[str]:
-        """Names of the channels in it."""
+        """Names of the channels in it, deviations among them."""
         return frozenset(node.name for node in self.walk() if isinstance(node, Channel))
+
+    @property
+    def sources(self) -> frozenset[str]:
+        """Names of the channels that are measured."""
+        nodes = [node for node in self.walk() if isinstance(node, Channel)]
+        return frozenset(n.source if isinstance(n, Deviation) else n.name for n in nodes)
+
+    @property
+    def deviations(self) -> dict[str, Deviation]:
+        """Its deviations by their names."""
+        return {node.name: node for node in self.walk() if isinstance(node, Deviation)}
 
     @property
     def variables(self) -> frozenset[Variable]:
@@ -594,8 +632,10 @@ def _text(node: Node, binding: int) -> str:
     return text if own >= binding else f"({text})"
 
 
-def _written(node: Node) -> tuple[str, int]:  # noqa: C901, PLR0911 - a line for each kind of node
+def _written(node: Node) -> tuple[str, int]:  # noqa: C901, PLR0911, PLR0912 - a line for each kind of node
     kind = type(node)
+    if isinstance(node, Deviation):
+        return node.name, WHOLE
     if isinstance(node, Channel):
         plain = _PLAIN_NAME.fullmatch(node.name) and node.name not in KEYWORDS
         name = node.name if plain else f'"{node.name}"'

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from eskin.errors import MonitorError
+from eskin.errors import IntervalError, MonitorError
 from eskin.interval import Interval
 from eskin.monitor.atoms import candidates, judge
-from eskin.monitor.checks import Columns, channel_horizons, check, comparison_of
+from eskin.monitor.checks import Columns, channel_horizons, check, comparison_of, deviation_units
 from eskin.monitor.evaluation import Evaluation
 from eskin.monitor.formula import Atom
 from eskin.monitor.online_kernels import CERTAIN, FULL, NO_UNTIL, POSSIBLE, Side, accept, settle
+from eskin.monitor.prediction import deviation
 from eskin.monitor.program import instructions, threshold
 from eskin.monitor.runs import END
 from eskin.monitor.shared import SharedError
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from eskin.monitor.formula import Formula
+    from eskin.monitor.prediction import Prediction
 
 _FIRST_ROOM: Final = 64
 _NO_GAPS: Final = np.empty(0, bool)
@@ -81,7 +83,14 @@ class Monitor:
     ) -> None:
         check(formula, units, bounded=True)
         self.formula = formula
+        units = {**units, **deviation_units(formula, units)}
         self._names = sorted(formula.channels)
+        deviations = formula.deviations
+        self._readers: dict[str, list[tuple[str, Prediction | None]]] = {}
+        for name in self._names:
+            node = deviations.get(name)
+            pushed, prediction = (name, None) if node is None else (node.source, node.prediction)
+            self._readers.setdefault(pushed, []).append((name, prediction))
         self._place = {name: k for k, name in enumerate(self._names)}
         self._units = {name: units[name] for name in self._names}
         self._coverage = {name: (coverage or {}).get(name, 1.0) for name in self._names}
@@ -135,7 +144,29 @@ class Monitor:
         Raises:
             MonitorError: As `push`; the samples before the one in error are added.
         """
-        at = self._channel(channel)
+        for name, prediction in self._read_by(channel):
+            if prediction is None:
+                self._extend(name, earliest, latest, lo, hi, period, gap, epoch)
+                continue
+            try:
+                signal = Signal(earliest, latest, lo, hi, period, gap, unit=self._units[name])
+            except IntervalError as error:
+                raise MonitorError(f"samples of {channel}: {error}", value=channel) from error
+            outside = deviation(signal, prediction)
+            self._extend(name, earliest, latest, outside.lo, outside.hi, period, gap, epoch)
+
+    def _extend(
+        self,
+        channel: str,
+        earliest: ArrayLike,
+        latest: ArrayLike,
+        lo: ArrayLike,
+        hi: ArrayLike,
+        period: ArrayLike,
+        gap: ArrayLike | None,
+        epoch: ArrayLike,
+    ) -> None:
+        at = self._place[channel]
         moments = np.asarray(earliest), np.asarray(latest)
         bounds = np.asarray(lo, np.float64), np.asarray(hi, np.float64)
         periods = np.asarray(period, np.int64).reshape(-1)
@@ -179,7 +210,11 @@ class Monitor:
         Raises:
             MonitorError: The sample was said to be held for longer.
         """
-        at = self._channel(channel)
+        for name, _ in self._read_by(channel):
+            self._miss(name, until)
+
+    def _miss(self, channel: str, until: int | None) -> None:
+        at = self._place[channel]
         begin, end, known = self._spans[at].tolist()
         if known != NO_UNTIL and end > begin and not self._columns.gap[at, end - 1]:
             raise MonitorError(
@@ -197,7 +232,8 @@ class Monitor:
             channel: Which one.
             until: The instant in ns.
         """
-        self._wait(self._channel(channel), until)
+        for name, _ in self._read_by(channel):
+            self._wait(self._place[name], until)
 
     def _wait(self, at: int, until: int | None) -> None:
         if until is not None:
@@ -295,13 +331,14 @@ class Monitor:
             self._program.atoms[atom], channel, values, self._units
         )
 
-    def _channel(self, name: str) -> int:
+    def _read_by(self, channel: str) -> list[tuple[str, Prediction | None]]:
+        """What a channel's samples are pushed to."""
         try:
-            return self._place[name]
+            return self._readers[channel]
         except KeyError:
             raise MonitorError(
-                f"the formula has no channel {name}; push only {', '.join(self._names)}",
-                value=name,
+                f"the formula has no channel {channel}; push only {', '.join(self._readers)}",
+                value=channel,
             ) from None
 
 

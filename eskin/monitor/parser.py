@@ -12,9 +12,10 @@ A Pratt parser. Operators from the weakest to the strongest::
     *   /
     -x
 
-Besides there are ``rise(φ)``, ``fall(φ)``, ``count(φ, ψ, …) >= n``, ``abs(x)``, ``min(x, y, …)``
-and ``max(x, y, …)``. A window without bounds is all the future, or all the past. A number may have
-a UCUM code, written without blanks (``3 kPa``, ``2 m/s``); times have ``ns us ms s min h d``.
+Besides there are ``rise(φ)``, ``fall(φ)``, ``count(φ, ψ, …) >= n``, ``abs(x)``, ``min(x, y, …)``,
+``max(x, y, …)``, ``delay(p, 100ms)`` and ``outside(p, model(parameter = [lo, hi], …), time)``. A
+window without bounds is all the future, or all the past. A number may have a UCUM code, written
+without blanks (``3 kPa``, ``2 m/s``); times have ``ns us ms s min h d``.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ from eskin.monitor.formula import (
     Comparison,
     Constant,
     Count,
+    Deviation,
     Divide,
     Expression,
     Fall,
@@ -64,6 +66,8 @@ from eskin.monitor.formula import (
     Rise,
     Subtract,
 )
+from eskin.monitor.prediction import Prediction, PredictionParameter
+from eskin.wire.timestamp import parse_timestamp
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -77,7 +81,7 @@ _TOKEN: Final = re.compile(
             (?:\s*(?P<unit>{UNIT})|\s+(?P<one>1)(?![\w.]))?
         | (?P<word>[A-Za-z_]\w*(?:\.\w+)*)
         | "(?P<quoted>[^"]*)"
-        | (?P<sign>>=|<=|[-+*/<>()\[\],])
+        | (?P<sign>>=|<=|[-+*/<>()\[\],=])
         | (?P<end>$)
     )""",
     re.VERBOSE | re.ASCII,
@@ -326,6 +330,8 @@ class _Parser:
             return self._make(Absolute, column, value)
         if word == "delay":
             return self._delayed(column)
+        if word == "outside":
+            return self._outside(column)
         if word in {"min", "max"}:
             kind = Minimum if word == "min" else Maximum
             return self._make(kind, column, self._list(self._expression))
@@ -350,6 +356,88 @@ class _Parser:
         delay = _nanoseconds(self._time())
         self._expect(")")
         return self._make(Channel, column, token.text, delay)
+
+    def _outside(self, column: int) -> Deviation:
+        self._expect("(")
+        source = self._take()
+        if source.kind != "quoted" and (source.kind != "word" or source.text in KEYWORDS):
+            raise MonitorError(
+                "outside takes a channel and a prediction, as in "
+                f"outside(p, constant(value = [1 kPa, 2 kPa])), not {shown(source.text)}",
+                column=source.column,
+                value=source.text,
+            )
+        self._expect(",")
+        quantity = self._take()
+        self._expect("(")
+        parameters: list[PredictionParameter] = []
+        while not self._is(")"):
+            if parameters:
+                self._expect(",")
+            parameters.append(self._parameter())
+        self._expect(")")
+        origin = 0
+        if self._is(","):
+            self._take()
+            origin = self._moment()
+        self._expect(")")
+        try:
+            prediction = Prediction(quantity.text, tuple(parameters), origin)
+        except MonitorError as error:
+            raise MonitorError(error.reason, column=quantity.column, value=error.value) from error
+        return Deviation(source=source.text, prediction=prediction, column=column)
+
+    def _parameter(self) -> PredictionParameter:
+        name = self._take()
+        self._expect("=")
+        if not self._is("["):
+            value, unit = self._bound()
+            return PredictionParameter(name.text, value, value, unit)
+        self._take()
+        lo, own = self._bound()
+        self._expect(",")
+        hi, unit = self._bound()
+        self._expect("]")
+        if own is not None and own != unit:
+            raise MonitorError(
+                f"the bounds of {shown(name.text)} have different units; give both in one",
+                column=name.column,
+                value=name.text,
+            )
+        return PredictionParameter(name.text, lo, hi, unit)
+
+    def _bound(self) -> tuple[Fraction, str | None]:
+        sign = -1 if self._is("-") else 1
+        if sign < 0:
+            self._take()
+        token = self._peek()
+        if token.kind != "number":
+            raise MonitorError(
+                f"expected a number, not {shown(token.text) if token.text else 'the end'}",
+                column=token.column,
+                value=token.text,
+            )
+        self._take()
+        return sign * _number(token), token.unit
+
+    def _moment(self) -> int:
+        """The model's time 0: RFC 3339 in quotes, or ns since 1970."""
+        token = self._peek()
+        if token.kind == "quoted":
+            self._take()
+            try:
+                return parse_timestamp(token.text)
+            except ValueError as error:
+                raise MonitorError(str(error), column=token.column, value=token.text) from error
+        value, unit = self._bound()
+        if unit is not None or value.denominator != 1 or abs(value) >= 2**63:
+            raise MonitorError(
+                'the time 0 of a model is RFC 3339 in quotes, such as "2026-01-31T12:00:00Z", or '
+                "whole ns since 1970",
+                column=token.column,
+                value=token.text,
+            )
+        return int(value)
 
     def _list(self, read: Callable[[int], _Made]) -> tuple[_Made, ...]:
         self._expect("(")

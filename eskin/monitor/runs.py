@@ -80,6 +80,11 @@ class Runs:
         at = np.searchsorted(self.first, ticks, side="right") - 1
         return np.asarray((at >= 0) & (self.last[at] >= ticks))
 
+    def overlaps(self, first: Ticks, last: Ticks) -> NDArray[np.bool_]:
+        """Whether any tick of each other run is in the set."""
+        begin = np.searchsorted(self.last, first, side="left")
+        return np.asarray(np.searchsorted(self.first, last, side="right") > begin)
+
     def eventually(self, a: int, b: int | None) -> Runs:
         """Ticks from whose window [a, b] ns later a tick of the set is seen."""
         first = np.full_like(self.first, -END) if b is None else _shifted(self.first, -2 * b)

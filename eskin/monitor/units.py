@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
 from typing import Final
@@ -49,11 +49,17 @@ class Unit:
         scale: Factor.
         offset: What is added, of Celsius only.
         dimension: Powers of base units, by name; the code of a unit that is not known here.
+        code: As it was written; ``None`` of a product.
     """
 
     scale: Fraction = Fraction(1)
     offset: Fraction = Fraction(0)
     dimension: tuple[tuple[str, int], ...] = ()
+    code: str | None = field(default=None, compare=False)
+
+    def __str__(self) -> str:
+        powers = [f"{name}{power if power != 1 else ''}" for name, power in self.dimension]
+        return self.code or ".".join(powers) or "1"
 
     def times(self, other: Unit, power: int = 1) -> Unit:
         """The product with a power of another unit, both without offset."""
@@ -70,7 +76,7 @@ class Unit:
 
 
 ONE: Final = Unit()
-CELSIUS: Final = Unit(Fraction(1), Fraction(27315, 100), (("K", 1),))
+CELSIUS: Final = Unit(Fraction(1), Fraction(27315, 100), (("K", 1),), "Cel")
 
 
 @lru_cache(1024)
@@ -89,12 +95,12 @@ def known_unit(code: str) -> Unit | None:
         power = int(match[3] or 1)
         unit = unit.times(part, -power if match[1] == "/" else power)
         place = match.end()
-    return unit if code else None
+    return replace(unit, code=code) if code else None
 
 
 def unit_of(code: str) -> Unit:
     """The unit of a code; one that is not known here fits only itself."""
-    return known_unit(code) or Unit(dimension=((code, 1),))
+    return known_unit(code) or Unit(dimension=((code, 1),), code=code)
 
 
 def _symbol(text: str) -> Unit | None:

@@ -125,11 +125,48 @@ class Verdicts:
 
     def holds_by(self, t: int) -> Because:
         """The weakest cause by which a possible verdict could be true, such as for an alarm."""
-        return self._cause([upper for _, upper in self._explained], t)
+        return self._cause(self._holding, t)
 
     def fails_by(self, t: int) -> Because:
         """The weakest cause by which a possible verdict could be false."""
-        return self._cause([~lower for lower, _ in self._explained], t)
+        return self._cause(self._failing, t)
+
+    @property
+    def certain_runs(self) -> Runs:
+        """Ticks at which it holds for certain."""
+        return self._certain
+
+    @property
+    def possible_runs(self) -> Runs:
+        """Ticks at which it is not impossible."""
+        return self._possible
+
+    def held_by_samples(self) -> Runs:
+        """Ticks at which it could hold by the samples that exist: by their width or moments."""
+        return self._certain | self._holding[1]
+
+    def failed_by_samples(self) -> Runs:
+        """Ticks at which it could fail by the samples that exist."""
+        return ~self._possible | self._failing[1]
+
+    def causes(self, first: Ticks, last: Ticks) -> list[Because]:
+        """All of what `because` says of the instants of some runs of ticks."""
+        found = [Because(0)] * first.size
+        open_ = self._possible & ~self._certain
+        for runs in (self._holding, self._failing):
+            rest = open_
+            for cause, each in zip(_CAUSES, [*runs, Runs.between(-END, END)], strict=True):
+                for k in np.flatnonzero((rest & each).overlaps(first, last)).tolist():
+                    found[k] |= cause
+                rest = rest & ~each
+        return found
+
+    def most_changes(self, first: int, last: int) -> int | None:
+        """How often its truth may change from just before a run of ticks until just after it.
+
+        ``None`` where samples are missing within the horizon.
+        """
+        return self._evaluation.most_changes(first, last)
 
     def coverage(self, t: int) -> float:
         """Probability with which the verdict at an instant is right, at least.
@@ -229,6 +266,14 @@ class Verdicts:
     @cached_property
     def _explained(self) -> list[tuple[Runs, Runs]]:
         return [self._evaluation.explained_by(cause) for cause in range(3)]
+
+    @cached_property
+    def _holding(self) -> list[Runs]:
+        return [upper for _, upper in self._explained]
+
+    @cached_property
+    def _failing(self) -> list[Runs]:
+        return [~lower for lower, _ in self._explained]
 
     @cached_property
     def _final(self) -> Runs:

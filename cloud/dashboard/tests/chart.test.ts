@@ -164,7 +164,7 @@ describe("answers to a question", () => {
     expect(possible[132]! + possible[151]!).toBe(0);
   });
 
-  test("are possible within their time error, and certain in a column that holds all of it", () => {
+  test("are possible within the error of their ends, and certain in a column that holds all of it", () => {
     const short = [stated(500, 502, "certain", 50)];
     const fine = lanesOf(MAP, short);
     expect([touched(fine.certain), touched(fine.possible).length]).toEqual([[], 22]);
@@ -177,9 +177,9 @@ describe("answers to a question", () => {
     expect(touched(lanesOf(MAP, [stated(-50, -20, "certain", 0), stated(1020, 1050, "possible", 0)]).certain)).toEqual([]);
   });
 
-  test("tell how far their moments may be wrong", () => {
+  test("begin and end where they are stated", () => {
     const timeline = new Timeline(BigInt(Date.parse("2026-01-31T12:00:00Z")) * 1_000_000n);
-    const item = { id: "s", start: "2026-01-31T12:00:00.000000005Z", end: "2026-01-31T12:00:00.000000025Z", verdict: "certain", time_error: 7 } as const;
-    expect(readSegment(item, timeline)).toEqual({ x0: 5, x1: 25, verdict: "certain", error: 7 });
+    const item = { start: "2026-01-31T12:00:00.000000005Z", end: "2026-01-31T12:00:00.000000025Z", verdict: "certain" } as const;
+    expect(readSegment(item, timeline)).toEqual({ x0: 5, x1: 25, verdict: "certain", error: 0 });
   });
 });

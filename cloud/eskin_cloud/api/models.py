@@ -5,12 +5,12 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 
+from eskin.monitor.predicted_quantities import MODELS
 from eskin_cloud.api.dependencies import Reader
 from eskin_cloud.api.problems import REFUSALS
-from eskin_cloud.query.models import MODELS
 from eskin_cloud.schemas.base import IntervalDocument, NoQuery, PageDocument, interval
 
-router = APIRouter(tags=["series"])
+router = APIRouter(tags=["monitors"])
 
 
 class ParameterDocument(BaseModel):

@@ -1,6 +1,8 @@
 """Questions that compare a channel with what a ³S model predicts for it."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
+from decimal import Decimal
 from typing import Annotated, Final, Literal
 
 import numpy as np
@@ -8,34 +10,22 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 from starlette.responses import Response
 
-from eskin.errors import IntervalError, QueryError
-from eskin.interval import Interval, Verdict
-from eskin.wire.timestamp import format_timestamp
+from eskin.errors import MonitorError, QueryError
+from eskin.monitor import Constant, Deviation, Formula, Prediction, PredictionParameter
+from eskin.monitor.predicted_quantities import MODELS
+from eskin.wire.timestamp import MOST_MOMENT, format_timestamp
 from eskin_cloud.api.dependencies import CloudState, Reader
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
-from eskin_cloud.api.window_params import WindowQuery, opened, paged, window_of
-from eskin_cloud.query.anomalies import find_anomalies
-from eskin_cloud.query.cursors import read_numbers
-from eskin_cloud.query.models import MODELS
-from eskin_cloud.query.occupancy import total_occupancy
-from eskin_cloud.query.parse_decimal import enclose_decimal
-from eskin_cloud.query.prediction import Prediction
-from eskin_cloud.query.sample_validity import after
-from eskin_cloud.query.segments import Segment, merge
+from eskin_cloud.api.verdict_answers import list_verdicts, total_time
+from eskin_cloud.api.window_params import PagedWindowQuery, WindowQuery, opened, window_of
 from eskin_cloud.rollup.hulls import bucket_width
-from eskin_cloud.schemas.base import TIME, Moment, PageDocument, Time, page
-from eskin_cloud.schemas.series import (
-    OccupancyDocument,
-    SegmentDocument,
-    describe_occupancy,
-    describe_segment,
-)
-from eskin_cloud.store.read.lookup import Channel, find_channel
-from eskin_cloud.store.read.patch_columns import find_next
-from eskin_cloud.store.read.window import make_window, parse_time
+from eskin_cloud.schemas.base import TIME, Moment, PageDocument, Time
+from eskin_cloud.schemas.monitors import TotalsDocument, VerdictDocument
+from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.window import parse_time
 
-router = APIRouter(tags=["series"])
+router = APIRouter(tags=["monitors"])
 
 _MOST_PARAMETERS: Final = 20
 
@@ -52,7 +42,7 @@ class PredictionQuery(WindowQuery):
         description="NAME:LO:HI or NAME:VALUE, in SI units, rounded outward; may be repeated",
     )
     origin: Time | None = Field(
-        default=None, description=f"the model's time 0; {TIME}; else `start`"
+        default=None, description=f"the model's time 0; {TIME}; else `start`; a constant needs none"
     )
 
 
@@ -62,11 +52,8 @@ class TubeQuery(PredictionQuery):
     points: int = Field(default=1000, ge=1, le=20_000, description="buckets, at most")
 
 
-class AnomaliesQuery(PredictionQuery):
+class AnomaliesQuery(PredictionQuery, PagedWindowQuery):
     """Parameters of anomalies."""
-
-    limit: int = Field(default=1000, ge=1, le=10_000, description="segments at once")
-    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
 
 
 class PredictionDocument(BaseModel):
@@ -101,17 +88,19 @@ def get_prediction(
         row = find_channel(connection, node, channel)
         window = window_of(cloud, row, query)
         with opened(cloud, access, connection, row, window) as (_, known):
-            prediction = _prediction(query, known, window.start)
+            unit = known["unit"]
+    prediction = _prediction(query)
     width = bucket_width(window.span, query.points)
     t = width * np.arange(-(-window.span // width), dtype=np.int64)
     begun = window.start + t
-    lo, hi = prediction.between(begun, after(begun, np.full_like(t, width)))
+    with _refused("model"):
+        lo, hi = prediction.between(begun, np.minimum(begun, MOST_MOMENT - width) + width, unit)
     return as_json(
         {
             "node": node,
             "channel": channel,
             "model": query.model,
-            "unit": known["unit"],
+            "unit": unit,
             "origin": format_timestamp(prediction.origin),
             "t0": format_timestamp(window.start),
             "t": t,
@@ -124,7 +113,7 @@ def get_prediction(
 
 @router.get(
     "/series/{node}/{channel}/anomalies",
-    response_model=PageDocument[SegmentDocument],
+    response_model=PageDocument[VerdictDocument],
     responses=REFUSALS_OF_PLACE,
 )
 def get_anomalies(
@@ -135,72 +124,55 @@ def get_anomalies(
     query: Annotated[AnomaliesQuery, Query()],
 ) -> Response:
     """List when a channel differs from a model's prediction."""
-    with cloud.store.read() as connection:
-        row = find_channel(connection, node, channel)
-        if query.cursor is None:
-            window = window_of(cloud, row, query)
-            origin = window.start
-        else:
-            start, end, origin = read_numbers(query.cursor, 3)
-            window = make_window(start, end)
-        with opened(cloud, access, connection, row, window) as (source, known):
-            prediction = _prediction(query, known, origin)
-            runs = merge(find_anomalies(source, known, window, prediction))
-            found, following = paged(_not_impossible(runs), window, query.limit, prediction.origin)
-    return as_json(page([describe_segment(run) for run in found], following))
+    return list_verdicts(cloud, access, _anomaly(query), {"c": (node, channel)}, query)
 
 
-@router.get(
-    "/series/{node}/{channel}/anomalies/time",
-    responses=REFUSALS_OF_PLACE,
-)
+@router.get("/series/{node}/{channel}/anomalies/time", responses=REFUSALS_OF_PLACE)
 def get_anomalies_time(
     cloud: CloudState,
     access: Reader,
     node: str,
     channel: str,
     query: Annotated[PredictionQuery, Query()],
-) -> OccupancyDocument:
+) -> TotalsDocument:
     """Measure how long and how often a channel differs from a model."""
-    with cloud.store.read() as connection:
-        row = find_channel(connection, node, channel)
-        window = window_of(cloud, row, query)
-        with opened(cloud, access, connection, row, window) as (source, known):
-            prediction = _prediction(query, known, window.start)
-            runs = find_anomalies(source, known, window, prediction)
-            found = total_occupancy(runs, window, find_next(source, known, window.end))
-    return describe_occupancy(found, window, known)
+    return total_time(cloud, access, _anomaly(query), {"c": (node, channel)}, query)
 
 
-def _not_impossible(runs: Iterator[Segment]) -> Iterator[Segment]:
-    return (run for run in runs if run.answer is not Verdict.IMPOSSIBLE)
+def _anomaly(query: PredictionQuery) -> Formula:
+    """Whether a channel ``c`` is outside of what is predicted."""
+    return Deviation(source="c", prediction=_prediction(query)) > 0
 
 
-def _prediction(query: PredictionQuery, row: Channel, start: int) -> Prediction:
+def _prediction(query: PredictionQuery) -> Prediction:
     """What is asked for."""
-    model = MODELS[query.model]
-    if model.unit is not None and model.unit != row["unit"]:
-        raise QueryError(
-            "model",
-            f"{query.model} is in {model.unit}, {row['node']}/{row['channel']} in {row['unit']}; "
-            "take a model of the same unit",
-        )
-    parameters = dict(_parameter(text) for text in query.parameter)
-    if len(parameters) < len(query.parameter):
-        raise QueryError("parameter", "one is given twice; give each once")
-    model.require_parameters(parameters)
-    given = parse_time("origin", query.origin)
-    return Prediction(model, parameters, start if given is None else given)
+    origin = parse_time("origin", query.origin)
+    if origin is None:
+        origin = parse_time("start", query.start)
+    if origin is None and query.model != "constant":
+        raise QueryError("origin", "is missing; give the model's time 0, or `start`")
+    parameters = tuple(_parameter(text) for text in query.parameter)
+    with _refused("parameter"):
+        return Prediction(query.model, parameters, origin or 0)
 
 
-def _parameter(text: str) -> tuple[str, Interval]:
-    """Name and bounds, rounded outward: what the text says lies in them."""
+@contextmanager
+def _refused(parameter: str) -> Iterator[None]:
+    """Name the parameter of a question that a monitor refuses."""
+    try:
+        yield
+    except MonitorError as error:
+        raise QueryError(parameter, str(error)) from error
+
+
+def _parameter(text: str) -> PredictionParameter:
+    """Name and bounds, exactly as the text says."""
     name, *bounds = text.split(":")
     try:
-        lo, *rest = (enclose_decimal(bound) for bound in bounds)
+        lo, *rest = (Constant(Decimal(bound.strip())).value for bound in bounds)
         (hi,) = rest or (lo,)
-        return name, Interval(lo[0], hi[1])
-    except (ValueError, IntervalError) as error:
+    except (ValueError, ArithmeticError) as error:
         raise QueryError(
             "parameter", f"{text!r} is no NAME:LO:HI such as distance:0.9e-3:1.1e-3"
         ) from error
+    return PredictionParameter(name, lo, hi)

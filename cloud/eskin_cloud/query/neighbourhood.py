@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from eskin.wire.timestamp import MOST_MOMENT
-from eskin_cloud.query.sample_validity import SampleValidity
 from eskin_cloud.rollup.aggregates import EMPTY
 from eskin_cloud.rollup.samples import read_samples
+from eskin_cloud.store.read.patch_columns import next_rows, previous_rows
 from eskin_cloud.store.read.window import Window
 
 if TYPE_CHECKING:
@@ -26,19 +26,18 @@ class ChannelSource(NamedTuple):
     channel: Channel
 
 
-def look_around(source: ChannelSource, window: Window) -> SampleValidity:
-    """When each sample in and around a window may be valid."""
-    return SampleValidity.of(read_around(source, window))
-
-
 def read_around(source: ChannelSource, window: Window) -> Aggregates:
-    """The samples in and around a window, so far that no other may be valid in it."""
+    """The samples in and around a window, so far that no other may be valid in it.
+
+    What is read grows on both sides until samples beside it are known to hold before the window,
+    and after it. It reaches over a gap, however long, to the next rows and no further.
+    """
     channel = source.channel
     if channel["t_first"] is None:
         return EMPTY
     margin = 2 * max(channel["longest"], channel["dt"])
+    wide = Window(max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT))
     while True:
-        wide = _widened(window, margin)
         samples = read_samples(source.connection, channel, wide)
         earliest = samples.first - samples.error
         sure = earliest[samples.first + samples.error <= window.start]
@@ -48,8 +47,12 @@ def read_around(source: ChannelSource, window: Window) -> Aggregates:
         )
         if after and before:
             return samples
+        start, end = wide.start, wide.end
+        if not before:
+            rows = previous_rows(source.connection, channel, start)
+            start = channel["t_first"] if rows is None else min(rows, start - margin)
+        if not after:
+            following = next_rows(source.connection, channel, end)
+            end = channel["t_last"] if following is None else max(following, end + margin)
+        wide = Window(max(start, -MOST_MOMENT), min(end + 1, MOST_MOMENT))
         margin *= 4
-
-
-def _widened(window: Window, margin: int) -> Window:
-    return Window(max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT))

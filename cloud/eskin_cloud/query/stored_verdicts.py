@@ -3,7 +3,7 @@
 The hull of consecutive samples holds all of them. So a run of samples is read as one sample, whose
 value lies in the hull and is held until the next run begins; a run with a gap in it has any value.
 Verdicts by runs are those of the samples, or possible. Stretches that stay possible are evaluated
-again by shorter runs, down to single samples.
+again by shorter runs, down to single samples, but where no sample that exists could decide them.
 """
 
 from __future__ import annotations
@@ -15,7 +15,10 @@ import numpy as np
 from eskin.errors import MonitorError, QueryError
 from eskin.interval import Verdict
 from eskin.monitor import Because, Signal, check, evaluate
+from eskin.monitor.formula import MAX_BOUND
+from eskin.monitor.prediction import deviation
 from eskin.monitor.signal import MAX_MOMENT
+from eskin.union_bound import union_coverage
 from eskin_cloud.query.neighbourhood import read_around
 from eskin_cloud.rollup.aggregates import longest_step
 from eskin_cloud.rollup.hulls import read_hulls
@@ -24,9 +27,11 @@ from eskin_cloud.store.read.window import Window
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from numpy.typing import NDArray
+
     from eskin.monitor import Formula, Verdicts
     from eskin_cloud.query.neighbourhood import ChannelSource
-    from eskin_cloud.rollup.aggregates import Aggregates
+    from eskin_cloud.rollup.aggregates import Aggregates, Integers
 
 POINTS: Final = 1024
 """Runs of a channel that are evaluated at once."""
@@ -47,15 +52,29 @@ class StoredPiece(NamedTuple):
         first: The first tick.
         last: The last one.
         verdict: What holds there.
-        because: Why it is possible; nothing where it is not.
+        missing: Whether it is possible, and could hold by samples alone that do not exist.
+        because: All that makes it possible; nothing where it is not.
         coverage: Probability with which the verdict is right in its middle, at least.
+        changes: How often the truth may change in it and at its ends; ``None`` without bound.
     """
 
     first: int
     last: int
     verdict: Verdict
+    missing: bool
     because: Because
     coverage: float
+    changes: int | None
+
+    def joined(self, other: StoredPiece) -> StoredPiece:
+        """This stretch and the one after it, which has the same verdict."""
+        unbounded = self.changes is None or other.changes is None
+        return self._replace(
+            last=other.last,
+            because=self.because | other.because,
+            coverage=min(self.coverage, other.coverage),
+            changes=None if unbounded else (self.changes or 0) + (other.changes or 0),
+        )
 
 
 class StoredVerdicts:
@@ -63,12 +82,15 @@ class StoredVerdicts:
 
     Args:
         formula: All its windows must be bounded.
-        sources: Where each of its channels is read, by its name in the formula.
+        sources: Where each channel that it measures is read, by its name in the formula.
         points: Runs of a channel that are evaluated at once.
         samples: Samples that are read as they are.
+        most_reads: Stretches that are evaluated, at most.
 
     Attributes:
         reads: How many stretches were evaluated so far.
+        coverage: Probability with which all verdicts of the window are right, at least: the union
+            bound over its samples, and over those within the horizon.
         reach: How many ns before and after an instant count for its verdict.
 
     Raises:
@@ -82,6 +104,7 @@ class StoredVerdicts:
         *,
         points: int = POINTS,
         samples: int = SAMPLES,
+        most_reads: int = MOST_READS,
     ) -> None:
         units = {name: source.channel["unit"] for name, source in sources.items()}
         try:
@@ -89,12 +112,13 @@ class StoredVerdicts:
         except MonitorError as error:
             raise QueryError("formula", str(error)) from error
         self._formula, self._sources = formula, sources
-        self._points, self._samples = points, samples
+        self._points, self._samples, self._most_reads = points, samples, most_reads
         self.reach = past or 0, future or 0
         self.reads = 0
+        self.coverage = 1.0
 
     def pieces(self, window: Window) -> Iterator[StoredPiece]:
-        """Verdicts of a window in order of time, until `MOST_READS` stretches were evaluated.
+        """Verdicts of a window in order of time, until too many stretches were evaluated.
 
         Raises:
             QueryError: The window, or moments in it, are too far from 1970.
@@ -105,9 +129,8 @@ class StoredVerdicts:
         for piece in self._solve(window):
             if waiting is None:
                 waiting = piece
-            elif (piece.verdict, piece.because) == (waiting.verdict, waiting.because):
-                coverage = min(waiting.coverage, piece.coverage)
-                waiting = waiting._replace(last=piece.last, coverage=coverage)
+            elif (piece.verdict, piece.missing) == (waiting.verdict, waiting.missing):
+                waiting = waiting.joined(piece)
             else:
                 yield waiting
                 waiting = piece
@@ -116,22 +139,27 @@ class StoredVerdicts:
 
     def _solve(self, window: Window) -> Iterator[StoredPiece]:
         self.reads += 1
-        if self.reads > MOST_READS:
+        if self.reads > self._most_reads:
             return
         found, exact = self._evaluated(window)
-        for first, last, verdict in _within(found, window):
-            if verdict is not Verdict.POSSIBLE or exact:
-                middle = (first + last) // 4
-                because = found.because(middle) if verdict is Verdict.POSSIBLE else Because(0)
-                yield StoredPiece(first, last, verdict, because, found.coverage(middle))
+        for piece, is_open in _within(found, window):
+            if exact or not is_open:
+                yield piece._replace(coverage=self._coverage(found, piece, exact=exact))
                 continue
-            for part in _parts(Window(first // 2, last // 2 + 1), window):
-                for piece in self._solve(part):
-                    begin, end = max(piece.first, first), min(piece.last, last)
+            for part in _parts(Window(piece.first // 2, piece.last // 2 + 1), window):
+                for each in self._solve(part):
+                    begin, end = max(each.first, piece.first), min(each.last, piece.last)
                     if begin <= end:
-                        yield piece._replace(first=begin, last=end)
-                if self.reads > MOST_READS:
+                        yield each._replace(first=begin, last=end)
+                if self.reads > self._most_reads:
                     return
+
+    def _coverage(self, found: Verdicts, piece: StoredPiece, *, exact: bool) -> float:
+        """That of its middle; a run stands for many samples, so they are counted there."""
+        middle = (piece.first + piece.last) // 4
+        if not exact and found.coverage(middle) < 1.0:
+            found = self._evaluated(Window(middle, middle + 1))[0]
+        return found.coverage(middle)
 
     def _evaluated(self, window: Window) -> tuple[Verdicts, bool]:
         past, future = self.reach
@@ -139,61 +167,131 @@ class StoredVerdicts:
         # A stretch as short as the horizon does not become shorter with its parts.
         least = _FINER * max(past + future, *(self._step(each) for each in self._sources.values()))
         last = window.span <= least
-        signals, exact = {}, True
+        read, signals, spans, exact, missed = {}, {}, {}, True, []
         for name, source in self._sources.items():
-            pieces, whole = self._read(source, around, MOST_SAMPLES if last else self._samples)
+            most = MOST_SAMPLES if last else self._samples
+            pieces, whole = self._read(source, around, most)
+            read[name] = pieces, whole
             exact = exact and (whole or last)
-            signals[name] = as_signal(pieces, source.channel["unit"])
+            missed.append(union_coverage(pieces.coverage.min(initial=1.0), n=int(pieces.n.sum())))
+        if self.reads == 1:
+            self.coverage = union_coverage(*missed)
         try:
+            for name, (pieces, whole) in read.items():
+                unit, within = self._sources[name].channel["unit"], None if whole else around
+                signals[name] = as_signal(pieces, unit, within=within)
+                spans[name] = 0 if whole else signals[name].period
+            for name, node in self._formula.deviations.items():
+                known = signals[node.source]
+                signals[name] = deviation(known, node.prediction, spans[node.source])
             return evaluate(self._formula, signals), exact
         except MonitorError as error:
             raise QueryError("formula", str(error)) from error
 
     def _read(self, source: ChannelSource, around: Window, most: int) -> tuple[Aggregates, bool]:
-        """A channel in and around a window, and whether each of its runs is one sample."""
+        """A channel in and around a window, and whether it is read as single samples."""
         channel = source.channel
         if channel["t_first"] is None or around.span // max(channel["dt"], 1) <= most:
             return read_around(source, around), True
         margin = 4 * around.span // self._points + self._step(source)
         wide = Window(around.start - margin, around.end + margin)
-        return read_hulls(source.connection, channel, wide, self._points)[0], False
+        pieces = read_hulls(source.connection, channel, wide, self._points)[0]
+        if int(pieces.n.sum()) <= most:  # most of it is a gap, or was sampled more slowly
+            return read_around(source, around), True
+        return pieces, False
 
     @staticmethod
     def _step(source: ChannelSource) -> int:
         return 3 * max(int(source.channel["dt"]), 1)
 
 
-def as_signal(pieces: Aggregates, unit: str) -> Signal:
+def as_signal(pieces: Aggregates, unit: str, *, within: Window | None = None) -> Signal:
     """Runs of samples as samples of a signal.
 
     A run begins at its first sample's moment, within the time error. It holds until the next one,
     and before a gap for as long as its last sample: so its period reaches from its first sample on.
+
+    Args:
+        pieces: The runs.
+        unit: Of their bounds.
+        within: Where other samples may hold that are not among them: before the first run, and
+            from the last sample on, any value is possible.
     """
     pieces = pieces.grouped(pieces.first)
-    whole = pieces.breaks == 0
-    error = pieces.error
-    earliest = np.maximum.accumulate(pieces.first - error) if len(pieces) else pieces.first
+    pieces = pieces[_within_range(pieces)]
+    earliest, latest = _enclosures(pieces)
+    earliest = np.maximum.accumulate(earliest) if len(pieces) else earliest
+    latest = np.maximum(latest, earliest)
+    period = np.maximum(pieces.last - pieces.first + pieces.dt, 1)
+    whole = (pieces.breaks == 0) & (period <= MAX_BOUND)
+    period = np.minimum(period, MAX_BOUND)
+    lo, hi = np.where(whole, pieces.lo, -np.inf), np.where(whole, pieces.hi, np.inf)
     gap = np.append(pieces.first[1:] - pieces.last[:-1] > longest_step(pieces.dt[:-1]), False)
-    return Signal(
-        earliest,
-        np.maximum(pieces.first + error, earliest),
-        np.where(whole, pieces.lo, -np.inf),
-        np.where(whole, pieces.hi, np.inf),
-        np.maximum(pieces.last - pieces.first + pieces.dt, 1),
-        gap[: len(pieces)],
-        unit=unit,
-        coverage=float(pieces.coverage.min(initial=1.0)),
-    )
+    gap = gap[: len(pieces)]
+    until = None
+    if within is not None:
+        begin = max(int(min(within.start, *earliest[:1])) - 1, -MAX_MOMENT)
+        end = int(max(within.start, *latest[-1:] + 1, *pieces.last[-1:] - pieces.error[-1:]))
+        end = min(end, MAX_MOMENT)
+        pads = ((begin, end), (begin, end), (-np.inf, -np.inf), (np.inf, np.inf), (1, 1), (0, 0))
+        columns = earliest, latest, lo, hi, period, gap
+        earliest, latest, lo, hi, period, gap = (
+            np.concatenate([[before], column, [after]]).astype(column.dtype)
+            for column, (before, after) in zip(columns, pads, strict=True)
+        )
+        until = min(max(end, within.end) + 1, MAX_MOMENT)
+    coverage = float(pieces.coverage.min(initial=1.0))
+    return Signal(earliest, latest, lo, hi, period, gap, unit=unit, coverage=coverage, until=until)
 
 
-def _within(found: Verdicts, window: Window) -> Iterator[tuple[int, int, Verdict]]:
-    """First and last ticks of the verdicts in a window."""
+def _within_range(pieces: Aggregates) -> NDArray[np.bool_]:
+    """Those that may hold at moments at which formulas are evaluated."""
+    earliest, latest = _enclosures(pieces)
+    return (earliest < MAX_MOMENT) & (latest > -MAX_MOMENT)
+
+
+def _enclosures(pieces: Aggregates) -> tuple[Integers, Integers]:
+    """The earliest and the latest moment of each first sample, in the range of formulas."""
+    first, error = pieces.first, pieces.error
+    low, high = first < error - MAX_MOMENT, first > MAX_MOMENT - error
+    earliest = np.where(low, -MAX_MOMENT, first - error)
+    latest = np.where(high, MAX_MOMENT, first + error)
+    return np.minimum(earliest, MAX_MOMENT), np.maximum(latest, -MAX_MOMENT)
+
+
+def _within(found: Verdicts, window: Window) -> Iterator[tuple[StoredPiece, bool]]:
+    """The verdicts in a window, and whether samples that exist may decide one that is possible."""
     begin, end = 2 * window.start, 2 * window.end - 1
-    edges = np.append(found.ticks[1:], [2**63 - 1])
-    for k in np.flatnonzero((edges > begin) & (found.ticks <= end)).tolist():
-        first, last = max(int(found.ticks[k]), begin), min(int(edges[k]) - 1, end)
-        if first <= last:
-            yield first, last, Verdict(int(found.codes[k]))
+    if begin > end:
+        return
+    held, failed = found.held_by_samples(), found.failed_by_samples()
+    edges = [np.array([begin, end + 1]), found.ticks]
+    for runs in (held, failed):
+        edges += [runs.first, runs.last[runs.last < end] + 1]
+    ticks = np.unique(np.concatenate(edges))
+    first = ticks[(ticks >= begin) & (ticks <= end)]
+    codes = found.codes_at_ticks(first)
+    possible = codes == Verdict.POSSIBLE
+    is_held, is_failed = held.contains(first), failed.contains(first)
+    missing, is_open = possible & ~is_held, possible & (is_held | is_failed)
+    cut = np.flatnonzero(np.diff(codes + 4 * missing + 8 * is_open, prepend=-1))
+    first = first[cut]
+    last = np.append(first[1:] - 1, end)
+    because = found.causes(first, last)
+    for k, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        at = cut[k]
+        yield (
+            StoredPiece(
+                a,
+                b,
+                Verdict(int(codes[at])),
+                missing=bool(missing[at]),
+                because=because[k],
+                coverage=1.0,
+                changes=found.most_changes(a, b) if possible[at] else 0,
+            ),
+            bool(is_open[at]),
+        )
 
 
 def _parts(stretch: Window, window: Window) -> Iterator[Window]:

@@ -1,21 +1,26 @@
 """Answers about monitors."""
 
+import math
 from typing import Literal
 
+from pydantic import BaseModel
 from typing_extensions import TypedDict
 
 from eskin.monitor import Because
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.query.stored_verdicts import StoredPiece
-from eskin_cloud.schemas.base import Moment
+from eskin_cloud.query.verdict_totals import VerdictTotals
+from eskin_cloud.schemas.base import CountDocument, IntervalDocument, Moment, seconds
+from eskin_cloud.store.read.window import Window
 
 
 class VerdictDocument(TypedDict):
     """A stretch of time with one verdict.
 
     ``includes_start`` and ``includes_end`` say whether the first and the last instant belong to it.
-    ``because`` says why a verdict is possible. ``coverage`` is the probability with which it is
-    right at one instant, at least.
+    ``because`` says why a verdict is possible; where it is ``missing``, it could hold by samples
+    alone that do not exist. ``coverage`` is the probability with which it is right in its middle,
+    at least.
     """
 
     start: Moment
@@ -24,6 +29,24 @@ class VerdictDocument(TypedDict):
     includes_end: bool
     verdict: Literal["impossible", "possible", "certain"]
     because: list[Literal["width", "moment", "gap", "pending"]]
+    missing: bool
+    coverage: float
+
+
+class TotalsDocument(BaseModel):
+    """For how long, and how often, a formula holds over a window.
+
+    For ``unknown_s`` it could hold by samples alone that do not exist. So it held for ``time_s.lo``
+    at least, and for ``time_s.hi`` and ``unknown_s`` together at most. ``entries`` counts the
+    stretches in which it holds, without those in which missing samples may change it. ``coverage``
+    is the probability of the whole statement.
+    """
+
+    start: Moment
+    end: Moment
+    time_s: IntervalDocument
+    unknown_s: float
+    entries: CountDocument
     coverage: float
 
 
@@ -40,5 +63,19 @@ def describe_verdict(piece: StoredPiece) -> VerdictDocument:
         "includes_end": piece.last % 2 == 0,
         "verdict": verdict,
         "because": because,
+        "missing": piece.missing,
         "coverage": piece.coverage,
     }
+
+
+def describe_totals(found: VerdictTotals, window: Window, coverage: float) -> TotalsDocument:
+    """For how long, and how often; seconds are rounded outward."""
+    least, most = found.time
+    return TotalsDocument(
+        start=format_timestamp(window.start),
+        end=format_timestamp(window.end),
+        time_s={"lo": seconds(least, -math.inf), "hi": seconds(most, math.inf)},
+        unknown_s=seconds(found.unknown, math.inf),
+        entries={"lo": found.entries[0], "hi": found.entries[1]},
+        coverage=coverage,
+    )

@@ -1,19 +1,12 @@
 """Answers about a channel's samples."""
 
-import math
 from typing import Literal
 
 from pydantic import BaseModel
-from typing_extensions import TypedDict
 
-from eskin.interval import Verdict
-from eskin.union_bound import union_coverage
 from eskin.wire.timestamp import format_timestamp
-from eskin_cloud.query.occupancy import Occupancy
-from eskin_cloud.query.segments import Segment
 from eskin_cloud.query.series import Series
-from eskin_cloud.schemas.base import CountDocument, IntervalDocument, Json, Moment, Row, seconds
-from eskin_cloud.store.read.window import Window
+from eskin_cloud.schemas.base import Json, Moment
 
 
 class BoundsDocument(BaseModel):
@@ -45,42 +38,6 @@ class SeriesDocument(BaseModel):
     time_error: int
 
 
-class SegmentDocument(TypedDict):
-    """A run of samples, from the first to the last, with the same answer.
-
-    ``coverage`` is the probability of the whole statement: the union bound over its samples. Their
-    true moments lie within ``time_error`` ns of the stated ones.
-    """
-
-    id: str
-    start: Moment
-    end: Moment
-    verdict: Literal["certain", "possible"]
-    coverage: float
-    time_error: int
-
-
-class OccupancyDocument(BaseModel):
-    """For how long and how often a channel is in a state, over a window.
-
-    A sample holds until the next, for its period at most; for ``unknown_s`` nothing is known.
-    ``samples`` and ``entries`` count what is known: samples in the state, and how often it began.
-    Samples are those stated within the window; their true moments lie within ``time_error``
-    ns of these, and ``time_s`` holds wherever they do. ``coverage`` is the probability of the whole
-    statement.
-    """
-
-    start: Moment
-    end: Moment
-    unit: str
-    time_s: IntervalDocument
-    unknown_s: float
-    samples: CountDocument
-    entries: CountDocument
-    coverage: float
-    time_error: int
-
-
 def describe_series(series: Series) -> Json:
     """A series."""
     return {
@@ -97,40 +54,3 @@ def describe_series(series: Series) -> Json:
         "dt": series.dt,
         "time_error": series.time_error,
     }
-
-
-def verdict_of(answer: Verdict | None) -> Literal["certain", "possible"]:
-    """A verdict that is listed: what is impossible is left out."""
-    return "certain" if answer is Verdict.CERTAIN else "possible"
-
-
-def describe_segment(segment: Segment) -> SegmentDocument:
-    """A segment of a threshold's answer.
-
-    Its coverage is the union bound over its samples, at the least coverage of them.
-    """
-    verdict = verdict_of(segment.answer)
-    return {
-        "id": f"{segment.start}-{segment.end}-{verdict}",
-        "start": format_timestamp(segment.start),
-        "end": format_timestamp(segment.end),
-        "verdict": verdict,
-        "coverage": union_coverage(segment.coverage, n=segment.n),
-        "time_error": segment.error,
-    }
-
-
-def describe_occupancy(found: Occupancy, window: Window, channel: Row) -> OccupancyDocument:
-    """For how long and how often a channel is in a state; seconds are rounded outward."""
-    least, most = found.time
-    return OccupancyDocument(
-        start=format_timestamp(window.start),
-        end=format_timestamp(window.end),
-        unit=channel["unit"],
-        time_s={"lo": seconds(least, -math.inf), "hi": seconds(most, math.inf)},
-        unknown_s=seconds(found.unknown, math.inf),
-        samples={"lo": found.samples[0], "hi": found.samples[1]},
-        entries={"lo": found.entries[0], "hi": found.entries[1]},
-        coverage=union_coverage(found.coverage, n=found.n),
-        time_error=found.error,
-    )

@@ -79,6 +79,12 @@ class MonitorProgram:
                 unbounded window.
         """
         formula = parse(text)
+        for predicted in formula.deviations.values():
+            raise MonitorError(
+                "a node holds no models; compare with a constant, or run the monitor in the cloud",
+                column=predicted.column,
+                value=predicted.name,
+            )
         past = check(formula, units, bounded=True).past or 0
         for node in formula.walk():
             if type(node) in _PASTS:

@@ -6,10 +6,10 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
-from eskin_cloud.query.occupancy import measure_occupancy
-from eskin_cloud.query.predicate import Predicate
-from eskin_cloud.query.segments import find_segments
+from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.series import Series, read_series
+from eskin_cloud.query.stored_verdicts import StoredVerdicts
+from eskin_cloud.query.verdict_totals import total_verdicts
 from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
@@ -17,21 +17,26 @@ from eskin_cloud.store.removal import PatchSweep, remove_rows
 from eskin_cloud.store.schema.frame_tables import stale_patch_chunks
 from sqlalchemy import func, select
 
+from eskin.monitor import Signal, evaluate, parse
 from eskin.union_bound import union_coverage
 from tests.unit.cloud.messages import CHANNEL, NODE, START, skin_of, tube_of
 
 if TYPE_CHECKING:
+    from eskin_cloud.query.stored_verdicts import StoredPiece
     from eskin_cloud.store import Store
+    from eskin_cloud.store.read.lookup import Channel
     from numpy.typing import NDArray
+    from sqlalchemy import Connection
 
+    from eskin.monitor import Formula
     from eskin.wire.frames import Frame
 
-QUESTIONS = (
-    Predicate(0.2, None, strict=True),
-    Predicate(None, -1.0, strict=True),
-    Predicate(0.0, 0.3),
-    Predicate(-0.1, 0.1, outside=True),
-    Predicate(1e301, None, strict=True),
+QUESTIONS = tuple(
+    parse(text.replace("x", CHANNEL))
+    for text in (
+        *("x > 0.2", "x < -1", "x >= 0 and x <= 0.3", "x < -0.1 or x > 0.1", "x > 1e301"),
+        *("once[0,1us] x > 0.2", "always[0,50ns] x < 0.3"),
+    )
 )
 BOUNDS = (-np.inf, -3.0, -0.1, 0.1, 0.3, 1e300, np.inf)
 
@@ -48,7 +53,8 @@ class Truth:
         self.t = t[order]
         self.lo = np.concatenate([tube.values.inf for tube in tubes])[order]
         self.hi = np.concatenate([tube.values.sup for tube in tubes])[order]
-        self.error = max(tube.time_error for tube in tubes)
+        errors = [np.full(len(tube), tube.time_error) for tube in tubes]
+        self.error = np.concatenate(errors)[order]
         coverage = [np.full(len(tube), tube.coverage) for tube in tubes]
         self.coverage = np.concatenate(coverage)[order]
 
@@ -95,34 +101,46 @@ def compare(series: Series, truth: Truth, window: Window, points: int) -> None:
     assert series.coverage == union_coverage(float(least), n=largest)
 
 
-def check_states(store: Store, truth: Truth, window: Window, question: Predicate) -> None:
-    """Segments, times and counts against a look at each sample."""
+def verdicts_of(
+    connection: Connection, channel: Channel, window: Window, formula: Formula
+) -> list[StoredPiece]:
+    """The verdicts of a formula over one channel, whatever that is called."""
+    (name,) = formula.channels
+    sources = {name: ChannelSource(connection, channel)}
+    return list(StoredVerdicts(formula, sources, most_reads=10**6).pieces(window))
+
+
+def check_states(store: Store, truth: Truth, window: Window, formula: Formula) -> None:
+    """Verdicts against those of all samples, and totals of them."""
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
-        segments = list(find_segments(connection, row, window, question))
-        found = measure_occupancy(connection, row, window, question)
-    here = truth.within(window)
-    t, dt = truth.t[here], truth.dt[here]
-    answers = question.answers(truth.lo[here], truth.hi[here])
-    broken = np.diff(t) > dt[:-1] + dt[:-1] // 2
-    cuts = np.flatnonzero((np.diff(answers) != 0) | broken) + 1
-    runs = [part for part in np.split(np.arange(t.size), cuts) if part.size]
-    expected = [(t[r[0]], t[r[-1]], answers[r[0]]) for r in runs if answers[r[0]]]
-    assert [(s.start, s.end, s.answer) for s in segments] == expected
-    held = np.minimum(np.diff(t, append=window.end), dt)
-    spans = [(answers[r[0]], int(held[r].sum())) for r in runs]
-    certain, excluded = (sum(span for said, span in spans if said == each) for each in (2, 0))
-    # At each end a run of one answer loses the time error there.
-    least, less = (
-        sum(max(0, span - 2 * truth.error) for said, span in spans if said == each)
-        for each in (2, 0)
+        pieces = verdicts_of(connection, row, window, formula)
+    t, first = np.unique(truth.t, return_index=True)  # samples of one time are one sample
+    error, lo, hi, dt = (
+        reduce.reduceat(column, first)
+        for reduce, column in (
+            *((np.maximum, truth.error), (np.minimum, truth.lo)),
+            *((np.maximum, truth.hi), (np.maximum, truth.dt)),
+        )
     )
-    known = int(held.sum())
-    assert least <= found.time[0] <= certain
-    assert known - excluded <= found.time[1] <= known - less
-    assert found.unknown == window.span - known
-    assert found.error <= truth.error
-    assert found.samples == (int((answers == 2).sum()), int((answers > 0).sum()))
+    earliest = np.maximum.accumulate(t - error)
+    gap = np.append(np.diff(t) > dt[:-1] + dt[:-1] // 2, False)
+    signal = Signal(earliest, np.maximum(t + error, earliest), lo, hi, dt, gap, unit="F")
+    expected = evaluate(formula, {CHANNEL: signal})
+    starts = np.array([piece.first for piece in pieces], np.int64)
+    assert starts.tolist() == [2 * window.start, *(piece.last + 1 for piece in pieces)][:-1]
+    inside = expected.ticks[(expected.ticks > 2 * window.start) & (expected.ticks < 2 * window.end)]
+    ticks = np.unique(np.concatenate([starts, inside]))
+    codes = np.array([piece.verdict for piece in pieces])
+    found = codes[np.searchsorted(starts, ticks, side="right") - 1]
+    assert found.tolist() == expected.codes_at_ticks(ticks).tolist()
+    totals = total_verdicts(pieces)
+    spent = [0, 0, 0]
+    ends = np.append(ticks[1:], 2 * window.end)
+    for begin, end, code in zip(ticks.tolist(), ends.tolist(), found.tolist(), strict=True):
+        spent[code] += end // 2 - begin // 2
+    assert totals.time[0] == spent[2]
+    assert totals.time[1] + totals.unknown == spent[1] + spent[2]
 
 
 def compact_all(store: Store) -> None:

@@ -35,10 +35,11 @@ ALONE: Final = {f"tests.unit.cloud.test_{room}" for room in (
 )}  # fmt: skip
 """Tests that run on SQLite alone, because they do not depend on the kind of store."""
 BOTH: Final = {f"tests.unit.cloud.test_{room}" for room in (
-    "commands", "compaction", "comparison", "faults", "frames", "hostile_frames", "live",
-    "missing_messages", "occupancy", "frames_once", "patch_compaction", "patch_retention",
+    "commands", "compaction", "faults", "frames", "hostile_frames", "live",
+    "missing_messages", "frames_once", "patch_compaction", "patch_retention",
     "patch_tiles", "pg_copy", "queries", "questions", "retention", "rollup",
-    "several_clouds", "shared_commits", "store", "store_settings", "stored_sequences", "writer",
+    "several_clouds", "shared_commits", "store", "store_settings", "stored_sequences",
+    "stored_verdicts", "writer",
 )}  # fmt: skip
 """Tests of what depends on the kind of store: writer, locks, SQL. Others run on PostgreSQL
 at night."""

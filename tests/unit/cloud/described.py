@@ -15,7 +15,8 @@ UNSAYABLE: Final = (
     r"^(start|end|origin): (day|month) ",  # the 31st of a month that has 30
     r"^(start|end|origin): .* is outside of the years 1678 to 2262$",
     r"^(above, below|at_least, at_most|at_least|outside): ",
-    r"^(model|other): .* of the same unit$",
+    r"^model: ",  # by the channel's unit
+    r"^origin: is missing",  # of a model that changes with time
     r"^parameter: ",  # each model has its own
     r"^cursor: ",  # opaque
     r"^formula: ",  # a grammar

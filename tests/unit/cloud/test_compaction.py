@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from eskin_cloud.jobs.compaction import _catch_up, compact
 from eskin_cloud.query.export import Export, ExportChannel, ExportPosition
-from eskin_cloud.query.predicate import Predicate
-from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import read_series
 from eskin_cloud.settings import CompactionSection
 from eskin_cloud.store.read.lookup import find_channel
@@ -18,7 +16,9 @@ from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.frame_tables import patch_rows
 from sqlalchemy import func, select
 
-from tests.unit.cloud.brute_force import compact_all
+from eskin.monitor import parse
+from eskin.monitor.signal import MAX_MOMENT
+from tests.unit.cloud.brute_force import compact_all, verdicts_of
 from tests.unit.cloud.clouds import put, standing
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
 
@@ -69,13 +69,17 @@ def answers(store: Store, window: Window) -> list[Any]:
         channel = find_channel(connection, NODE, CHANNEL)
         fine = read_series(connection, channel, window, points=20_000)
         coarse = read_series(connection, channel, window, points=7)
-        segments = [*find_segments(connection, channel, window, Predicate(0.9, None, strict=True))]
+        verdicts = (
+            verdicts_of(connection, channel, window, parse(f"{CHANNEL} > 0.9"))
+            if max(-window.start, window.end) < MAX_MOMENT
+            else None
+        )
     stated = [
         series.t.tolist() + series.lo.tolist() + series.hi.tolist() for series in (fine, coarse)
     ]
     raw = exported(store, window, 10**9)
     assert exported(store, window, 950) == raw
-    return [*stated, segments, fine.coverage, coarse.coverage, raw]
+    return [*stated, verdicts, fine.coverage, coarse.coverage, raw]
 
 
 @pytest.mark.parametrize(

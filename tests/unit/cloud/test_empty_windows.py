@@ -28,7 +28,7 @@ MOMENTS: Final = (START - 1, START, START + 1, START + 9 * DT, BEHIND)
 
 NEVER: Final = {"time_s": {"lo": 0.0, "hi": 0.0}, "unknown_s": 0.0}
 NONE: Final[dict[str, Any]] = {"items": [], "next": None}
-COUNTS: Final = {name: {"lo": 0, "hi": 0} for name in ("entries", "samples")}
+COUNTS: Final = {"entries": {"lo": 0, "hi": 0}}
 BESIDE: Final = {"other": f"{NODE}/{OTHER}"}
 BAND: Final = {"model": "constant", "parameter": "value:0:1"}
 SWING: Final = {
@@ -43,7 +43,7 @@ QUESTIONS: Final[tuple[tuple[str, dict[str, Any], dict[str, Any]], ...]] = (
     (f"{SERIES}/threshold", {"at_least": 0, "at_most": 9, "outside": True}, NONE),
     (f"{SERIES}/time", {"above": 0}, NEVER | COUNTS),
     (f"{SERIES}/comparison", BESIDE, NONE),
-    (f"{SERIES}/comparison/time", BESIDE, NEVER | {"entries": COUNTS["entries"]}),
+    (f"{SERIES}/comparison/time", BESIDE, NEVER | COUNTS),
     (f"{SERIES}/anomalies", BAND, NONE),
     (f"{SERIES}/anomalies", SWING, NONE),
     (f"{SERIES}/anomalies/time", BAND, NEVER | COUNTS),

@@ -8,13 +8,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
-from eskin_cloud.query.comparison import find_comparison_segments
 from eskin_cloud.query.export import Export, ExportChannel
 from eskin_cloud.query.neighbourhood import ChannelSource
-from eskin_cloud.query.occupancy import measure_occupancy
-from eskin_cloud.query.predicate import Predicate
-from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import read_series
+from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.store.read.lookup import UnknownChannelError, find_channel
 from eskin_cloud.store.read.patch_runs import read_runs
 from eskin_cloud.store.read.window import Window
@@ -22,9 +19,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from eskin.interval import Interval
+from eskin.monitor import Channel
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
 from eskin.wire.messages import Position
 from tests.support.examples import examples
+from tests.unit.cloud.brute_force import verdicts_of
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.messages import START, stretch, tube_of
 from tests.unit.cloud.skins import describe
@@ -169,38 +168,30 @@ def test_series_are_those_of_channels_apart(
 
 @_SLOWLY
 @given(skin=skins(), window=windows, low=st.sampled_from([0.0, 0.2, 1.0]))
-def test_segments_and_times_are_those_of_channels_apart(
+def test_verdicts_are_those_of_channels_apart(
     store: Store, skin: Skin, window: Window, low: float
 ) -> None:
     fill(store, skin)
-    above = Predicate(low, None, strict=True)
+    above = Channel("x") > low
     with store.read() as connection:
         for framed, apart in pairs_of(connection, skin):
-            one = list(find_segments(connection, framed, window, above))
-            assert one == list(find_segments(connection, apart, window, above))
-            spent = measure_occupancy(connection, framed, window, above)
-            other = measure_occupancy(connection, apart, window, above)
-            # The next sample's earliest time is bounded by its block, and exactly by its frame.
-            assert other.time[0] <= spent.time[0] <= spent.time[1] <= other.time[1]
-            assert (spent.samples, spent.entries, spent.n, spent.error) == (
-                (other.samples, other.entries, other.n, other.error)
-            )
+            one, other = (verdicts_of(connection, each, window, above) for each in (framed, apart))
+            assert one == other
 
 
 @_SLOWLY
 @given(skin=skins(), window=windows)
 def test_comparisons_are_those_of_channels_apart(store: Store, skin: Skin, window: Window) -> None:
     fill(store, skin)
+    above = Channel("x") > Channel("y")
     with store.read() as connection:
         found = pairs_of(connection, skin)
-        framed, apart = (
-            [ChannelSource(connection, pair[side]) for pair in found] for side in (0, 1)
+        one, other = (
+            [*StoredVerdicts(above, dict(zip("xy", sources, strict=True))).pieces(window)]
+            for side in (0, 1)
+            if (sources := [ChannelSource(connection, found[k][side]) for k in (0, -1)])
         )
-        one = list(find_comparison_segments(framed[0], framed[-1], window))
-        other = list(find_comparison_segments(apart[0], apart[-1], window))
-        assert [(s.start, s.end, s.answer) for s in one] == (
-            [(s.start, s.end, s.answer) for s in other]
-        )
+        assert one == other
 
 
 @_SLOWLY

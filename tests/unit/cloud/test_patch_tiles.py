@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
-from eskin_cloud.query.predicate import Predicate
-from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import read_series
 from eskin_cloud.rollup import patch_tile_builder
 from eskin_cloud.rollup.aggregates import Aggregates
@@ -32,9 +30,11 @@ from sqlalchemy import func, select, update
 
 from eskin.errors import MessageError, StoreError
 from eskin.interval import Interval
+from eskin.monitor import parse
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
 from eskin.wire.messages import Position
 from tests.support.examples import examples
+from tests.unit.cloud.brute_force import verdicts_of
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.skins import describe
 
@@ -218,12 +218,12 @@ def test_tiles_are_those_of_the_samples(store: Store, steps: list[list[Frame] | 
     span=st.integers(1, SPAN),
     points=st.sampled_from([1, 7, 1000]),
 )
-def test_compaction_and_tiles_change_no_series_and_no_segment(
+def test_compaction_and_tiles_change_no_series_and_no_verdict(
     store: Store, steps: list[list[Frame] | str], begin: int, span: int, points: int
 ) -> None:
     carry_out(store, steps)
     window = Window(START + begin, START + begin + span)
-    above = Predicate(0.3, None, strict=True)
+    above = parse("x > 0.3")
     with store.read() as connection:
         for taxel in TAXELS:
             channel = find_channel(connection, TILED, f"{taxel}.pressure")
@@ -235,7 +235,7 @@ def test_compaction_and_tiles_change_no_series_and_no_segment(
             assert (one.lo.tolist(), one.hi.tolist()) == (other.lo.tolist(), other.hi.tolist())
             assert one.coverage == other.coverage
             found, expected = (
-                list(find_segments(connection, each, window, above)) for each in (channel, plain)
+                verdicts_of(connection, each, window, above) for each in (channel, plain)
             )
             assert found == expected
 

@@ -1,4 +1,4 @@
-"""Series and thresholds against brute force over raw samples."""
+"""Series against brute force over raw samples."""
 
 from __future__ import annotations
 
@@ -8,23 +8,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_cloud.query.predicate import Predicate
-from eskin_cloud.query.segments import find_segments
 from eskin_cloud.query.series import Series, read_series
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from eskin.interval import Verdict
+from eskin.monitor import parse
 from eskin.union_bound import union_coverage
 from tests.support.examples import examples
+from tests.unit.cloud.brute_force import verdicts_of
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch, tube_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from eskin_cloud.store import Store
 
     from eskin.wire.frames import Frame
@@ -152,77 +149,6 @@ def test_series_equals_brute_force(
     assert series.time_error >= max((tube.time_error for tube in used), default=0)
 
 
-def brute_answer(sample: Sample, question: Predicate) -> Verdict:
-    """Whether all, some or none of a sample's signals are in the state."""
-    low = -math.inf if question.low is None else question.low
-    high = math.inf if question.high is None else question.high
-    if question.strict:
-        # In the limit of finite numbers: what is unbounded is above and below every one.
-        low, high = math.nextafter(low, math.inf), math.nextafter(high, -math.inf)
-    inside = (question.low is None or sample.lo >= low) and (
-        question.high is None or sample.hi <= high
-    )
-    touched = sample.hi >= low and sample.lo <= high
-    if question.outside:
-        inside, touched = not touched, not inside
-    return Verdict(int(inside) + int(touched))
-
-
-def brute_segments(
-    said: list[Frame], window: Window, question: Predicate
-) -> Iterator[tuple[int, int, Verdict]]:
-    """Run by run over all samples."""
-
-    run: list[Sample] = []
-    for sample in within(said, window):
-        if run and (
-            brute_answer(sample, question) != brute_answer(run[-1], question)
-            or is_gap(run[-1], sample)
-        ):
-            yield run[0].t, run[-1].t, brute_answer(run[0], question)
-            run = []
-        run.append(sample)
-    if run:
-        yield run[0].t, run[-1].t, brute_answer(run[0], question)
-
-
-_VALUES = [-0.1, 0.0, 0.05, 0.1, 0.3, 1.0, 2.0]
-questions = st.one_of(
-    st.builds(lambda x: Predicate(x, None, strict=True), st.sampled_from(_VALUES)),
-    st.builds(lambda x: Predicate(None, x, strict=True), st.sampled_from(_VALUES)),
-    st.builds(
-        lambda a, b, outside: Predicate(min(a, b), max(a, b), outside=outside),
-        st.sampled_from(_VALUES),
-        st.sampled_from(_VALUES),
-        st.booleans(),
-    ),
-)
-
-
-@settings(
-    max_examples=examples(60),
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)
-@given(said=stretches(), window=windows, question=questions)
-def test_states_equal_brute_force(
-    store: Store, said: list[Frame], window: Window, question: Predicate
-) -> None:
-    put(emptied(store), *said)
-    with store.read() as connection:
-        row = find_channel(connection, NODE, CHANNEL)
-        found = [
-            (segment.start, segment.end, segment.answer)
-            for segment in find_segments(connection, row, window, question)
-        ]
-    expected = [
-        segment
-        for segment in brute_segments(said, window, question)
-        if segment[2] is not Verdict.IMPOSSIBLE
-    ]
-    assert found == expected
-
-
 @pytest.mark.parametrize(("late", "gap"), [(15, False), (16, True)])
 def test_sample_more_than_half_a_period_late_begins_after_a_gap(
     store: Store,
@@ -235,10 +161,10 @@ def test_sample_more_than_half_a_period_late_begins_after_a_gap(
         stretch(0, [1.0, 1.0], [2.0, 2.0], time=(START, START), dt=10),
         stretch(1, [1.0], [2.0], time=(later, later), dt=10),
     )
+    formula = parse(f"{CHANNEL} > 0")
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
-        window = Window(START, START + 100)
-        series = read_series(connection, row, window, points=10)
-        segments = list(find_segments(connection, row, window, Predicate(0.0, None, strict=True)))
+        series = read_series(connection, row, Window(START, START + 100), points=10)
+        pieces = verdicts_of(connection, row, Window(START, START + 10 + late), formula)
     assert series.t.tolist() == [0, 10, *([20] if gap else []), 10 + late]
-    assert len(segments) == (2 if gap else 1)
+    assert [piece.missing for piece in pieces] == ([False, True] if gap else [False])

@@ -128,14 +128,16 @@ async def test_threshold_pages_hold_each_segment_once(stand: Stand) -> None:
             break
         cursor = {"cursor": page["next"]}
     assert paged == whole["items"]
-    assert len({item["id"] for item in paged}) == len(paged) > 20
+    assert len({item["start"] for item in paged}) == len(paged) > 20
 
 
-async def test_segment_carries_the_union_bound_of_its_samples(stand: Stand) -> None:
+async def test_totals_carry_the_union_bound_of_all_samples(stand: Stand) -> None:
     put(stand.cloud.store, stretch(0, np.full(100, 2.0), np.full(100, 3.0), coverage=0.999))
-    (segment,) = (await stand.get(THRESHOLD, above=1.5)).json()["items"]
-    assert segment["verdict"] == "certain"
-    assert 0.8999 < segment["coverage"] <= 0.9
+    window = {"above": 1.5, "start": START, "end": START + 99 * DT}
+    (piece,) = (await stand.get(THRESHOLD, **window)).json()["items"]
+    assert piece["verdict"] == "certain"
+    assert 0.997 < piece["coverage"] <= 0.999  # in its middle
+    assert 0.8999 < (await stand.get(TIME, **window)).json()["coverage"] <= 0.9
 
 
 async def test_time_in_a_band_is_an_interval_and_gaps_are_unknown(stand: Stand) -> None:
@@ -144,6 +146,7 @@ async def test_time_in_a_band_is_an_interval_and_gaps_are_unknown(stand: Stand) 
         stand.cloud.store,
         stretch(0, [1.0, 1.0, 2.5, 9.0], [2.0, 2.0, 3.5, 9.5]),
         stretch(1, [1.0], [2.0], time=(later, later)),
+        stretch(2, [9.0], [9.5], time=(later + 5 * DT, later + 5 * DT)),
     )
     band = {"at_least": 1, "at_most": 3, "start": START, "end": START + 10 * DT}
     found = (await stand.get(TIME, **band)).json()
@@ -152,7 +155,6 @@ async def test_time_in_a_band_is_an_interval_and_gaps_are_unknown(stand: Stand) 
     assert found["time_s"]["hi"] == pytest.approx(0.004)
     assert Fraction(found["time_s"]["hi"]) >= Fraction(4, 1000)
     assert found["unknown_s"] == pytest.approx(0.005)
-    assert found["samples"] == {"lo": 3, "hi": 4}
     assert found["entries"] == {"lo": 2, "hi": 2}
     listed = (await stand.get(THRESHOLD, **band, outside=True)).json()["items"]
     assert [item["verdict"] for item in listed] == ["possible", "certain"]

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from eskin_cloud.jobs.overview_tiles import build_rollup
-from eskin_cloud.query.occupancy import total_occupancy
-from eskin_cloud.query.predicate import Predicate
-from eskin_cloud.query.segments import Segment, find_segments, merge
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.frame_tables import patch_tiles
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from sqlalchemy import select
 
 from eskin.interval import Verdict
+from eskin.monitor import parse
 from tests.unit.cloud.brute_force import (
     BOUNDS,
     QUESTIONS,
@@ -30,6 +25,7 @@ from tests.unit.cloud.brute_force import (
     compact_all,
     compare,
     lowest_level,
+    verdicts_of,
 )
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
@@ -95,34 +91,6 @@ def check(store: Store, truth: Truth, random: np.random.Generator) -> None:
         assert here.stop - here.start <= points
 
 
-@settings(deadline=None)
-@given(st.lists(st.tuples(st.sampled_from(Verdict), st.booleans()), max_size=7))
-def test_entries_are_those_of_every_signal_between_the_bounds(
-    samples: list[tuple[Verdict, bool]],
-) -> None:
-    runs, t = [], 0
-    for answer, gap in samples:
-        t += 20 if gap else 10
-        runs.append(Segment(t, t, answer, 10, 1, 0, 0))
-    counts = set()
-    for signal in product([False, True], repeat=len(runs)):
-        if any(
-            run.answer is not Verdict.POSSIBLE and state is not (run.answer is Verdict.CERTAIN)
-            for run, state in zip(runs, signal, strict=True)
-        ):
-            continue
-        before = [False, *signal][:-1]
-        counts.add(
-            sum(
-                state and (gap or not was)
-                for state, was, (_, gap) in zip(signal, before, samples, strict=True)
-            )
-        )
-    whole = total_occupancy(runs, Window(0, t + 10), None)
-    assert whole.entries == (min(counts), max(counts))
-    assert total_occupancy(merge(runs), Window(0, t + 10), None).entries == whole.entries
-
-
 @pytest.mark.anyio
 async def test_background_build_starts_and_stops(stand: Stand) -> None:
     moments = [START + n * 20_000 for n in range(5)]
@@ -142,7 +110,7 @@ def _levels(store: Store) -> set[int]:
         return set(connection.execute(select(patch_tiles.c.level)).scalars())
 
 
-def test_certain_segment_ends_at_each_gap_within_a_tile(store: Store) -> None:
+def test_certain_stretch_ends_at_each_gap_within_a_tile(store: Store) -> None:
     moments = [START + 100 * n for n in range(400)]
     put(
         store,
@@ -152,6 +120,9 @@ def test_certain_segment_ends_at_each_gap_within_a_tile(store: Store) -> None:
     build(store)
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
-        window = Window(START, START + 40_000)
-        found = list(find_segments(connection, row, window, Predicate(0.0, None, strict=True)))
-    assert [(run.start, run.end) for run in found] == [(t, t + 29) for t in moments]
+        found = verdicts_of(connection, row, Window(START, START + 39_930), parse("x > 0"))
+    certain = [(each.first, each.last + 1) for each in found if each.verdict is Verdict.CERTAIN]
+    assert certain == [(2 * t, 2 * (t + 30)) for t in moments[:-1]] + [
+        (2 * moments[-1], 2 * moments[-1] + 59)
+    ]
+    assert all(each.missing for each in found if each.verdict is not Verdict.CERTAIN)

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
-from eskin_cloud.query.occupancy import measure_occupancy
-from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.series import read_series
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.store.read.lookup import find_channel
@@ -17,7 +15,8 @@ from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.frame_tables import patch_rows
 from sqlalchemy import Connection, create_engine, select, text
 
-from tests.unit.cloud.brute_force import compact_all
+from eskin.monitor import parse
+from tests.unit.cloud.brute_force import compact_all, verdicts_of
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 
@@ -32,7 +31,7 @@ PERIOD: Final = 100_000_000
 """So that a frame is as long as the shortest compacted row."""
 LENGTH: Final = SAMPLES * PERIOD
 FEW: Final = 1000
-SETTLED: Final = Predicate(9.0, None, strict=True)
+SETTLED: Final = parse("x > 9")
 """Of a state that no sample is in: bounds tell it."""
 _TOUCHED: Final = text(
     "SELECT sum(pg_stat_get_xact_tuples_returned(oid)) FROM pg_class "
@@ -119,7 +118,7 @@ def test_random_windows_of_a_built_store_are_answered_from_few_rows(
             read_series(connection, channel, window, points=points)
             most = max(most, count())
         with asked(store) as (connection, channel, count):
-            measure_occupancy(connection, channel, window, SETTLED)
+            verdicts_of(connection, channel, window, SETTLED)
             most = max(most, count())
     assert most <= FEW
     with asked(store) as (connection, channel, count):

@@ -67,7 +67,7 @@ async def test_model_of_another_unit_than_that_of_sealed_frames_is_refused(
     window = {"start": START, "end": START + 40 * DT}
     for path in ("/anomalies", "/anomalies/time", "/prediction"):
         answer = await ask(stand, physician(stand), SERIES + path, **window, **CAPACITANCE)
-        assert f"{NODE}/{CHANNEL} in V" in problem(answer, 422)
+        assert "F, not V" in problem(answer, 422)
 
 
 async def test_window_of_many_days_is_answered_as_that_of_a_channel_in_the_clear(

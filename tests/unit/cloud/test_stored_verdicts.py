@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts, as_signal
+from eskin_cloud.query.verdict_totals import VerdictTotals, total_verdicts
 from eskin_cloud.rollup.samples import read_samples
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from eskin.interval import Verdict
-from eskin.monitor import Atom, Channel, Comparison, Constant, evaluate
+from eskin.monitor import Atom, Because, Channel, Comparison, Constant, evaluate
 from tests.support.examples import examples
 from tests.unit.cloud.clouds import emptied, put
+from tests.unit.cloud.drawn_channels import OTHER, drawn_signal, said_of, samples_of, windows
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
-from tests.unit.cloud.test_comparison import OTHER, said_of, windows
 from tests.unit.eskin.monitor.formulas import bounds, formulas
 
 if TYPE_CHECKING:
@@ -78,6 +80,113 @@ def test_verdicts_are_those_of_all_samples(
     assert [int(verdict) for verdict in found.values()] == expected.tolist()
     for piece in pieces:
         assert bool(piece.because) is (piece.verdict is Verdict.POSSIBLE)
+
+
+@settings(max_examples=examples(80), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(said_of(CHANNEL), said_of(OTHER), FORMULAS, windows, st.integers(0, 2**32))
+def test_every_signal_within_the_samples_agrees(
+    store: Store,
+    one: list[Frame],
+    other: list[Frame],
+    formula: Formula,
+    window: Window,
+    seed: int,
+) -> None:
+    random = np.random.default_rng(seed)
+    signals = {
+        name: drawn_signal(random, samples_of(said))
+        for name, said in ((CHANNEL, one), (OTHER, other))
+    }
+    known = {name: signal for name, signal in signals.items() if signal is not None}
+    assume(len(known) == len(signals))
+    put(emptied(store), *one, *other)
+    with sources_of(store, formula) as sources:
+        pieces = [*StoredVerdicts(formula, sources).pieces(window)]
+    truth = evaluate(formula, known)
+    time, unknown, entries, before = 0, 0, 0, False
+    for piece in pieces:
+        ticks = np.arange(piece.first, piece.last + 1)
+        codes = truth.codes_at_ticks(ticks)
+        holds = codes == Verdict.CERTAIN
+        if piece.verdict is Verdict.CERTAIN:
+            assert np.all(holds)
+        elif piece.verdict is Verdict.IMPOSSIBLE:
+            assert np.all(codes == Verdict.IMPOSSIBLE)
+        time += int((holds & (ticks % 2 == 1)).sum())
+        unknown += int(((codes == Verdict.POSSIBLE) & (ticks % 2 == 1)).sum())
+        if piece.changes is None:
+            before = False
+            continue
+        assert np.all(codes != Verdict.POSSIBLE)
+        entries += int(np.sum(holds & ~np.append(before, holds[:-1])))
+        before = bool(holds[-1])
+    totals = total_verdicts(pieces)
+    assert totals.time[0] <= time
+    assert time + unknown <= totals.time[1] + totals.unknown
+    assert totals.entries[0] <= entries <= totals.entries[1]
+
+
+def at(
+    start: int, level: float, number: int, *, error: int = 0, n: int = 4, coverage: float = 1.0
+) -> Frame:
+    moment = START + start
+    time = moment - error, moment + error
+    return stretch(number, [level] * n, [level] * n, time=time, dt=10, coverage=coverage)
+
+
+def totals_of(store: Store, said: list[Frame], window: Window) -> VerdictTotals:
+    put(emptied(store), *said)
+    formula = Channel(CHANNEL) > Fraction(1, 5)
+    with sources_of(store, formula) as sources:
+        return total_verdicts(StoredVerdicts(formula, sources).pieces(window))
+
+
+def test_times_and_entries_are_exact_where_clocks_are(store: Store) -> None:
+    said = [at(0, 0.0, 0), at(40, 1.0, 1), at(80, 0.0, 2), at(120, 1.0, 3, n=1)]
+    found = totals_of(store, said, Window(START, START + 120))
+    assert found == VerdictTotals((40, 40), 0, (1, 1))
+    found = totals_of(store, said, Window(START + 50, START + 140))
+    assert found == VerdictTotals((30, 30), 20, (2, 2))  # after the last sample nothing is known
+
+
+def test_a_stretch_loses_the_time_error_at_its_ends_and_no_more(store: Store) -> None:
+    said = [at(0, 0.0, 0, error=2), at(40, 1.0, 1, error=2), at(80, 1.0, 2, error=3),
+            at(120, 0.0, 3, error=5)]  # fmt: skip
+    found = totals_of(store, said, Window(START + 10, START + 130))
+    assert found == VerdictTotals((80 - 2 - 5, 80 + 2 + 5), 0, (1, 1))
+
+
+def test_a_value_that_may_be_above_counts_as_often_as_its_samples_change(store: Store) -> None:
+    unsure = stretch(1, [0.0] * 4, [1.0] * 4, time=(START + 40, START + 40), dt=10)
+    found = totals_of(store, [at(0, 0.0, 0), unsure, at(80, 0.0, 2)], Window(START, START + 110))
+    assert found == VerdictTotals((0, 40), 0, (0, 2))
+
+
+def test_a_gap_of_a_month_is_read_at_once(store: Store) -> None:
+    month = 30 * 86_400 * 10**9
+    calm = np.ones(100)
+    for number, moment in enumerate((START, START + month)):
+        put(store, stretch(number, calm - 0.5, calm + 0.5, time=(moment, moment)))
+    formula = Channel(CHANNEL) > Fraction(3)
+    with sources_of(store, formula) as sources:
+        stored = StoredVerdicts(formula, sources)
+        pieces = [*stored.pieces(Window(START, START + month + 100 * DT))]
+        lone = [*StoredVerdicts(formula, sources).pieces(Window(START + month // 2, START + month))]
+    verdicts = [(piece.verdict, piece.missing) for piece in pieces]
+    calm_piece, gap = (Verdict.IMPOSSIBLE, False), (Verdict.POSSIBLE, True)
+    assert verdicts[:3] == [calm_piece, gap, calm_piece]
+    assert (pieces[1].first // 2, pieces[1].last // 2) == (START + 100 * DT, START + month - 1)
+    assert (lone[0].missing, lone[0].because) == (True, Because.GAP)
+    assert stored.reads < 200
+
+
+def test_totals_state_the_coverage_of_all_samples(store: Store) -> None:
+    put(store, at(0, 1.0, 0, n=100, coverage=0.999))
+    formula = Channel(CHANNEL) > Fraction(1, 5)
+    with sources_of(store, formula) as sources:
+        stored = StoredVerdicts(formula, sources)
+        (*_,) = stored.pieces(Window(START, START + 900))
+    assert stored.coverage == pytest.approx(0.9)
 
 
 EVALUATION = "/api/v1/monitors/evaluation"

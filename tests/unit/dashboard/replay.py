@@ -172,12 +172,14 @@ class Replay(FrameServer):
         edges = np.flatnonzero(np.diff(verdicts)) + 1
         items = [
             {
-                "id": str(t[part[0]]),
                 "start": format_timestamp(int(t[part[0]])),
-                "end": format_timestamp(int(t[part[-1]])),
+                "includes_start": True,
+                "end": format_timestamp(int(t[part[-1]]) + channel.dt),
+                "includes_end": False,
                 "verdict": "certain" if verdicts[part[0]] == 2 else "possible",
+                "because": [] if verdicts[part[0]] == 2 else ["width"],
+                "missing": False,
                 "coverage": 1.0,
-                "time_error": channel.time_error,
             }
             for part in np.split(np.arange(len(t)), edges)
             if len(part) and verdicts[part[0]]
@@ -193,13 +195,10 @@ class Replay(FrameServer):
             {
                 "start": format_timestamp(start),
                 "end": format_timestamp(end),
-                "unit": channel.names["unit"],
                 "time_s": {"lo": counts[0] * seconds, "hi": counts[1] * seconds},
                 "unknown_s": max(0.0, (end - start) * 1e-9 - len(t) * seconds),
-                "samples": {"lo": counts[0], "hi": counts[1]},
                 "entries": {"lo": min(begun, 1), "hi": begun},
                 "coverage": 1.0,
-                "time_error": channel.time_error,
             }
         )
 

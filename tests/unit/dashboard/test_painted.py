@@ -96,26 +96,22 @@ def test_certain_and_possible_answers_are_painted_in_lanes_of_their_own(
     question = {"above": "5e-12", "start": certain.start, "end": certain.end}
     answer = replay.get("/series/palm/t01.energy/threshold", **question)
     assert answer["next"] is None
-    certainly = stretches_of(answer, "certain", -1)
-    around = stretches_of(answer, "certain", 1) + stretches_of(answer, "possible", 1)
-    for plot, row, least, most in (
-        (certain, CERTAIN_LANE, certainly, certainly),
-        (possible, POSSIBLE_LANE, stretches_of(answer, "possible", 0), around),
+    for plot, row, verdict in (
+        (certain, CERTAIN_LANE, "certain"),
+        (possible, POSSIBLE_LANE, "possible"),
     ):
-        assert least
+        stretches = stretches_of(answer, verdict)
+        assert stretches
         painted = {column for column, is_painted in enumerate(lane(plot, row)) if is_painted}
-        assert columns_of(plot, least, 0) <= painted <= columns_of(plot, most, 1)
+        assert columns_of(plot, stretches, 0) <= painted <= columns_of(plot, stretches, 1)
     assert not any(lane(certain, POSSIBLE_LANE)), "no certain colour where possible is stated"
     assert not any(lane(possible, CERTAIN_LANE)), "no possible colour where certain is stated"
 
 
-def stretches_of(answer: Any, verdict: str, errors: int) -> list[tuple[int, int]]:
-    """What an answer tells, and so many times their errors of time more at both ends."""
+def stretches_of(answer: Any, verdict: str) -> list[tuple[int, int]]:
+    """From when to when an answer has a verdict."""
     return [
-        (
-            parse_timestamp(item["start"]) - errors * item["time_error"],
-            parse_timestamp(item["end"]) + errors * item["time_error"],
-        )
+        (parse_timestamp(item["start"]), parse_timestamp(item["end"]))
         for item in answer["items"]
         if item["verdict"] == verdict
     ]

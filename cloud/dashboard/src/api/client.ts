@@ -1,7 +1,7 @@
 import type { Instant } from "../time/instant";
 import type {
-  ChannelItem, ContactsItem, EventItem, GatewayItem, LayoutItem, ModelItem, NodeItem, NodeState, OccupancyAnswer, Page, PredictionAnswer,
-  SegmentItem, SeriesAnswer, StorageAnswer,
+  ChannelItem, ContactsItem, EventItem, GatewayItem, LayoutItem, ModelItem, NodeItem, NodeState, Page, PredictionAnswer,
+  SeriesAnswer, StorageAnswer, TotalsAnswer, VerdictItem,
 } from "./contract";
 import { ApiError, isAbort } from "./error";
 
@@ -129,12 +129,12 @@ export class Client {
     target: ChannelRef,
     query: ThresholdQuery,
     signal: AbortSignal,
-  ): Promise<{ items: SegmentItem[]; complete: boolean }> {
+  ): Promise<{ items: VerdictItem[]; complete: boolean }> {
     return this.all(`/series/${part(target.node)}/${part(target.channel)}/threshold`, { ...query }, signal);
   }
 
-  /** For how long a threshold is passed in a window: each sample holds until the next, so it is more than the segments. */
-  thresholdTime(target: ChannelRef, query: ThresholdQuery, signal: AbortSignal): Promise<OccupancyAnswer> {
+  /** For how long a threshold is passed in a window. */
+  thresholdTime(target: ChannelRef, query: ThresholdQuery, signal: AbortSignal): Promise<TotalsAnswer> {
     return this.get(address(`/series/${part(target.node)}/${part(target.channel)}/time`, { ...query }), signal);
   }
 
@@ -155,7 +155,7 @@ export class Client {
     target: ChannelRef,
     query: PredictionQuery,
     signal: AbortSignal,
-  ): Promise<{ items: SegmentItem[]; complete: boolean }> {
+  ): Promise<{ items: VerdictItem[]; complete: boolean }> {
     return this.all(`/series/${part(target.node)}/${part(target.channel)}/anomalies`, { ...query }, signal);
   }
 
@@ -163,7 +163,7 @@ export class Client {
     target: ChannelRef,
     query: PredictionQuery,
     signal: AbortSignal,
-  ): Promise<OccupancyAnswer> {
+  ): Promise<TotalsAnswer> {
     return this.get(address(`/series/${part(target.node)}/${part(target.channel)}/anomalies/time`, { ...query }), signal);
   }
 

@@ -1,6 +1,7 @@
 import type {
   ChannelDocument, ContactsDocument, CoreDocument, EnergyDocument, EventDocument, FaultDocument, GatewayDocument, LagDocument,
-  LayoutDocument, ModelDocument, NodeDocument, OccupancyDocument, ParameterDocument, PredictionDocument, SegmentDocument, SeriesDocument, StateDocument, StorageDocument,
+  LayoutDocument, ModelDocument, NodeDocument, ParameterDocument, PredictionDocument, SeriesDocument, StateDocument, StorageDocument,
+  TotalsDocument, VerdictDocument,
 } from "./schema";
 
 /** The answers of the REST API under /api/v1; docs/rest.md explains their fields. */
@@ -26,8 +27,8 @@ export type SeriesAnswer = Omit<SeriesDocument, "mean">;
 export type LayoutItem = LayoutDocument;
 export type ContactsItem = ContactsDocument;
 export type CoreItem = CoreDocument;
-export type SegmentItem = SegmentDocument;
-export type OccupancyAnswer = OccupancyDocument;
+export type VerdictItem = VerdictDocument;
+export type TotalsAnswer = TotalsDocument;
 
 /** The settings of each target: a channel, a taxel, or "*" for the whole node. */
 export type Settings = StateDocument["desired"];

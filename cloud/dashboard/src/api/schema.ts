@@ -49,24 +49,6 @@ export interface CommandDocument {
   readonly answered: TimeDocument | null;
 }
 
-export interface ComparisonSegmentDocument {
-  readonly id: string;
-  readonly start: string;
-  readonly end: string;
-  readonly verdict: "certain" | "possible";
-  readonly coverage: number;
-}
-
-export interface ComparisonTotalsDocument {
-  readonly start: string;
-  readonly end: string;
-  readonly unit: string;
-  readonly time_s: IntervalDocument;
-  readonly unknown_s: number;
-  readonly entries: CountDocument;
-  readonly coverage: number;
-}
-
 export interface ContactsDocument {
   readonly node: string;
   readonly nodes: readonly string[];
@@ -206,18 +188,6 @@ export interface NodeDocument {
   readonly missing: MissingDocument | null;
 }
 
-export interface OccupancyDocument {
-  readonly start: string;
-  readonly end: string;
-  readonly unit: string;
-  readonly time_s: IntervalDocument;
-  readonly unknown_s: number;
-  readonly samples: CountDocument;
-  readonly entries: CountDocument;
-  readonly coverage: number;
-  readonly time_error: number;
-}
-
 export interface OffsetDocument {
   readonly lo_ns: number | null;
   readonly hi_ns: number | null;
@@ -296,15 +266,6 @@ export interface SeamDocument {
   readonly pairs: readonly (readonly [number, number])[];
 }
 
-export interface SegmentDocument {
-  readonly id: string;
-  readonly start: string;
-  readonly end: string;
-  readonly verdict: "certain" | "possible";
-  readonly coverage: number;
-  readonly time_error: number;
-}
-
 export interface SeriesDocument {
   readonly node: string;
   readonly channel: string;
@@ -377,6 +338,15 @@ export interface TokenDocument {
   readonly revoked: string | null;
 }
 
+export interface TotalsDocument {
+  readonly start: string;
+  readonly end: string;
+  readonly time_s: IntervalDocument;
+  readonly unknown_s: number;
+  readonly entries: CountDocument;
+  readonly coverage: number;
+}
+
 export interface VerdictDocument {
   readonly start: string;
   readonly includes_start: boolean;
@@ -384,5 +354,6 @@ export interface VerdictDocument {
   readonly includes_end: boolean;
   readonly verdict: "impossible" | "possible" | "certain";
   readonly because: readonly ("width" | "moment" | "gap" | "pending")[];
+  readonly missing: boolean;
   readonly coverage: number;
 }

@@ -1,4 +1,4 @@
-import type { SegmentItem, Verdict } from "../api/contract";
+import type { Verdict, VerdictItem } from "../api/contract";
 import { parseInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
 import { type Entries, firstReaching } from "../tube/entries";
@@ -10,7 +10,7 @@ export interface Segment {
   readonly x0: number;
   readonly x1: number;
   readonly verdict: Verdict;
-  /** How far the true times may lie from both ends, in ns. */
+  /** How far both ends may be from where they stand, as numbers are rounded, in ns. */
   readonly error: number;
 }
 
@@ -20,10 +20,10 @@ export interface Lanes {
   readonly possible: Uint8Array;
 }
 
-/** Reads a segment of the REST API. */
-export function readSegment({ start, end, verdict, time_error }: Omit<SegmentItem, "coverage">, timeline: Timeline): Segment {
+/** Reads a stretch of the REST API. */
+export function readSegment({ start, end, verdict }: Pick<VerdictItem, "start" | "end" | "verdict">, timeline: Timeline): Segment {
   const [x0, x1] = [timeline.toX(parseInstant(start)), timeline.toX(parseInstant(end))];
-  return { x0, x1, verdict, error: time_error + timeline.slip(Math.max(Math.abs(x0), Math.abs(x1))) };
+  return { x0, x1, verdict, error: timeline.slip(Math.max(Math.abs(x0), Math.abs(x1))) };
 }
 
 /** A stretch of time of which nothing is known. */
@@ -80,8 +80,8 @@ function columnsOf(map: PlotMap, x0: number, x1: number): [left: number, right: 
 }
 
 /**
- * Which pixel columns the segments touch, rounded outward. A certain one is so wherever its true times lie only
- * from its latest begin to its earliest end; around that, as far as its times may be wrong, it is possible.
+ * Which pixel columns the segments touch, rounded outward. A certain one is so from its latest begin to its
+ * earliest end; around that, as far as its ends may be wrong, it is possible.
  */
 export function lanesOf(map: PlotMap, segments: readonly Segment[]): Lanes {
   const [certain, possible] = [new Uint8Array(map.width), new Uint8Array(map.width)];

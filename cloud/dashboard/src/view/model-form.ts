@@ -11,7 +11,7 @@ import { type Entries, NOTHING } from "../tube/entries";
 import type { Context } from "./context";
 import { button, element } from "./element";
 import { IntervalField } from "./interval-field";
-import { RequestTimer, occupancyAnswer, type Wording } from "./question-parts";
+import { RequestTimer, totalsAnswer, type Wording } from "./question-parts";
 
 export interface ModelFormOptions {
   readonly context: Context;
@@ -238,7 +238,7 @@ export class ModelForm {
       this.mark(predicted, this.anomalies);
       const [segments, time] = await Promise.all([client.anomalies(target, query, signal), client.anomaliesTime(target, query, signal)]);
       this.mark(predicted, segments.items.map((item) => readSegment(item, timeline)));
-      this.answer.replaceChildren(...occupancyAnswer(time, range, { wording: WORDING, complete: segments.complete }));
+      this.answer.replaceChildren(...totalsAnswer(time, range, { wording: WORDING, complete: segments.complete }));
     } catch (error) {
       if (isAbort(error)) return;
       // What is predicted may be known though there is too much to be compared with it.

@@ -1,4 +1,4 @@
-import type { OccupancyAnswer } from "../api/contract";
+import type { TotalsAnswer } from "../api/contract";
 import { formatCount } from "../interval/format";
 import type { View } from "../state/route";
 import type { Range } from "../state/window";
@@ -73,21 +73,16 @@ function nanoseconds(seconds: number): number {
 }
 
 /** The cloud's sums in ns; null where nothing is known of the whole window. */
-export function readSums({ time_s, unknown_s }: Pick<OccupancyAnswer, "time_s" | "unknown_s">, { x0, x1 }: Range): Sums | null {
+export function readSums({ time_s, unknown_s }: Pick<TotalsAnswer, "time_s" | "unknown_s">, { x0, x1 }: Range): Sums | null {
   const unknown = nanoseconds(unknown_s);
   // A window's ends are asked for in whole nanoseconds.
   if (unknown >= x1 - x0 - 1) return null;
   return { certain: nanoseconds(time_s.lo ?? 0), atMost: time_s.hi === null ? x1 - x0 : nanoseconds(time_s.hi), unknown };
 }
 
-/** The time error of an answer in words; empty where there is none. */
-export function timeDoubt({ time_error }: Pick<OccupancyAnswer, "time_error">): string {
-  return time_error > 0 ? ` Times are known to ± ${formatDuration(time_error, "up")}.` : "";
-}
-
 /** An answer in words: certain, possible and unknown time. */
-export function occupancyAnswer(
-  found: OccupancyAnswer,
+export function totalsAnswer(
+  found: TotalsAnswer,
   range: Range,
   { wording, complete }: { wording: Wording; complete: boolean },
 ): readonly (HTMLElement | string)[] {
@@ -97,8 +92,7 @@ export function occupancyAnswer(
   const window = formatDuration(range.x1 - range.x0);
   const rest = unknown > 0 ? `, unknown for ${formatDuration(unknown, "up")}` : "";
   const silent = element("strong", { "data-testid": `${wording.name}-unknown`, "data-ns": unknown }, rest);
-  const doubt = element("span", { "data-testid": `${wording.name}-error`, "data-ns": found.time_error }, timeDoubt(found));
-  if (found.samples.hi === 0) return [element("strong", {}, wording.never), `: ${wording.because(window)}`, silent, ".", doubt];
+  if (atMost === 0 && found.entries.hi === 0) return [element("strong", {}, wording.never), `: ${wording.because(window)}`, silent, "."];
   const times = formatCount(found.entries);
   return [
     `${wording.state}: `,
@@ -107,7 +101,6 @@ export function occupancyAnswer(
     element("strong", { "data-testid": `${wording.name}-possible`, "data-ns": atMost }, `possibly up to ${formatDuration(atMost, "up")}`),
     silent,
     `, of ${window}; it began ${times} ${times === "1" ? "time" : "times"}.`,
-    doubt,
     complete ? "" : element("span", { class: "warn" }, " Too many segments to show all: zoom in."),
   ];
 }

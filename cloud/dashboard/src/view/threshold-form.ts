@@ -8,7 +8,7 @@ import type { ThresholdQuestion } from "../state/route";
 import type { Range } from "../state/window";
 import type { Context } from "./context";
 import { button, element } from "./element";
-import { RequestTimer, occupancyAnswer, type Wording } from "./question-parts";
+import { RequestTimer, totalsAnswer, type Wording } from "./question-parts";
 
 export interface ThresholdOptions {
   readonly context: Context;
@@ -136,7 +136,7 @@ export class ThresholdForm {
     try {
       const [segments, time] = await Promise.all([context.client.threshold(target, query, signal), context.client.thresholdTime(target, query, signal)]);
       this.options.onSegments(segments.items.map((item) => readSegment(item, context.timeline)));
-      this.answer.replaceChildren(...occupancyAnswer(time, range, { wording: this.wording(question), complete: segments.complete }));
+      this.answer.replaceChildren(...totalsAnswer(time, range, { wording: this.wording(question), complete: segments.complete }));
     } catch (error) {
       if (isAbort(error)) return;
       // Marks of another window or level are no answer to this question.

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import chain
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.store.column_runs import ColumnRun, ColumnRuns
 from eskin_cloud.store.damage import DamagedRowError, are_countable
 from eskin_cloud.store.descriptions import find_patch
@@ -15,7 +15,8 @@ from eskin_cloud.store.patch_rows import decode_column, decode_heads
 from eskin_cloud.store.read.patch_runs import (
     decode_rows,
     find_patch_pages,
-    has_starts,
+    first_start,
+    last_start,
     read_fresh,
     read_patch,
     split_by_rows,
@@ -122,24 +123,6 @@ def read_column(connection: Connection, channel: Channel, window: Window) -> Col
     return found.chosen(np.flatnonzero(first <= last))
 
 
-def find_next(connection: Connection, channel: Channel, moment: int) -> int | None:
-    """A lower bound of the true time of a channel's first sample from a time on, UTC ns.
-
-    A sample is after that time by its stated time; its true time may be before. ``None`` if there
-    is no such sample.
-    """
-    if channel["t_last"] is None:
-        return None
-    near = min(moment + 2 * channel["longest"], channel["t_last"]) + 1
-    rest = split_column(connection, channel, Window(near, channel["t_last"] + 1))
-    for part in chain([Window(moment, near)], rest):
-        runs = read_column(connection, channel, part)
-        if len(runs):
-            first, _ = runs.clipped(part.start, part.end)
-            return int((runs.t + runs.dt * first - runs.error).min())
-    return None
-
-
 def count_samples(connection: Connection, channel: Channel, window: Window) -> int:
     """The number of a channel's samples in a window."""
     total = 0
@@ -154,9 +137,15 @@ def split_column(connection: Connection, channel: Channel, window: Window) -> It
     return split_by_rows(connection, channel["node"], channel["patch"], window)
 
 
-def has_rows(connection: Connection, channel: Channel, window: Window) -> bool:
-    """Whether any row that may hold a channel begins in a window, after its start."""
-    return has_starts(connection, channel["node"], channel["patch"], window)
+def next_rows(connection: Connection, channel: Channel, moment: int) -> int | None:
+    """When the first row that may hold a channel begins, from a time on; ``None`` if none does."""
+    window = Window(moment, MOST_MOMENT)
+    return first_start(connection, channel["node"], channel["patch"], window)
+
+
+def previous_rows(connection: Connection, channel: Channel, moment: int) -> int | None:
+    """When the last row that may hold a channel begins, before a time; ``None`` if none does."""
+    return last_start(connection, channel["node"], channel["patch"], moment)
 
 
 def _place(patch: Patch, taxel: str) -> tuple[int, int] | None:

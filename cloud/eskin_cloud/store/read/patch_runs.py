@@ -6,7 +6,7 @@ from collections import defaultdict
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 import numpy as np
-from sqlalchemy import and_, bindparam, select
+from sqlalchemy import and_, bindparam, func, select
 
 from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin_cloud.store.damage import (
@@ -85,6 +85,16 @@ _ROW_STARTS: Final = (
     .order_by(patch_rows.c.t)
     .limit(ROWS_AT_ONCE)
 )
+
+
+def _last_start(table: Any, name: str) -> Any:
+    return select(func.max(table.c.t)).where(
+        _here(table), table.c[name] == bindparam(name), table.c.t < bindparam("end")
+    )
+
+
+_LAST_FRAME_START: Final = _last_start(frames, "page")
+_LAST_ROW_START: Final = _last_start(patch_rows, "patch")
 
 
 class PatchPage(NamedTuple):
@@ -322,10 +332,19 @@ def split_by_rows(
         at = end
 
 
-def has_starts(connection: Connection, node: str, patch_id: str, window: Window) -> bool:
-    """Whether any row that may hold a patch begins in a window, after its start."""
-    behind = Window(min(window.start + 1, window.end), window.end)
-    return any(each for each, _ in _read_starts(connection, node, patch_id, behind))
+def first_start(connection: Connection, node: str, patch_id: str, window: Window) -> int | None:
+    """When the first row begins in a window that may hold a patch; ``None`` if none does."""
+    starts = _read_starts(connection, node, patch_id, window)
+    return min((each[0] for each, _ in starts if each), default=None)
+
+
+def last_start(connection: Connection, node: str, patch_id: str, end: int) -> int | None:
+    """When the last row begins before a time that may hold a patch; ``None`` if none does."""
+    key = {"slot": slot_of(node), "node": node, "patch": patch_id, "end": end}
+    of_pages = sorted({each.page for each in find_patch_pages(connection, node, patch_id)})
+    asked = [(_LAST_ROW_START, key), *((_LAST_FRAME_START, key | {"page": p}) for p in of_pages)]
+    found = [connection.execute(statement, values).scalar() for statement, values in asked]
+    return max((each for each in found if each is not None), default=None)
 
 
 def _read_starts(

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Final
 from urllib.parse import parse_qsl, urlencode
 
 from eskin_cloud.query.cursors import write_cursor
-from eskin_cloud.query.models import DEFAULTS, MODELS, UNITS
 
+from eskin.monitor.predicted_quantities import DEFAULTS, MODELS, UNITS
 from tests.robustness.fuzz.mutations.texts import mutate_text
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START
 

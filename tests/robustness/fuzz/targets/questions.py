@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final
 from urllib.parse import quote
 
 import numpy as np
-from eskin_cloud.query.models import DEFAULTS
 from eskin_cloud.rollup.patch_tile_builder import build
 
+from eskin.monitor.predicted_quantities import DEFAULTS
 from tests.robustness.fuzz.mutations.queries import OTHER, mutate_query
 from tests.robustness.fuzz.people import People, require_intervals
 from tests.robustness.fuzz.target import Target
@@ -33,6 +33,7 @@ _SWING: Final = "&".join(
 )
 _PREDICTED: Final = f"model=alternating_capacitance&{_SWING}&{_ALL}"
 _FORMULA: Final = quote(f"once[0,50ms]({CHANNEL} > 1.5) and delay({CHANNEL}, 20ms) < {OTHER}")
+_ANOMALY: Final = quote(f"outside({CHANNEL}, constant(value = [1.2, 1.5])) > 0")
 _ASKED: Final = (
     f"{_SERIES}?{_ALL}&points=100",
     f"{_SERIES}?points=2\ntext/csv",
@@ -43,6 +44,8 @@ _ASKED: Final = (
     f"{_SERIES}/time?{_ALL}&below=1.5",
     f"{_SERIES}/comparison?other={NODE}/{OTHER}&state=below&{_ALL}&limit=5",
     f"api/v1/monitors/evaluation?node={NODE}&{_ALL}&limit=5&formula={_FORMULA}",
+    f"api/v1/monitors/evaluation/time?node={NODE}&{_ALL}&formula={_FORMULA}",
+    f"api/v1/monitors/evaluation?node={NODE}&{_ALL}&formula={_ANOMALY}",
     f"api/v1/monitors/evaluation?formula=%22{NODE}/{OTHER}%22+%3E+1.5&verdict=possible",
     f"{_SERIES}/comparison/time?other={NODE}/{OTHER}&{_ALL}",
     f"{_SERIES}/prediction?{_PREDICTED}&points=20",

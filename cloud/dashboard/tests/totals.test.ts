@@ -1,17 +1,17 @@
 import { describe, expect, test } from "vitest";
 import { Client } from "../src/api/client";
-import type { OccupancyAnswer } from "../src/api/contract";
-import { readSums, timeDoubt } from "../src/view/question-parts";
+import type { TotalsAnswer } from "../src/api/contract";
+import { readSums } from "../src/view/question-parts";
 
 const WINDOW = { x0: -1e6, x1: 2e7 };
 const NONE = { lo: 0, hi: 0 };
 
-function answer(lo: number, hi: number, unknown: number): OccupancyAnswer {
-  return { start: "", end: "", unit: "F", time_s: { lo, hi }, unknown_s: unknown, samples: NONE, entries: NONE, coverage: 1, time_error: 0 };
+function answer(lo: number, hi: number, unknown: number): TotalsAnswer {
+  return { start: "", end: "", time_s: { lo, hi }, unknown_s: unknown, entries: NONE, coverage: 1 };
 }
 
 describe("how long a threshold was passed", () => {
-  test("is asked for: segments end at their last samples, which hold for longer", async () => {
+  test("is asked for in the window", async () => {
     const asked: string[] = [];
     const fetch = (url: RequestInfo | URL): Promise<Response> => {
       asked.push(String(url));
@@ -22,11 +22,6 @@ describe("how long a threshold was passed", () => {
     const found = await client.thresholdTime(place, { above: 5e-12, start: 1n, end: 9n }, new AbortController().signal);
     expect(asked).toEqual(["/api/v1/series/n/t01.capacitance/time?above=5e-12&start=1&end=9"]);
     expect(readSums(found, WINDOW)).toEqual({ certain: 2e6, atMost: 3e6, unknown: 18e6 });
-  });
-
-  test("comes with how far its moments may be wrong", () => {
-    expect(timeDoubt({ ...answer(0, 0, 0), time_error: 2_000_001 })).toBe(" Times are known to ± 2.001 ms.");
-    expect(timeDoubt(answer(0, 0, 0))).toBe("");
   });
 
   test("has no answer where nothing is known", () => {

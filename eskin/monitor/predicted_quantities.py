@@ -1,4 +1,4 @@
-"""Quantities of the ³S models that queries may use, with their parameters."""
+"""Quantities of the ³S models that formulas may use as predictions, with their parameters."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any, Final
 
-import eskin
-from eskin.errors import QueryError
+from eskin import models
+from eskin.errors import MonitorError, shown
 from eskin.interval import as_interval
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from eskin.interval import Interval
 
@@ -55,7 +55,7 @@ class Model:
     @property
     def function(self) -> Callable[..., Any]:
         """The function of time and parameters."""
-        return constant if self.name == "constant" else getattr(eskin.models, self.name)
+        return constant if self.name == "constant" else getattr(models, self.name)
 
     @property
     def description(self) -> str:
@@ -76,19 +76,24 @@ class Model:
             for name, default in self._keywords().items()
         ]
 
-    def require_parameters(self, given: Mapping[str, Interval]) -> None:
+    def require_parameters(self, given: Sequence[str]) -> None:
         """Check the names of given parameters.
 
         Raises:
-            QueryError: A parameter is missing or unknown.
+            MonitorError: A parameter is missing, unknown, or given twice.
         """
         known = self._keywords()
         for name in given:
             if name not in known:
-                raise QueryError("parameter", f"{name!r} is none of {', '.join(known)}")
+                raise MonitorError(
+                    f"{shown(name)} is no parameter of {self.name}; it has {', '.join(known)}",
+                    value=name,
+                )
+            if given.count(name) > 1:
+                raise MonitorError(f"{name} is given twice; give it once", value=name)
         for name, default in known.items():
             if default is Parameter.empty and name not in given:
-                raise QueryError("parameter", f"{name} is missing; give parameter={name}:LO:HI")
+                raise MonitorError(f"{name} is missing; give its bounds, too", value=name)
 
     def _keywords(self) -> dict[str, Any]:
         """The parameters' defaults by name."""
