@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     Integers: TypeAlias = NDArray[np.int64]
 
 # Rows of the output, in the order of the attributes of `Aggregates`.
-_FIRST, _LAST, _N, _BREAKS, _DT, _HELD, _ERROR = range(7)
+_FIRST, _LAST, _N, _BREAKS, _DT, _ERROR = range(6)
 _LO, _HI, _SUM_LO, _SUM_HI, _COVERAGE = range(5)
 
 
@@ -38,7 +38,7 @@ def fold_samples(
             the bounds, and time error; shape ``(runs, 5)``.
         coverage: Of each run.
         grid: Start of a bucket, and the width of all, in ns.
-        out: Output; shapes ``(7, room)`` and ``(5, room)``.
+        out: Output; shapes ``(6, room)`` and ``(5, room)``.
 
     Returns:
         The number of entries.
@@ -83,7 +83,6 @@ def _link(whole: Integers, step: int) -> None:
     """Add the step from an entry's last sample to its next one."""
     dt = whole[_DT]
     whole[_BREAKS] += step > dt + dt // 2
-    whole[_HELD] += max(min(step, dt), 0)
 
 
 @part
@@ -91,7 +90,6 @@ def _add(whole: Integers, last: int, size: int, dt: int, error: int) -> None:
     whole[_LAST] = last
     whole[_N] += size
     whole[_DT] = dt
-    whole[_HELD] += (size - 1) * dt
     whole[_ERROR] = max(whole[_ERROR], error)
 
 
@@ -122,7 +120,7 @@ def fold_pieces(
         key: Sorted keys.
         whole: The integer attributes, an array each.
         real: The float attributes.
-        out: Output; shapes ``(7, entries)`` and ``(5, entries)``.
+        out: Output; shapes ``(6, entries)`` and ``(5, entries)``.
 
     Returns:
         The number of runs.
@@ -152,7 +150,6 @@ def _join(
     numbers[_N] += whole[_N][k]
     numbers[_BREAKS] += whole[_BREAKS][k]
     numbers[_DT] = whole[_DT][k]
-    numbers[_HELD] += whole[_HELD][k]
     numbers[_ERROR] = max(numbers[_ERROR], whole[_ERROR][k])
     floats[_LO] = lesser(real[_LO][k], floats[_LO])
     floats[_HI] = greater(real[_HI][k], floats[_HI])

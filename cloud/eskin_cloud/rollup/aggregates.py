@@ -30,7 +30,6 @@ class Aggregates:
         n: Number of samples.
         breaks: Number of gaps between them.
         dt: Period of the last sample, ns.
-        held: Total validity of all but the last sample, ns: each until the next, a period at most.
         error: The greatest time error, in ns.
         lo: Least lower bound.
         hi: Greatest upper bound.
@@ -44,7 +43,6 @@ class Aggregates:
     n: Integers
     breaks: Integers
     dt: Integers
-    held: Integers
     error: Integers
     lo: Floats
     hi: Floats
@@ -113,7 +111,7 @@ def concatenated(parts: Sequence[Aggregates]) -> Aggregates:
 
 
 _NAMES: Final = tuple(field.name for field in fields(Aggregates))
-_WHOLE: Final = 7
+_WHOLE: Final = 6
 """Number of integer columns; the others are floats."""
 _REAL: Final = len(_NAMES) - _WHOLE
 _NOTHING: Final = np.empty((len(_NAMES), 0), np.int64)

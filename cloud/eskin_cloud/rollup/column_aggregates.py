@@ -37,7 +37,9 @@ if TYPE_CHECKING:
     from eskin_cloud.rollup.aggregates import Integers
 
 _NAMES: Final = tuple(field.name for field in fields(Aggregates))
-_WHOLE: Final = _NAMES[:7]
+_WHOLE: Final = _NAMES[:6]
+_TIMES: Final = 7
+"""Integers of an entry: those of `Aggregates`, and the bits of its coverage."""
 _HEADS: Final = 8
 """Integers of a column: kind, start, and exponent, offset and size of hulls and of means."""
 _MEAN_BITS: Final = 4
@@ -131,7 +133,7 @@ class PackedAggregates(NamedTuple):
         kind: Of each column, which times are its own.
         start: Of each column, the time of its first sample.
         begins: Of each kind, where its times begin.
-        times: Integers of `Aggregates` and the bits of the coverage, shape ``(8, entries)``; times
+        times: Integers of `Aggregates` and the bits of the coverage, shape ``(7, entries)``; times
             count from the start of their column.
         hulls: The hulls.
         means: The means.
@@ -180,7 +182,7 @@ class PackedAggregates(NamedTuple):
             MessageError: Codes are not those of any entries.
         """
         counts = self.counts
-        column, whole = np.empty(counts.sum(), np.int64), np.empty((8, counts.sum()), np.int64)
+        column, whole = np.empty(counts.sum(), np.int64), np.empty((_TIMES, counts.sum()), np.int64)
         _repeat(self.times, (self.kind, self.start, self.begins), column, whole)
         return column, whole, *decode_columns(self.hulls, counts)
 
@@ -214,9 +216,9 @@ def read_columns(chosen: Sequence[tuple[PackedAggregates, int]]) -> Aggregates:
 def _as_aggregates(
     whole: Integers, hulls: tuple[Floats, Floats], means: tuple[Floats, Floats]
 ) -> Aggregates:
-    n, coverage = whole[2], whole[7].view(np.float64)
+    n, coverage = whole[2], whole[6].view(np.float64)
     sums = multiply_down(n, means[0]), -multiply_down(n, -means[1])
-    return Aggregates(*[*whole[:7], *hulls, *sums, coverage])
+    return Aggregates(*[*whole[:6], *hulls, *sums, coverage])
 
 
 @kernel
@@ -232,7 +234,7 @@ def _repeat(
     for k in range(kinds.size):
         begin, end = begins[kinds[k]], begins[kinds[k] + 1]
         size = end - begin
-        for part in range(8):
+        for part in range(_TIMES):
             start = starts[k] if part < 2 else np.int64(0)
             for at in range(size):
                 whole[part, place + at] = times[part, begin + at] + start
@@ -280,7 +282,7 @@ def _unpacked(names: tuple[bytes, ...], parts: list[object]) -> PackedAggregates
     listed = [integer(each, "size", 0, 2**20) for each in items(sizes, "sizes", _COLUMNS)]
     begins = np.array([0, *accumulate(listed)])
     total = sum(listed)
-    data = octets(planes, "times", 64 * total, 64 * total)
+    data = octets(planes, "times", 8 * _TIMES * total, 8 * _TIMES * total)
     if not kinds.size or kinds.min() < 0 or kinds.max() >= len(listed):
         raise MessageError("a column has times that are not there")
     numbers = np.frombuffer(data, np.uint8).reshape(8, -1).T.copy().view(np.int64)
@@ -290,7 +292,7 @@ def _unpacked(names: tuple[bytes, ...], parts: list[object]) -> PackedAggregates
         kind=kinds,
         start=columns[1],
         begins=begins,
-        times=np.cumsum(numbers.reshape(8, total), axis=1),
+        times=np.cumsum(numbers.reshape(_TIMES, total), axis=1),
         hulls=_codes_of(columns[2:5], hulls),
         means=_codes_of(columns[5:], means),
     )

@@ -160,7 +160,7 @@ def _fold(samples: _Samples, bounds: tuple[Floats, Floats], buckets: Buckets) ->
     lo, hi = bounds[0][rows], bounds[1][rows]
     dts, errors = np.repeat(dt, n), np.repeat(error, n)
     each = Aggregates(
-        *(moments, moments, none + 1, none, dts, none, errors),
+        *(moments, moments, none + 1, none, dts, errors),
         *(lo, hi, lo, hi, np.repeat(coverage, n)),
     )
     each = each[np.lexsort((np.repeat(begun, n), moments))]

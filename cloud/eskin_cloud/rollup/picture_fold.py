@@ -211,7 +211,7 @@ def _fold_tiles(
     latest, periods, gap, errors = out.last, out.dt, out.gap, out.error
     for k in range(channels.size):
         channel, first, last = channels[k], whole[0, k], whole[1, k]
-        error = whole[6, k] if spread else np.int64(0)
+        error = whole[5, k] if spread else np.int64(0)
         begin = (first - error - grid[0]) // grid[1]
         end = begin if not spread else (last + error - grid[0]) // grid[1]
         outside = first < within[0] or first >= within[1]

@@ -75,7 +75,7 @@ def _apart(runs: ColumnRuns, window: Window) -> Aggregates:
     t = begun + dt * within
     none = np.zeros(t.size, np.int64)
     bounds, coverage = (runs.lo, runs.hi), np.repeat(runs.coverage, n)
-    pieces = Aggregates(t, t, none + 1, none, dt, none, error, *bounds, *bounds, coverage)
+    pieces = Aggregates(t, t, none + 1, none, dt, error, *bounds, *bounds, coverage)
     order = np.flatnonzero((t >= window.start) & (t < window.end))
     if np.any(np.diff(t[order]) < 0):
         order = order[np.lexsort((begun[order], t[order]))]

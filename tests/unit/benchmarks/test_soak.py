@@ -17,7 +17,7 @@ pytestmark = pytest.mark.nightly
 
 @pytest.mark.timeout(900)
 def test_soak_misses_nothing_and_judges_all(tmp_path: Path) -> None:
-    found = soak(tmp_path, duration=2.0, rate=50.0, rest=0.0)
+    found = soak(tmp_path, duration=10.0, rate=50.0, rest=0.0)
     assert found["sent"] > 0
     assert found["missing"] == 0
     assert found["frames"] > 0

@@ -76,7 +76,6 @@ def test_aggregates_equal_brute_force(
         assert (found.first[k], found.last[k]) == (t[0], t[-1])
         assert (found.n[k], found.dt[k]) == (t.size, dt[-1])
         assert found.breaks[k] == (steps > dt[:-1] + dt[:-1] // 2).sum()
-        assert found.held[k] == np.minimum(steps, dt[:-1]).sum()
         assert found.error[k] <= truth.error.max()
         assert (found.lo[k], found.hi[k]) == (lo.min(), hi.max())
         assert found.coverage[k] == truth.coverage[here].min()
@@ -95,4 +94,4 @@ def test_half_a_period_late_is_no_gap(store: Store, step: int, breaks: int) -> N
     later = START + 10 + step
     said = [stretch(0, [1, 1], [2, 2], dt=10), stretch(1, [1], [2], time=(later, later), dt=10)]
     found = fold(store, said, Window(START, START + 100), Buckets(START, 100, 1))
-    assert (found.n.tolist(), found.breaks.tolist(), found.held.tolist()) == ([3], [breaks], [20])
+    assert (found.n.tolist(), found.breaks.tolist()) == ([3], [breaks])

@@ -137,6 +137,7 @@ def test_tabulator_reaches_the_peaks_of_a_chart_and_the_questions_after_it(
     visit.open(history(CHANNEL, recorded - 3 * SECOND, recorded))
     visit.wait_for_chart(mode="history")
     visit.page.get_by_test_id("peak").first.wait_for()
+    visit.page.get_by_test_id("threshold-side").wait_for()
     visit.wait_for_answers()
     count = visit.page.get_by_test_id("peak").count()
     stops = tabs(visit, 30 + count)
