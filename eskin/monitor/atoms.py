@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from eskin.errors import MonitorError
 from eskin.interval import Interval
 from eskin.monitor.checks import as_interval, comparison_of, linear_of, sides
 from eskin.monitor.formula import Comparison
@@ -26,13 +25,16 @@ if TYPE_CHECKING:
     from eskin.monitor.runs import Ticks
     from eskin.monitor.signal import Signal
 
+    _IndexRuns = tuple[Ticks, Ticks]
     _Cells = tuple[Ticks, Ticks, list[NDArray[np.int64]], NDArray[np.int8]]
 
 KNOWN, GAP, PENDING = range(3)
 """What a value is that may hold: that of a sample, any in a gap, any of a later sample."""
 
-_MOST_CANDIDATES: Final = 2**26
-"""Combinations of samples of several channels that may hold at once, over all time."""
+MOST_CANDIDATES: Final = 2**18
+"""Combinations of samples of several channels that may hold at once, over all time; where there are
+more, the samples of each channel that may hold at once count as one, which has any of their values.
+"""
 _SHARING: Final = 2
 """Samples that may share errors with each other, at least."""
 
@@ -92,24 +94,26 @@ def candidates(
 ) -> Candidates:
     """Evaluate an atom for all samples, or pairs of samples, that may hold at once.
 
-    Raises:
-        MonitorError: Moments are so uncertain that there are too many.
+    Where those are too many, hulls of all samples of a channel that may hold at once.
     """
     variables = sorted(atom.variables)
     units = {name: signals[name].unit for name, _ in variables}
     delayed = {each: _delayed(held[each[0]], each[1]) for each in variables}
     if len(variables) == 1:
         first, last, choices, kind = _of_one(delayed[variables[0]])
+        runs: list[_IndexRuns | None] = [None]
     else:
-        first, last, choices, kind = _of_several([delayed[each] for each in variables])
+        first, last, choices, kind, runs = _of_several([delayed[each] for each in variables])
     plain, shares = {}, {}
-    for variable, choice in zip(variables, choices, strict=True):
+    for variable, choice, joined in zip(variables, choices, runs, strict=True):
         signal, index = signals[variable[0]], held[variable[0]].index
+        lo, hi = signal.lo[index], signal.hi[index]
+        if joined is not None:
+            lo, hi = _extremes(np.minimum, lo, *joined), _extremes(np.maximum, hi, *joined)
         # After the samples stands what is not known; so the sample -1 has any value.
-        lo = np.append(signal.lo[index], -np.inf)
-        hi = np.append(signal.hi[index], np.inf)
+        lo, hi = np.append(lo, -np.inf), np.append(hi, np.inf)
         plain[variable] = Interval(lo[choice], hi[choice])
-        if signal.shared is not None:
+        if signal.shared is not None and joined is None:
             epochs = np.append(np.broadcast_to(signal.shared.epoch, signal.lo.shape)[index], 0)
             shares[variable] = signal.shared, epochs[choice]
     columns = SharingColumns(plain, shares)
@@ -175,37 +179,73 @@ def _of_one(held: HeldSamples) -> _Cells:
     )
 
 
-def _of_several(held: list[HeldSamples]) -> _Cells:
-    """Cut time where a candidate of a channel begins or ends; in each cell, all combinations."""
+def _of_several(held: list[HeldSamples]) -> tuple[*_Cells, list[_IndexRuns | None]]:
+    """Cut time where a candidate of a channel begins or ends; in each cell, all combinations.
+
+    Returns:
+        Cells, and of each channel ``None``; or the run of samples that its choices stand for, which
+        are cells then.
+    """
     edges = [np.array([-END])]
     for each in held:
         for part in (each, each.gaps, each.pending):
             edges += [part.first, part.last[part.last != END] + 1]
     first = np.unique(np.concatenate(edges))
     last = np.append(first[1:] - 1, END)
+    begins = [np.searchsorted(each.last, first, side="left") for each in held]
+    counts = [
+        np.maximum(np.searchsorted(each.first, first, side="right") - begin, 0)
+        for each, begin in zip(held, begins, strict=True)
+    ]
+    unknown = [(each.gaps.contains(first), each.pending.contains(first)) for each in held]
+    many = [known + gap + pending for known, (gap, pending) in zip(counts, unknown, strict=True)]
+    are_joined = float(np.prod(np.array(many, np.float64), axis=0).sum()) > MOST_CANDIDATES
+    runs: list[_IndexRuns | None] = [None] * len(held)
+    if are_joined:
+        runs = [
+            (begin, np.maximum(begin + known - 1, begin))
+            for begin, known in zip(begins, counts, strict=True)
+        ]
+        begins = [np.arange(first.size)] * len(held)
+        counts = [np.minimum(known, 1) for known in counts]
     cell = np.arange(first.size)
     choices: list[NDArray[np.int64]] = []
     kind = np.zeros(first.size, np.int8)
-    for each in held:
-        begin = np.searchsorted(each.last, first, side="left")
-        known = np.maximum(np.searchsorted(each.first, first, side="right") - begin, 0)
-        gap, pending = each.gaps.contains(first), each.pending.contains(first)
-        many = (known + gap + pending)[cell]
-        if int(many.sum()) > _MOST_CANDIDATES:
-            raise MonitorError(
-                f"more than {_MOST_CANDIDATES} combinations of samples may hold at once; their "
-                "moments are too uncertain: evaluate shorter stretches of time",
-                value=int(many.sum()),
-            )
-        which = np.repeat(np.arange(cell.size), many)
-        place = np.arange(which.size) - np.repeat(np.cumsum(many) - many, many)
+    for begin, known, (gap, pending) in zip(begins, counts, unknown, strict=True):
+        repeats = (known + gap + pending)[cell]
+        which = np.repeat(np.arange(cell.size), repeats)
+        place = np.arange(which.size) - np.repeat(np.cumsum(repeats) - repeats, repeats)
         cell, kind = cell[which], kind[which]
         choices = [choice[which] for choice in choices]
         of_sample = place < known[cell]
         choices.append(np.where(of_sample, begin[cell] + place, -1))
-        unknown = np.where((place == known[cell]) & gap[cell], GAP, PENDING)
-        kind = np.maximum(kind, np.where(of_sample, KNOWN, unknown)).astype(np.int8)
-    return first[cell], last[cell], choices, kind
+        rest = np.where((place == known[cell]) & gap[cell], GAP, PENDING)
+        kind = np.maximum(kind, np.where(of_sample, KNOWN, rest)).astype(np.int8)
+    return first[cell], last[cell], choices, kind, runs
+
+
+def _extremes(
+    extreme: Any, values: NDArray[np.float64], first: Ticks, last: Ticks
+) -> NDArray[np.float64]:
+    """The least or greatest of each run of values, by a sparse table.
+
+    Args:
+        extreme: ``np.minimum`` or ``np.maximum``.
+        values: The values.
+        first: Start of each run; where that is behind the values, the result is of no use.
+        last: End of each run, included.
+    """
+    first, last = (np.minimum(each, max(values.size - 1, 0)) for each in (first, last))
+    found = np.zeros(first.size)
+    if values.size == 0:
+        return found
+    _, bits = np.frexp(last - first + 1)
+    table = values
+    for level in range(1, int(bits.max(initial=0)) + 1):
+        here, width = bits == level, 1 << (level - 1)
+        found[here] = extreme(table[first[here]], table[last[here] + 1 - width])
+        table = extreme(table[:-width], table[width:])
+    return found
 
 
 def judge(  # noqa: PLR0911 - a line for each kind of sides

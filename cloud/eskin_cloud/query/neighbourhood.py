@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 
     from eskin_cloud.rollup.aggregates import Aggregates
     from eskin_cloud.store.read.lookup import Channel
+
+
+_NEAR: Final = 64
+"""Samples beside a window that are read at first."""
+_GROWTH: Final = 8
 
 
 class ChannelSource(NamedTuple):
@@ -35,7 +40,7 @@ def read_around(source: ChannelSource, window: Window) -> Aggregates:
     channel = source.channel
     if channel["t_first"] is None:
         return EMPTY
-    margin = 2 * max(channel["longest"], channel["dt"])
+    margin = _NEAR * max(channel["dt"], 1)
     wide = Window(max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT))
     while True:
         samples = read_samples(source.connection, channel, wide)
@@ -55,4 +60,4 @@ def read_around(source: ChannelSource, window: Window) -> Aggregates:
             following = next_rows(source.connection, channel, end)
             end = channel["t_last"] if following is None else max(following, end + margin)
         wide = Window(max(start, -MOST_MOMENT), min(end + 1, MOST_MOMENT))
-        margin *= 4
+        margin *= _GROWTH

@@ -25,7 +25,7 @@ from eskin_cloud.rollup.hulls import read_hulls
 from eskin_cloud.store.read.window import Window
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 POINTS: Final = 1024
 """Runs of a channel that are evaluated at once."""
-SAMPLES: Final = 16_384
+SAMPLES: Final = 2**16
 """Samples that are read as they are."""
 _FINER: Final = 4
 """How many times as long as a stretch that stays possible the one around it must be."""
@@ -113,6 +113,7 @@ class StoredVerdicts:
             raise QueryError("formula", str(error)) from error
         self._formula, self._sources = formula, sources
         self._points, self._samples, self._most_reads = points, samples, most_reads
+        self._leaf = samples * max((source.channel["dt"] for source in sources.values()), default=0)
         self.reach = past or 0, future or 0
         self.reads = 0
         self.coverage = 1.0
@@ -142,15 +143,17 @@ class StoredVerdicts:
         if self.reads > self._most_reads:
             return
         found, exact = self._evaluated(window)
-        for piece, is_open in _within(found, window):
+        for pieces, is_open in _regions(_within(found, window), 0 if exact else self._leaf):
             if exact or not is_open:
-                yield piece._replace(coverage=self._coverage(found, piece, exact=exact))
+                for piece in pieces:
+                    yield piece._replace(coverage=self._coverage(found, piece, exact=exact))
                 continue
-            for part in _parts(Window(piece.first // 2, piece.last // 2 + 1), window):
-                for each in self._solve(part):
-                    begin, end = max(each.first, piece.first), min(each.last, piece.last)
+            first, last = pieces[0].first, pieces[-1].last
+            for part in _parts(Window(first // 2, last // 2 + 1), window):
+                for piece in self._solve(part):
+                    begin, end = max(piece.first, first), min(piece.last, last)
                     if begin <= end:
-                        yield each._replace(first=begin, last=end)
+                        yield piece._replace(first=begin, last=end)
                 if self.reads > self._most_reads:
                     return
 
@@ -292,6 +295,32 @@ def _within(found: Verdicts, window: Window) -> Iterator[tuple[StoredPiece, bool
             ),
             bool(is_open[at]),
         )
+
+
+def _regions(
+    pieces: Iterable[tuple[StoredPiece, bool]], near: int
+) -> Iterator[tuple[list[StoredPiece], bool]]:
+    """Runs of stretches that are all decided, or are evaluated again together.
+
+    Open stretches that lie nearer to each other than so many ns are read at once.
+    """
+    region: list[StoredPiece] = []  # begins and ends with an open stretch
+    decided: list[StoredPiece] = []
+    for piece, is_open in pieces:
+        if not is_open:
+            decided.append(piece)
+            continue
+        if region and piece.first - region[-1].last > 2 * near:
+            yield region, True
+            region = []
+        if not region and decided:
+            yield decided, False
+        region = [*region, *decided, piece] if region else [piece]
+        decided = []
+    if region:
+        yield region, True
+    if decided:
+        yield decided, False
 
 
 def _parts(stretch: Window, window: Window) -> Iterator[Window]:
