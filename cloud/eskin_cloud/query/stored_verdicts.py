@@ -35,8 +35,10 @@ if TYPE_CHECKING:
 
 POINTS: Final = 1024
 """Runs of a channel that are evaluated at once."""
-SAMPLES: Final = 2**16
-"""Samples that are read as they are."""
+SAMPLES: Final = 2**14
+"""Samples of a stretch that are read as they are."""
+_FIRST_SAMPLES: Final = 4
+"""How many times as many are, of the whole window."""
 _FINER: Final = 4
 """How many times as long as a stretch that stays possible the one around it must be."""
 MOST_SAMPLES: Final = 2**20
@@ -172,7 +174,8 @@ class StoredVerdicts:
         last = window.span <= least
         read, signals, spans, exact, missed = {}, {}, {}, True, []
         for name, source in self._sources.items():
-            most = MOST_SAMPLES if last else self._samples
+            most = self._samples * (_FIRST_SAMPLES if self.reads == 1 else 1)
+            most = MOST_SAMPLES if last else most
             pieces, whole = self._read(source, around, most)
             read[name] = pieces, whole
             exact = exact and (whole or last)
@@ -220,9 +223,12 @@ def as_signal(pieces: Aggregates, unit: str, *, within: Window | None = None) ->
         within: Where other samples may hold that are not among them: before the first run, and
             from the last sample on, any value is possible.
     """
-    pieces = pieces.grouped(pieces.first)
-    pieces = pieces[_within_range(pieces)]
+    if np.any(pieces.first[1:] == pieces.first[:-1]):
+        pieces = pieces.grouped(pieces.first)
     earliest, latest = _enclosures(pieces)
+    reached = (earliest < MAX_MOMENT) & (latest > -MAX_MOMENT)
+    if not np.all(reached):
+        pieces, earliest, latest = pieces[reached], earliest[reached], latest[reached]
     earliest = np.maximum.accumulate(earliest) if len(pieces) else earliest
     latest = np.maximum(latest, earliest)
     period = np.maximum(pieces.last - pieces.first + pieces.dt, 1)
@@ -245,12 +251,6 @@ def as_signal(pieces: Aggregates, unit: str, *, within: Window | None = None) ->
         until = min(max(end, within.end) + 1, MAX_MOMENT)
     coverage = float(pieces.coverage.min(initial=1.0))
     return Signal(earliest, latest, lo, hi, period, gap, unit=unit, coverage=coverage, until=until)
-
-
-def _within_range(pieces: Aggregates) -> NDArray[np.bool_]:
-    """Those that may hold at moments at which formulas are evaluated."""
-    earliest, latest = _enclosures(pieces)
-    return (earliest < MAX_MOMENT) & (latest > -MAX_MOMENT)
 
 
 def _enclosures(pieces: Aggregates) -> tuple[Integers, Integers]:

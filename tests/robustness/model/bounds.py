@@ -74,7 +74,7 @@ SMALL: Final[Mapping[str, Bounds]] = {
 LARGE: Final[Mapping[str, Bounds]] = {
     **SMALL,
     "gateways": replace(_GATEWAYS, most_named=1, most_batch=2),
-    "boots": Bounds(gateways=2, clouds=0, boots=2, sequences=2),
+    "boots": Bounds(gateways=2, clouds=0, boots=2, sequences=1, most_named=1),
     "gateways and cloud": replace(_GATEWAYS, clouds=1, whole=True),
     "stored at last": Bounds(gateways=2, whole=True, live=True),
     "erased at last": Bounds(clouds=2, worn=(0,), loaded=True, live=True),
