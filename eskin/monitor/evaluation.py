@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.monitor.atoms import Candidates
+    from eskin.monitor.checks import Horizon
     from eskin.monitor.formula import Formula, Node
     from eskin.monitor.runs import Ticks
     from eskin.monitor.signal import HeldSamples
@@ -120,7 +121,7 @@ class Evaluation:
         Returns:
             ``None`` where samples are missing within the horizon: then there is no bound.
         """
-        past, future = horizon(self.formula)
+        past, future = self._horizon
         begin = -END if past is None else first - 2 * past
         end = END if future is None else last + 1 + 2 * future
         weights, found = self._weights
@@ -132,6 +133,10 @@ class Evaluation:
             until = int(np.searchsorted(earliest, end, side="right"))
             found += weight * max(until - before, 0)
         return found
+
+    @cached_property
+    def _horizon(self) -> Horizon:
+        return horizon(self.formula)
 
     @cached_property
     def _changes(self) -> dict[Atom, tuple[tuple[Ticks, Ticks], Runs]]:

@@ -143,22 +143,18 @@ class Verdicts:
 
     def held_by_samples(self) -> Runs:
         """Ticks at which it could hold by the samples that exist: by their width or moments."""
-        return self._certain | self._holding[1]
+        return self._certain | self._by_samples[1]
 
     def failed_by_samples(self) -> Runs:
         """Ticks at which it could fail by the samples that exist."""
-        return ~self._possible | self._failing[1]
+        return ~(self._possible & self._by_samples[0])
 
     def causes(self, first: Ticks, last: Ticks) -> list[Because]:
         """All of what `because` says of the instants of some runs of ticks."""
         found = [Because(0)] * first.size
-        open_ = self._possible & ~self._certain
-        for runs in (self._holding, self._failing):
-            rest = open_
-            for cause, each in zip(_CAUSES, [*runs, Runs.between(-END, END)], strict=True):
-                for k in np.flatnonzero((rest & each).overlaps(first, last)).tolist():
-                    found[k] |= cause
-                rest = rest & ~each
+        for cause, runs in self._causes:
+            for k in np.flatnonzero(runs.overlaps(first, last)).tolist():
+                found[k] |= cause
         return found
 
     def most_changes(self, first: int, last: int) -> int | None:
@@ -264,8 +260,25 @@ class Verdicts:
         return np.add(self._certain.contains(ticks), self._possible.contains(ticks), dtype=np.int8)
 
     @cached_property
+    def _by_samples(self) -> tuple[Runs, Runs]:
+        """Where it fails not, and where it holds, by samples that exist."""
+        return self._evaluation.explained_by(1)
+
+    @cached_property
     def _explained(self) -> list[tuple[Runs, Runs]]:
-        return [self._evaluation.explained_by(cause) for cause in range(3)]
+        explained = self._evaluation.explained_by
+        return [explained(0), self._by_samples, explained(2)]
+
+    @cached_property
+    def _causes(self) -> list[tuple[Because, Runs]]:
+        """Where each cause is the weakest by which a possible verdict could hold, or fail."""
+        found = []
+        for runs in (self._holding, self._failing):
+            rest = self._possible & ~self._certain
+            for cause, each in zip(_CAUSES, [*runs, Runs.between(-END, END)], strict=True):
+                found.append((cause, rest & each))
+                rest = rest & ~each
+        return found
 
     @cached_property
     def _holding(self) -> list[Runs]:

@@ -27,8 +27,6 @@ from eskin_cloud.store.read.window import Window
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from numpy.typing import NDArray
-
     from eskin.monitor import Formula, Verdicts
     from eskin_cloud.query.neighbourhood import ChannelSource
     from eskin_cloud.rollup.aggregates import Aggregates, Integers
@@ -147,8 +145,7 @@ class StoredVerdicts:
         found, exact = self._evaluated(window)
         for pieces, is_open in _regions(_within(found, window), 0 if exact else self._leaf):
             if exact or not is_open:
-                for piece in pieces:
-                    yield piece._replace(coverage=self._coverage(found, piece, exact=exact))
+                yield from self._explained(found, pieces, exact=exact)
                 continue
             first, last = pieces[0].first, pieces[-1].last
             for part in _parts(Window(first // 2, last // 2 + 1), window):
@@ -159,8 +156,28 @@ class StoredVerdicts:
                 if self.reads > self._most_reads:
                     return
 
+    def _explained(
+        self, found: Verdicts, pieces: list[StoredPiece], *, exact: bool
+    ) -> Iterator[StoredPiece]:
+        """Stretches with all that is stated of them."""
+        possible = [piece for piece in pieces if piece.verdict is Verdict.POSSIBLE]
+        if not possible and self.coverage == 1.0:
+            yield from pieces
+            return
+        ends = np.array([(piece.first, piece.last) for piece in possible], np.int64).reshape(-1, 2)
+        causes = iter(found.causes(ends[:, 0], ends[:, 1]))
+        for piece in pieces:
+            coverage = self._coverage(found, piece, exact=exact)
+            if piece.verdict is Verdict.POSSIBLE:
+                changes = found.most_changes(piece.first, piece.last)
+                yield piece._replace(because=next(causes), coverage=coverage, changes=changes)
+            else:
+                yield piece._replace(coverage=coverage)
+
     def _coverage(self, found: Verdicts, piece: StoredPiece, *, exact: bool) -> float:
         """That of its middle; a run stands for many samples, so they are counted there."""
+        if self.coverage == 1.0:
+            return 1.0
         middle = (piece.first + piece.last) // 4
         if not exact and found.coverage(middle) < 1.0:
             found = self._evaluated(Window(middle, middle + 1))[0]
@@ -280,21 +297,12 @@ def _within(found: Verdicts, window: Window) -> Iterator[tuple[StoredPiece, bool
     cut = np.flatnonzero(np.diff(codes + 4 * missing + 8 * is_open, prepend=-1))
     first = first[cut]
     last = np.append(first[1:] - 1, end)
-    because = found.causes(first, last)
     for k, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
-        at = cut[k]
-        yield (
-            StoredPiece(
-                a,
-                b,
-                Verdict(int(codes[at])),
-                missing=bool(missing[at]),
-                because=because[k],
-                coverage=1.0,
-                changes=found.most_changes(a, b) if possible[at] else 0,
-            ),
-            bool(is_open[at]),
+        verdict, lost = Verdict(int(codes[cut[k]])), bool(missing[cut[k]])
+        piece = StoredPiece(
+            a, b, verdict, missing=lost, because=Because(0), coverage=1.0, changes=0
         )
+        yield piece, bool(is_open[cut[k]])
 
 
 def _regions(
