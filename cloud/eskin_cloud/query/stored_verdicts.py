@@ -257,15 +257,20 @@ def as_signal(pieces: Aggregates, unit: str, *, within: Window | None = None) ->
     until = None
     if within is not None:
         begin = max(int(min(within.start, *earliest[:1])) - 1, -MAX_MOMENT)
-        end = int(max(within.start, *latest[-1:] + 1, *pieces.last[-1:] - pieces.error[-1:]))
-        end = min(end, MAX_MOMENT)
-        pads = ((begin, end), (begin, end), (-np.inf, -np.inf), (np.inf, np.inf), (1, 1), (0, 0))
+        # Samples that are not read come after the last one that is, whenever that was taken.
+        after = pieces.last[-1:] - pieces.error[-1:], pieces.last[-1:] + pieces.error[-1:]
+        first = min(int(max(begin, *earliest[-1:], *after[0])), MAX_MOMENT)
+        last = min(int(max(begin, *latest[-1:], *after[1])) + 1, MAX_MOMENT)
+        pads = (
+            *((begin, first), (begin, last)),
+            *((-np.inf, -np.inf), (np.inf, np.inf), (1, 1), (0, 0)),
+        )
         columns = earliest, latest, lo, hi, period, gap
         earliest, latest, lo, hi, period, gap = (
             np.concatenate([[before], column, [after]]).astype(column.dtype)
             for column, (before, after) in zip(columns, pads, strict=True)
         )
-        until = min(max(end, within.end) + 1, MAX_MOMENT)
+        until = min(max(last, within.end) + 1, MAX_MOMENT)
     coverage = float(pieces.coverage.min(initial=1.0))
     return Signal(earliest, latest, lo, hi, period, gap, unit=unit, coverage=coverage, until=until)
 

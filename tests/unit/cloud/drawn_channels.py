@@ -42,7 +42,7 @@ def said_of(draw: st.DrawFn, channel: str) -> list[Frame]:
         lo = [min(min(pair), 3.0) for pair in pairs]
         hi = [max(max(pair), -2.0) for pair in pairs]
         first = START + draw(st.integers(0, 150))
-        time = first, first + 2 * draw(st.sampled_from([0, 0, 1, 4, 30]))
+        time = first, first + 2 * draw(st.sampled_from([0, 0, 1, 4, 30, 400]))
         dt = draw(st.sampled_from([10, 10, 7, 1, 25]))
         number = 2 * sequence + (channel == OTHER)
         made.append(stretch(number, lo, hi, time=time, dt=dt, channel=channel))

@@ -126,6 +126,27 @@ def test_every_signal_within_the_samples_agrees(
     assert totals.entries[0] <= entries <= totals.entries[1]
 
 
+@pytest.mark.parametrize("error", [0, 40, 900, 10**6])
+def test_runs_leave_open_where_samples_beside_them_may_hold(store: Store, error: int) -> None:
+    random = np.random.default_rng(error)
+    for number in range(10):
+        level = random.choice([0.0, 1.0], 40).repeat(random.integers(1, 9))[:40]
+        moment = START + 400 * number
+        time = moment - error, moment + error
+        put(store, stretch(number, level, level + 0.1, time=time, dt=10))
+    formula = Channel(CHANNEL) > Fraction(1, 2)
+    with sources_of(store, formula) as sources:
+        everything = read_samples(*sources[CHANNEL], Window(START - 10**7, START + 10**7))
+        whole = evaluate(formula, {CHANNEL: as_signal(everything, "F")})
+        for _ in range(40):
+            start = START + int(random.integers(-500, 4000))
+            window = Window(start, start + int(random.integers(1, 2000)))
+            stored = StoredVerdicts(formula, sources, points=6, samples=4)
+            for piece in stored.pieces(window):
+                ticks = np.arange(piece.first, piece.last + 1)
+                assert set(whole.codes_at_ticks(ticks).tolist()) == {int(piece.verdict)}
+
+
 def at(
     start: int, level: float, number: int, *, error: int = 0, n: int = 4, coverage: float = 1.0
 ) -> Frame:
