@@ -38,8 +38,9 @@ if TYPE_CHECKING:
 
 _NAMES: Final = tuple(field.name for field in fields(Aggregates))
 _WHOLE: Final = _NAMES[:6]
+FIRST, LAST, COUNT, BREAKS, PERIOD, ERROR, COVERAGE = range(7)
+"""Where each integer of an entry stands: those of `Aggregates`, and the bits of its coverage."""
 _TIMES: Final = 7
-"""Integers of an entry: those of `Aggregates`, and the bits of its coverage."""
 _HEADS: Final = 8
 """Integers of a column: kind, start, and exponent, offset and size of hulls and of means."""
 _MEAN_BITS: Final = 4
@@ -216,7 +217,7 @@ def read_columns(chosen: Sequence[tuple[PackedAggregates, int]]) -> Aggregates:
 def _as_aggregates(
     whole: Integers, hulls: tuple[Floats, Floats], means: tuple[Floats, Floats]
 ) -> Aggregates:
-    n, coverage = whole[2], whole[6].view(np.float64)
+    n, coverage = whole[COUNT], whole[COVERAGE].view(np.float64)
     sums = multiply_down(n, means[0]), -multiply_down(n, -means[1])
     return Aggregates(*[*whole[:6], *hulls, *sums, coverage])
 

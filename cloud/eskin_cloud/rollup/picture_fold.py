@@ -9,6 +9,7 @@ import numpy as np
 from eskin.kernels.jit import kernel, part
 from eskin.kernels.outward_rounding import greater, lesser
 from eskin.wire.frames.frame_scan import Part
+from eskin_cloud.rollup.column_aggregates import BREAKS, COUNT, ERROR, FIRST, LAST, PERIOD
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -210,8 +211,8 @@ def _fold_tiles(
     least, most, peak, number = out.lo, out.hi, out.peak, out.n
     latest, periods, gap, errors = out.last, out.dt, out.gap, out.error
     for k in range(channels.size):
-        channel, first, last = channels[k], whole[0, k], whole[1, k]
-        error = whole[5, k] if spread else np.int64(0)
+        channel, first, last = channels[k], whole[FIRST, k], whole[LAST, k]
+        error = whole[ERROR, k] if spread else np.int64(0)
         begin = (first - error - grid[0]) // grid[1]
         end = begin if not spread else (last + error - grid[0]) // grid[1]
         outside = first < within[0] or first >= within[1]
@@ -224,13 +225,13 @@ def _fold_tiles(
             until = latest[channel] + before - errors[channel]
             _mark(until, first + error, channel, grid, gap)
         if not before or last >= latest[channel]:
-            latest[channel], periods[channel], errors[channel] = last, whole[4, k], error
+            latest[channel], periods[channel], errors[channel] = last, whole[PERIOD, k], error
         for picture in range(max(begin, 0), min(end + 1, len(least))):
-            if whole[3, k]:
+            if whole[BREAKS, k]:
                 gap[picture, channel] = True
             least[picture, channel] = lesser(low[k], least[picture, channel])
             most[picture, channel] = greater(high[k], most[picture, channel])
-            number[picture, channel] += whole[2, k]
+            number[picture, channel] += whole[COUNT, k]
         if begin == end:
             peak[begin, channel] = greater(low[k], peak[begin, channel])
 

@@ -12,6 +12,7 @@ from eskin.errors import QueryError
 from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.rollup.buckets import Buckets
+from eskin_cloud.rollup.column_aggregates import COVERAGE, ERROR
 from eskin_cloud.rollup.hulls import bucket_width
 from eskin_cloud.rollup.patch_tiles import read_chunk, taxels_of
 from eskin_cloud.rollup.picture_fold import (
@@ -285,8 +286,8 @@ class PictureReader:
                     [self._channels.get(f"{taxel}.{quantity}", -1) for taxel in taxels]
                 )
             fold_tiles(chunk, places[chunk.names], within, grid, hulls, spread=self._spread)
-            self.coverage = min(self.coverage, float(chunk.times[7].view(np.float64).min()))
-            self.time_error = max(self.time_error, int(chunk.times[6].max()))
+            self.coverage = min(self.coverage, float(chunk.times[COVERAGE].view(np.float64).min()))
+            self.time_error = max(self.time_error, int(chunk.times[ERROR].max()))
 
     def _fold_samples(self, window: Window, grid: tuple[int, int], hulls: PictureHulls) -> None:
         self._fold_rows(window, grid, hulls)
