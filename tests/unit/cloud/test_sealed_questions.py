@@ -58,6 +58,27 @@ async def test_sealed_channel_is_compared_with_models_of_the_unit_of_its_frames(
         assert found.json() | differ == plain.json() | differ
 
 
+async def test_verdicts_at_the_ends_of_a_window_are_those_of_a_channel_in_the_clear(
+    stand: Stand, site: Site
+) -> None:
+    said = [
+        pulse(k, np.full(40, 5e-9 * k), np.full(40, 6e-9 * k), time=(t, t), unit="F")
+        for k, t in enumerate((START, START + 40 * DT), 1)
+    ]
+    await stand.ingest(site.batch(*said))
+    twins = [
+        stretch(each.position.sequence, values.inf, values.sup, time=each.time, unit="F")
+        for each, values in ((each, tube_of(each).values) for each in said)
+    ]
+    await stand.ingest(batch(*twins, node="twin"))
+    window = {"start": START + 20 * DT + 5, "end": START + 60 * DT + 7, "above": 7e-9}
+    for path in ("/threshold", "/time"):
+        found = await ask(stand, physician(stand), SERIES + path, **window)
+        plain = await ask(stand, physician(stand), TWIN + path, **window)
+        assert found.json() == plain.json()
+    assert found.json()["unknown_s"] == 0.0
+
+
 async def test_model_of_another_unit_than_that_of_sealed_frames_is_refused(
     stand: Stand, site: Site
 ) -> None:
