@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final
 from eskin.errors import QueryError
 from eskin.interval import Verdict
 from eskin.monitor import horizon
-from eskin.wire.timestamp import SECOND
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.window_params import opened
 from eskin_cloud.query.cursors import read_numbers, write_cursor
@@ -37,8 +36,6 @@ if TYPE_CHECKING:
 
     Places = Mapping[str, tuple[str, str]]
 
-_BESIDE: Final = 60 * SECOND
-"""Samples beside a window hold in it, too; sealed ones of so long are decrypted."""
 _MOST_READS: Final = 20_000
 """Stretches that are evaluated for totals, which are answered at once."""
 
@@ -125,8 +122,8 @@ def _sources(
     window: Window,
 ) -> Iterator[dict[str, ChannelSource]]:
     """Where the channels are read; what is stored of a sealed one is not what its frames hold."""
-    past, future = (reach or 0 for reach in horizon(formula))
-    around = widest_window(Window(window.start - past - _BESIDE, window.end + future + _BESIDE))
+    past, future = horizon(formula)
+    around = widest_window(Window(window.start - (past or 0), window.end + (future or 0)))
     with ExitStack() as stack:
         yield {
             name: ChannelSource(

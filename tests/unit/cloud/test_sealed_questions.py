@@ -61,9 +61,11 @@ async def test_sealed_channel_is_compared_with_models_of_the_unit_of_its_frames(
 async def test_verdicts_at_the_ends_of_a_window_are_those_of_a_channel_in_the_clear(
     stand: Stand, site: Site
 ) -> None:
+    # START begins a minute, which is all that is stated of a sealed frame's time.
+    first = START - 40 * DT + DT // 2
     said = [
         pulse(k, np.full(40, 5e-9 * k), np.full(40, 6e-9 * k), time=(t, t), unit="F")
-        for k, t in enumerate((START, START + 40 * DT), 1)
+        for k, t in enumerate((first, first + 40 * DT), 1)
     ]
     await stand.ingest(site.batch(*said))
     twins = [
@@ -71,7 +73,7 @@ async def test_verdicts_at_the_ends_of_a_window_are_those_of_a_channel_in_the_cl
         for each, values in ((each, tube_of(each).values) for each in said)
     ]
     await stand.ingest(batch(*twins, node="twin"))
-    window = {"start": START + 20 * DT + 5, "end": START + 60 * DT + 7, "above": 7e-9}
+    window = {"start": START, "end": START + 30 * DT, "above": 7e-9}
     for path in ("/threshold", "/time"):
         found = await ask(stand, physician(stand), SERIES + path, **window)
         plain = await ask(stand, physician(stand), TWIN + path, **window)
