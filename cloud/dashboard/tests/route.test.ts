@@ -11,6 +11,7 @@ describe("the address", () => {
       { node: "fingertip", channel: null, view: { kind: "live", span: 300e9 }, question: null },
       { node: "n/1 %ü", channel: "t01.capacitance", view: history, question: { kind: "threshold", side: "above", level: 1.24e-11 } },
       { node: "n", channel: "c", view: history, question: { kind: "threshold", side: "below", level: -0.5 } },
+      { node: "n", channel: "c", view: history, question: { kind: "formula", formula: "once[0,20ms] c + 1 > 5e-12 F and \"m/c\" < 50 %" } },
       {
         node: "palm",
         channel: "t01.capacitance",

@@ -49,6 +49,14 @@ export interface ThresholdQuery {
   readonly end: Instant;
 }
 
+/** A formula over channels of a node, and when. */
+export interface WindowedFormula {
+  readonly formula: string;
+  readonly node: string;
+  readonly start: Instant;
+  readonly end: Instant;
+}
+
 export interface ClientOptions {
   readonly fetch: typeof fetch;
   /** Called when the session is over; the page then goes to the login. */
@@ -136,6 +144,16 @@ export class Client {
   /** For how long a threshold is passed in a window. */
   thresholdTime(target: ChannelRef, query: ThresholdQuery, signal: AbortSignal): Promise<TotalsAnswer> {
     return this.get(address(`/series/${part(target.node)}/${part(target.channel)}/time`, { ...query }), signal);
+  }
+
+  /** When a formula holds, may hold, and does not; `complete` is false if there were too many stretches. */
+  verdicts(query: WindowedFormula, signal: AbortSignal): Promise<{ items: VerdictItem[]; complete: boolean }> {
+    return this.all("/monitors/evaluation", { ...query }, signal);
+  }
+
+  /** For how long a formula holds in a window. */
+  verdictTime(query: WindowedFormula, signal: AbortSignal): Promise<TotalsAnswer> {
+    return this.get(address("/monitors/evaluation/time", { ...query }), signal);
   }
 
   models(signal: AbortSignal): Promise<ModelItem[]> {

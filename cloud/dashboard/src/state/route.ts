@@ -27,8 +27,14 @@ export interface ModelQuestion {
   readonly parameters: readonly Given[];
 }
 
+/** When does a formula over the node's channels hold? */
+export interface FormulaQuestion {
+  readonly kind: "formula";
+  readonly formula: string;
+}
+
 /** What is asked of a channel; its answer is marked in the chart, so that there is one at a time. */
-export type Question = ThresholdQuestion | ModelQuestion;
+export type Question = ThresholdQuestion | ModelQuestion | FormulaQuestion;
 
 /** What the dashboard shows. The address's hash holds all of it, so that every view can be linked to. */
 export interface Route {
@@ -81,6 +87,8 @@ function readModelQuestion(query: URLSearchParams): ModelQuestion | null {
 }
 
 function readQuestion(query: URLSearchParams): Question | null {
+  const formula = query.get("formula")?.trim();
+  if (formula) return { kind: "formula", formula };
   const compared = readModelQuestion(query);
   if (compared !== null) return compared;
   for (const side of ["above", "below"] as const) {
@@ -117,6 +125,7 @@ export function printGiven({ name, lo, hi }: Given): string {
 
 function printQuestion(question: Question): string[] {
   if (question.kind === "threshold") return [`${question.side}=${encodeURIComponent(question.level)}`];
+  if (question.kind === "formula") return [`formula=${encodeURIComponent(question.formula)}`];
   const { model, origin, parameters } = question;
   const given = parameters.map((one) => `parameter=${encodeURIComponent(printGiven(one))}`);
   return [`model=${encodeURIComponent(model)}`, `origin=${printInstant(origin)}`, ...given];

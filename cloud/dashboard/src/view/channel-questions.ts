@@ -3,6 +3,7 @@ import type { Question } from "../state/route";
 import type { ChannelPanel } from "./channel-panel";
 import type { Context } from "./context";
 import { element } from "./element";
+import { FormulaForm } from "./formula-form";
 import { ModelForm } from "./model-form";
 import { ThresholdForm } from "./threshold-form";
 
@@ -12,6 +13,7 @@ const PATIENCE_MS = 3_000;
 interface Forms {
   readonly threshold: ThresholdForm;
   readonly model: ModelForm;
+  readonly formula: FormulaForm;
 }
 
 /** What may be asked of a channel that stands alone: one question at a time, whose answer its chart marks. */
@@ -26,20 +28,24 @@ export class ChannelQuestions {
     if (this.forms === null) return;
     const threshold = question?.kind === "threshold" ? question : null;
     const model = question?.kind === "model" ? question : null;
+    const formula = question?.kind === "formula" ? question : null;
     if (this.panel.answers.threshold !== (threshold?.level ?? null)) this.mark({ threshold: threshold?.level ?? null });
     this.forms.threshold.apply(threshold);
     this.forms.model.apply(model);
+    this.forms.formula.apply(formula);
   }
 
   frame(at: number): void {
     this.forms ??= this.make();
     this.forms?.threshold.frame(at);
     this.forms?.model.frame(at);
+    this.forms?.formula.frame(at);
   }
 
   destroy(): void {
     this.forms?.threshold.destroy();
     this.forms?.model.destroy();
+    this.forms?.formula.destroy();
   }
 
   private make(): Forms | null {
@@ -59,8 +65,9 @@ export class ChannelQuestions {
         points: () => panel.width,
         onAnswer: (predicted, segments) => this.mark({ predicted, segments }),
       }),
+      formula: new FormulaForm({ ...common, onSegments: (segments) => this.mark({ segments }) }),
     };
-    this.root.append(this.forms.threshold.root, this.forms.model.root);
+    this.root.append(this.forms.threshold.root, this.forms.model.root, this.forms.formula.root);
     this.apply(context.route().question);
     return this.forms;
   }
