@@ -145,7 +145,7 @@ def _require_known(formula: Formula, units: Mapping[str, str]) -> None:
 
 def horizon(formula: Formula) -> Horizon:
     """How far a formula looks into the past and the future."""
-    return _merged(channel_horizons(formula).values())
+    return merged_horizon(channel_horizons(formula).values())
 
 
 def channel_horizons(formula: Formula) -> dict[str, Horizon]:
@@ -179,10 +179,11 @@ def channel_horizons(formula: Formula) -> dict[str, Horizon]:
                 waiting.append((node.left, first, last + end))
         else:
             waiting.extend((part, first, last) for part in node.parts)
-    return {name: _merged(each) for name, each in found.items()}
+    return {name: merged_horizon(each) for name, each in found.items()}
 
 
-def _merged(horizons: Iterable[Horizon]) -> Horizon:
+def merged_horizon(horizons: Iterable[Horizon]) -> Horizon:
+    """The horizon that holds some others."""
     each = list(horizons)
     return Horizon(_most([one.past for one in each]), _most([one.future for one in each]))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 import numpy as np
 
 from eskin.monitor.atoms import GAP, KNOWN, candidates
-from eskin.monitor.checks import check, horizon
+from eskin.monitor.checks import Horizon, channel_horizons, check, merged_horizon
 from eskin.monitor.formula import (
     Always,
     And,
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.monitor.atoms import Candidates
-    from eskin.monitor.checks import Horizon
     from eskin.monitor.formula import Formula, Node
     from eskin.monitor.runs import Ticks
     from eskin.monitor.signal import HeldSamples
@@ -121,11 +120,13 @@ class Evaluation:
         Returns:
             ``None`` where samples are missing within the horizon: then there is no bound.
         """
-        past, future = self._horizon
-        begin = -END if past is None else first - 2 * past
-        end = END if future is None else last + 1 + 2 * future
         weights, found = self._weights
         for atom, weight in weights.items():
+            past, future = self._horizons[atom]
+            begin = -END if past is None else first - 2 * past
+            # What is delayed changes later than its samples by its delay.
+            delay = max((delay for _, delay in atom.variables), default=0)
+            end = END if future is None else last + 1 + 2 * (future + delay)
             (earliest, latest), missing = self._changes[atom]
             if missing.overlaps(np.array([begin - 1]), np.array([end]))[0]:
                 return None
@@ -135,8 +136,13 @@ class Evaluation:
         return found
 
     @cached_property
-    def _horizon(self) -> Horizon:
-        return horizon(self.formula)
+    def _horizons(self) -> dict[Atom, Horizon]:
+        """How far the formula looks at each atom: as far as at the channels in it, at most."""
+        of_channels = channel_horizons(self.formula)
+        return {
+            atom: merged_horizon([of_channels[name] for name in atom.channels] or [Horizon(0, 0)])
+            for atom in self._atoms
+        }
 
     @cached_property
     def _changes(self) -> dict[Atom, tuple[tuple[Ticks, Ticks], Runs]]:

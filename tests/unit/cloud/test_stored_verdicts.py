@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from eskin.interval import Verdict
-from eskin.monitor import Atom, Because, Channel, Comparison, Constant, evaluate
+from eskin.monitor import Atom, Because, Channel, Comparison, Constant, Eventually, evaluate
 from tests.support.examples import examples
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.drawn_channels import OTHER, drawn_signal, said_of, samples_of, windows
@@ -181,6 +181,20 @@ def test_a_value_that_may_be_above_counts_as_often_as_its_samples_change(store: 
     unsure = stretch(1, [0.0] * 4, [1.0] * 4, time=(START + 40, START + 40), dt=10)
     found = totals_of(store, [at(0, 0.0, 0), unsure, at(80, 0.0, 2)], Window(START, START + 110))
     assert found == VerdictTotals((0, 40), 0, (0, 2))
+
+
+def test_a_delayed_channel_in_the_future_is_counted(store: Store) -> None:
+    toggling = [float(k % 2) for k in range(20)]
+    said = [stretch(0, toggling, [x + 1.0 for x in toggling], time=(START, START), dt=10)]
+    put(emptied(store), *said)
+    late = Channel(CHANNEL, 10) > Fraction(3, 2)
+    formula = Eventually((25, 30), late)
+    with sources_of(store, formula) as sources:
+        window = Window(START + 40, START + 100)
+        totals = total_verdicts(StoredVerdicts(formula, sources).pieces(window))
+    # The sample that is read at t is that of t + 15 to t + 20: three more are open by the end.
+    assert totals.entries[0] == 0
+    assert totals.entries[1] >= 3
 
 
 def test_a_gap_of_a_month_is_read_at_once(store: Store) -> None:
