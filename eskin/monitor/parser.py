@@ -86,6 +86,8 @@ _TOKEN: Final = re.compile(
     )""",
     re.VERBOSE | re.ASCII,
 )
+_BLANKS: Final = " \t\n\r\f\v"
+"""What may stand between tokens; not all that Python strips."""
 _NANOSECONDS: Final = {
     "ns": 1,
     "us": 10**3,
@@ -131,7 +133,7 @@ def _tokens(text: str) -> list[_Token]:
     while True:
         match = _TOKEN.match(text, place)
         if match is None:
-            at = place + len(text[place:]) - len(text[place:].lstrip())
+            at = place + len(text[place:]) - len(text[place:].lstrip(_BLANKS))
             raise MonitorError(
                 f"{shown(text[at])} has no meaning here; see the grammar of eskin.monitor.parser",
                 column=at + 1,

@@ -92,6 +92,8 @@ def test_first_bound_takes_the_unit_of_the_second() -> None:
         ("count(a > 1) >= 1.5", 17),
         ("count(a > 1, b) >= 1", 14),
         ('"" > 1', 2),
+        ("\x1f", 1),  # a blank of Unicode, and none of the grammar
+        ("a > \x1f 1", 5),
     ],
 )
 def test_fault_names_its_column(text: str, column: int) -> None:
