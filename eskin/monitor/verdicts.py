@@ -131,16 +131,6 @@ class Verdicts:
         """The weakest cause by which a possible verdict could be false."""
         return self._cause(self._failing, t)
 
-    @property
-    def certain_runs(self) -> Runs:
-        """Ticks at which it holds for certain."""
-        return self._certain
-
-    @property
-    def possible_runs(self) -> Runs:
-        """Ticks at which it is not impossible."""
-        return self._possible
-
     def held_by_samples(self) -> Runs:
         """Ticks at which it could hold by the samples that exist: by their width or moments."""
         return self._certain | self._by_samples[1]
