@@ -142,18 +142,29 @@ class Monitor:
         Epochs count where the channel shares errors.
 
         Raises:
-            MonitorError: As `push`; the samples before the one in error are added.
+            MonitorError: As `push`; the samples before the one in error are added, but none where
+                a deviation is read and bounds are no intervals.
         """
+        columns = []
         for name, prediction in self._read_by(channel):
-            if prediction is None:
-                self._extend(name, earliest, latest, lo, hi, period, gap, epoch)
-                continue
+            bounds = lo, hi
+            if prediction is not None:
+                try:
+                    signal = Signal(earliest, latest, lo, hi, period, gap, unit=self._units[name])
+                except IntervalError as error:
+                    raise MonitorError(f"samples of {channel}: {error}", value=channel) from error
+                outside = deviation(signal, prediction)
+                bounds = outside.lo, outside.hi
+            columns.append((name, bounds))
+        # Each takes the same samples before the one in error, so that all stay alike.
+        errors: list[MonitorError] = []
+        for name, bounds in columns:
             try:
-                signal = Signal(earliest, latest, lo, hi, period, gap, unit=self._units[name])
-            except IntervalError as error:
-                raise MonitorError(f"samples of {channel}: {error}", value=channel) from error
-            outside = deviation(signal, prediction)
-            self._extend(name, earliest, latest, outside.lo, outside.hi, period, gap, epoch)
+                self._extend(name, earliest, latest, *bounds, period, gap, epoch)
+            except MonitorError as error:
+                errors.append(error)
+        if errors:
+            raise errors[0]
 
     def _extend(
         self,

@@ -136,6 +136,22 @@ def test_a_formula_may_read_a_channel_and_its_deviation() -> None:
     assert not is_exact(formula, {"p": "F"})
 
 
+@pytest.mark.parametrize("wrong", [(START, 5e-10, 6e-10), (START + 20 * MS, 6e-10, 5e-10)])
+def test_a_channel_and_its_deviation_stay_alike_after_a_wrong_sample(
+    wrong: tuple[int, float, float],
+) -> None:
+    formula = (Deviation(source="p", prediction=swinging()) > 0) & (Channel("p") > 0)
+    monitor = Monitor(formula, {"p": "F"})
+    at, lo, hi = wrong
+    moments = [START + 10 * MS, at]
+    monitor.push("p", START, START, 5e-10, 6e-10, period=10 * MS)
+    with pytest.raises(MonitorError):
+        monitor.extend("p", moments, moments, [5e-10, lo], [6e-10, hi], 10 * MS)
+    monitor.push("p", START + 30 * MS, START + 30 * MS, 5e-10, 6e-10, period=10 * MS)
+    assert len(monitor) in {4, 6}  # as many of both
+    assert monitor.verdicts.at(START + 30 * MS).name == "CERTAIN"
+
+
 _PLATE = (
     "outside(p, moving_plate.capacitance(area = 1 cm2, minimum_distance = [0.9, 1.1 mm], "
     'maximum_distance = 5 mm, frequency = 1 Hz), "2026-01-31T12:00:00Z") > 1 pF'
