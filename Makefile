@@ -111,7 +111,7 @@ install: $(VENV)/.runtime ## Make the virtual environment with the command eskin
 	@$(BIN)/eskin warm
 
 system: ## Install the Debian packages that the tests need
-	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql softhsm2 prometheus
+	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql softhsm2 prometheus prometheus-alertmanager
 
 clean: ## Remove what was built (data folders stay)
 	rm -rf $(VENV) build $(dir $(DASHBOARD_BUILT)) $(DASHBOARD)/node_modules

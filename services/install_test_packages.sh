@@ -8,6 +8,7 @@ declare -A command=([mosquitto]=mosquitto [mosquitto-clients]=mosquitto_sub [chr
   [iproute2]=ip [iptables]=iptables [gcc]=gcc [libc6-dev]=/usr/include/stdio.h
   [postgresql]=initdb [softhsm2]=softhsm2-util
   [openjdk-17-jre-headless]=java [influxdb]=influxd [prometheus]=prometheus
+  [prometheus-alertmanager]=prometheus-alertmanager
   [gcc-arm-none-eabi]=arm-none-eabi-gcc [libnewlib-arm-none-eabi]=/usr/lib/arm-none-eabi/newlib/libc.a
   [qemu-system-arm]=qemu-system-arm)
 missing=()

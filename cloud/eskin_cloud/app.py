@@ -8,6 +8,7 @@ from starlette.responses import Response
 
 from eskin.runtime.http_server.rate_limit import LimitsMiddleware, RateLimit
 from eskin_cloud.api import (
+    alarms,
     audit_log,
     certificates,
     commands,
@@ -17,6 +18,7 @@ from eskin_cloud.api import (
     dashboard,
     deliveries,
     descriptions,
+    evaluation,
     events,
     export,
     frames,
@@ -53,7 +55,7 @@ def people_application(cloud: AppState) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     app = _application(cloud, "eskin cloud", secure=cloud.secure, refusal=HTTPStatus.UNAUTHORIZED)
     asked = nodes, gateways, commands, series, frames, contacts, export, events, live
-    of_monitors = monitors, thresholds, comparison, prediction, models
+    of_monitors = evaluation, monitors, alarms, thresholds, comparison, prediction, models
     for resource in (
         *asked,
         *of_monitors,

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin.runtime.http_server.rate_limit import RateLimit
+    from eskin_cloud.alarms.evaluator import Evaluator
     from eskin_cloud.commands import Notifier
     from eskin_cloud.ingest.gateway_trust import GatewayTrust
     from eskin_cloud.ingest.upload_budget import UploadBudget
@@ -34,6 +35,7 @@ class AppState:
         uploads: Room for what gateways bring.
         metrics: Counts.
         sign_ins: Counts refused sign-ins that the audit log keeps.
+        evaluator: Evaluates monitors over what arrives.
         key_access: Decrypts biometric messages for permitted callers.
         clock: Gives UTC ns.
         dashboard: Folder of the built dashboard.
@@ -48,6 +50,7 @@ class AppState:
     uploads: UploadBudget
     metrics: Metrics
     sign_ins: RateLimit
+    evaluator: Evaluator
     key_access: KeyAccess
     clock: Callable[[], int]
     dashboard: Path

@@ -12,6 +12,7 @@ from eskin_cloud.query.clock_check import count_wrong_clocks
 from eskin_cloud.query.listing import sealed_nodes
 from eskin_cloud.store.damage import damaged_rows
 from eskin_cloud.store.disk_usage import measure_disk
+from eskin_cloud.store.write.alarms import count_failing_receivers, count_open_alarms
 from eskin_cloud.store.write.missing_messages import count_missing
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ class Metrics:
         removed: Messages removed, by reason.
         requests: Answered requests, by method and status.
         faults: Unexpected errors of background jobs, by job.
+        alarms_given_up: Changes of alarms that a receiver was not given, by receiver.
     """
 
     def __init__(self, store: Store, feed: Feed, notifier: Notifier, *, clock_error: int) -> None:
@@ -70,6 +72,17 @@ class Metrics:
         self.requests = self._counter("requests", "Answered requests.", "method", "status")
         self.faults = self._counter(
             "faults", "Unexpected errors of background jobs, which were retried.", "work"
+        )
+        self.alarms_given_up = self._counter(
+            "alarms_given_up", "Changes of alarms that a webhook never took.", "receiver"
+        )
+        self._store_gauge(
+            "alarms_open", "Alarms that are raised and not cleared.", count_open_alarms
+        )
+        self._store_gauge(
+            "alarm_receivers_failing",
+            "Receivers of alarms whose latest attempt failed.",
+            count_failing_receivers,
         )
         self._gauge("subscribers", "Live streams.", lambda: feed.subscribers)
         self._gauge("waiting", "Gateways that wait for commands.", lambda: notifier.waiting)

@@ -22,17 +22,20 @@ from eskin.runtime.http_server.protocol import LOCALHOST, HttpLimits
 from eskin.runtime.http_server.rate_limit import RateLimit
 from eskin.runtime.memory import freeze_gc
 from eskin.wire.timestamp import SECOND
+from eskin_cloud.alarms.evaluator import Evaluator
 from eskin_cloud.api.live import MOST_MESSAGE_BYTES
 from eskin_cloud.app import gateway_application, people_application
 from eskin_cloud.app_state import AppState
 from eskin_cloud.commands import Notifier
 from eskin_cloud.ingest.gateway_trust import GatewayTrust
 from eskin_cloud.ingest.upload_budget import UploadBudget
+from eskin_cloud.jobs.alarm_delivery import deliver_alarms
 from eskin_cloud.jobs.compaction import compact
 from eskin_cloud.jobs.erasure import apply_erasures
 from eskin_cloud.jobs.heap_trim import trim_heap, use_one_allocator
 from eskin_cloud.jobs.integrity import check_integrity
 from eskin_cloud.jobs.missing_messages import find_missing_messages
+from eskin_cloud.jobs.monitors import evaluate_monitors
 from eskin_cloud.jobs.overview_tiles import build_rollup
 from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.jobs.pg_listener import listen
@@ -111,6 +114,7 @@ def make_cloud(
         uploads=UploadBudget(own.uploads_bytes),
         metrics=metrics,
         sign_ins=RateLimit.per_minute(settings.limits.refusals_per_min),
+        evaluator=Evaluator(store, silence=round(settings.nodes.silence_s * SECOND), clock=clock),
         key_access=KeyAccess(keystore),
         clock=clock,
         dashboard=dashboard,
@@ -169,6 +173,7 @@ def _server_context(setting: str, folder: Path, *, client_certificates: bool) ->
 async def _serve(cloud: AppState) -> None:
     listeners = _listeners(cloud)
     stopping = asyncio.Event()
+    jobs = _jobs(cloud, stopping)
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stopping.set)
@@ -178,7 +183,7 @@ async def _serve(cloud: AppState) -> None:
         listening = None
         if not isinstance(cloud.store.location, Path):
             listening = group.create_task(listen(cloud, cloud.store.location, stopping))
-        for job in _jobs(cloud, stopping):
+        for job in jobs:
             group.create_task(job)
         for listener in listeners:
             await listener.ready.wait()
@@ -211,6 +216,8 @@ def _jobs(cloud: AppState, stopping: asyncio.Event) -> list[Coroutine[Any, Any, 
         trim_heap(cloud, stopping),
         compact(cloud, stopping),
         check_integrity(cloud, stopping),
+        evaluate_monitors(cloud, stopping),
+        *deliver_alarms(cloud, stopping),
     ]
 
 

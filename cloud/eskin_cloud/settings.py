@@ -5,6 +5,7 @@ from __future__ import annotations
 from ipaddress import IPv4Network, IPv6Network
 from pathlib import Path
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
 from pydantic import Field, StringConstraints, ValidationInfo, field_validator
 
@@ -290,6 +291,74 @@ class CompactionSection(Section):
     )
 
 
+class AlarmsSection(Section):
+    """Whom alarms of monitors are sent to, beside the gateways, which publish them by MQTT."""
+
+    webhooks: dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9-]{1,63}$")], str] = Field(
+        default={},
+        description='URLs that each change of an alarm is posted to, by a name: `"ops" = '
+        '"https://ops.example/alarms"`',
+    )
+    webhook_secret_file: Path | None = Field(
+        default=None,
+        description="file with the secret that signs what webhooks are sent (Standard Webhooks, "
+        "`whsec_…`); without it nothing is signed",
+    )
+    alertmanager: str | None = Field(
+        default=None, description="URL of a Prometheus Alertmanager, which alarms are posted to"
+    )
+    root: Path | None = Field(
+        default=None,
+        description="root certificate (PEM) that these servers lead to; without it those of the "
+        "system",
+    )
+    timeout_s: float = Field(
+        default=10.0, gt=0, le=300, description="seconds until a receiver must have answered"
+    )
+    retry_max_s: float = Field(
+        default=300.0, ge=1, le=86_400, description="longest pause between two attempts"
+    )
+    give_up_h: float = Field(
+        default=72.0,
+        gt=0,
+        le=8_760,
+        description="hours of failure after which a webhook is not sent a change any more; it is "
+        "logged and counted",
+    )
+    days: float = Field(
+        default=365.0,
+        gt=0,
+        le=36_500,
+        description="days that alarms are kept after they are cleared",
+    )
+
+    @field_validator("webhooks")
+    @classmethod
+    def _are_urls(cls, value: dict[str, str]) -> dict[str, str]:
+        for url in value.values():
+            _require_url(url)
+        return value
+
+    @field_validator("alertmanager")
+    @classmethod
+    def _is_url(cls, value: str | None) -> str | None:
+        if value is not None:
+            _require_url(value)
+        return value
+
+
+def _require_url(text: str) -> None:
+    try:
+        url = urlsplit(text)
+        host = url.hostname or ""
+    except ValueError:
+        url, host = urlsplit(""), ""
+    if url.scheme not in {"http", "https"} or not host:
+        raise ValueError(f"{shown(text)} is no URL; write https://HOST/PATH")
+    if url.scheme == "http" and not is_loopback(host):
+        raise ValueError(f"plain HTTP stays on loopback, and {shown(text)} is elsewhere; use https")
+
+
 class LiveSection(Section):
     """The live stream."""
 
@@ -320,6 +389,7 @@ class CloudSettings(Settings):
     live: LiveSection = LiveSection()
     retention: RetentionSection = RetentionSection()
     compaction: CompactionSection = CompactionSection()
+    alarms: AlarmsSection = AlarmsSection()
     keys: KeysSection = KeysSection()
     renewal: RenewalSection = RenewalSection()
     log: LogSection = LogSection()

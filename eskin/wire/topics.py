@@ -3,7 +3,7 @@
 Private, sealed: ``eskin/v1/nodes/{node}/STREAM``, the streams as in `Stream`.
 Public, read only, plain JSON: ``eskin/v1/live/{node}/{channel}`` of a small skin,
 ``…/patches/{patch}`` of a large one, ``…/events``, ``…/status``; as SenML the same below
-``eskin/v1/senml``; for Home Assistant ``homeassistant/#``.
+``eskin/v1/senml``; ``eskin/v1/alarms/{monitor}``; for Home Assistant ``homeassistant/#``.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from eskin.errors import MessageError
 ROOT = "eskin/v1"
 LIVE = f"{ROOT}/live"
 SENML = f"{ROOT}/senml"
+ALARMS = f"{ROOT}/alarms"
 HOME_ASSISTANT = "homeassistant"
-PUBLIC = (LIVE, SENML, HOME_ASSISTANT)
+PUBLIC = (LIVE, SENML, ALARMS, HOME_ASSISTANT)
 """What gateways write, and clients read."""
 NODES = f"{ROOT}/nodes"
 RENEWAL = f"{ROOT}/renewal"
@@ -69,3 +70,8 @@ def live_topic(node: str, leaf: str) -> str:
 def senml_topic(node: str, leaf: str) -> str:
     """The public topic of a channel's or patch's hulls as SenML."""
     return f"{SENML}/{node}/{leaf}"
+
+
+def alarm_topic(monitor: str) -> str:
+    """The public topic of a monitor's alarms; ``+`` for those of all."""
+    return f"{ALARMS}/{monitor}"

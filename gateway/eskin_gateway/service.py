@@ -33,6 +33,7 @@ from eskin_gateway.ops.health import Health
 from eskin_gateway.ops.health_server import HealthServer
 from eskin_gateway.ops.keyring import Keyring
 from eskin_gateway.ops.subject_sync import SubjectSync
+from eskin_gateway.publish.alarms import AlarmPublisher
 from eskin_gateway.publish.homeassistant import Discovery
 from eskin_gateway.publish.presence import Presence
 from eskin_gateway.spool.descriptions import Descriptions
@@ -120,11 +121,14 @@ class Gateway:
         self._presence = Presence(settings.nodes.silence_s)
         self._presence.restore(self.spool, monotonic())
         self.commands = PendingCommands(settings.commands.resend_s)
+        public = settings.public
+        self.alarms = AlarmPublisher(public.homeassistant_prefix if public.homeassistant else None)
         self.broker = MqttTransport(
             settings.broker,
             name=self.name,
             context=self.keyring.context,
             receive_queue=self.receive_queue,
+            on_alarm=self.alarms.confirm,
             backoff=Backoff(0.2, 10.0, random=SystemRandom()),
         )
         self.commit_loop = self._make_commit_loop()
@@ -149,6 +153,7 @@ class Gateway:
         )
         self.command_poller = CommandPoller(
             self.commands,
+            self.alarms,
             commands_client=CommandsClient(cloud_client(abortable=True)),
             wait_s=settings.commands.wait_s,
             backoff=self._make_cloud_backoff(),
@@ -207,6 +212,7 @@ class Gateway:
                 sealer_cache=sealer_cache,
                 node_certificates=node_certificates,
                 presence=self._presence,
+                alarms=self.alarms,
                 descriptions=descriptions,
                 metrics=self.metrics,
                 discovery=self._make_discovery(node_certificates, descriptions),

@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from dataclasses import replace
 from typing import Final
 
 from fastapi import APIRouter, Request
@@ -10,6 +11,7 @@ from starlette.responses import Response
 
 from eskin.runtime.http_server.problems import documented
 from eskin.wire.timestamp import SECOND
+from eskin_cloud.alarms.receivers import find_for_site, note_published
 from eskin_cloud.api.dependencies import CloudState
 from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import MEDIA_TYPE, Received, received
@@ -42,7 +44,7 @@ class CborResponse(Response):
     openapi_extra=CBOR_BODY,
 )
 async def post_deliveries(cloud: CloudState, request: Request) -> Response:
-    """Exchange commands: those to deliver, and those to drop."""
+    """Exchange commands and alarms: what to deliver, and what to drop."""
     async with received(cloud, request) as posted:
         holding = Holding.read(posted.body)
     await _mark(cloud, posted, holding)
@@ -51,14 +53,15 @@ async def post_deliveries(cloud: CloudState, request: Request) -> Response:
         version = cloud.notifier.version
         changes = await asyncio.to_thread(_find, cloud, holding, posted.gateway.site)
         left = deadline - time.monotonic()
-        if changes.give or changes.drop or left <= 0 or cloud.notifier.closed:
+        if changes or left <= 0 or cloud.notifier.closed:
             return CborResponse(changes.encode())
         await cloud.notifier.wait(version, min(left, _LOOK_S))
 
 
 def _find(cloud: AppState, holding: Holding, site: str) -> Changes:
     with cloud.store.read() as connection:
-        return find_changes(connection, holding, site=site, now=cloud.clock())
+        found = find_changes(connection, holding, site=site, now=cloud.clock())
+        return replace(found, alarms=find_for_site(connection, site, holding.published))
 
 
 async def _mark(cloud: AppState, posted: Received, holding: Holding) -> None:
@@ -71,6 +74,8 @@ async def _mark(cloud: AppState, posted: Received, holding: Holding) -> None:
     def work(connection: Connection) -> None:
         now, wait = cloud.clock(), round(holding.wait_s * SECOND)
         mark_delivered(connection, sent, now=now)
+        if holding.published:
+            note_published(connection, posted.gateway.site, holding.published)
         record_contact(
             connection,
             posted.gateway.name,

@@ -30,11 +30,14 @@ class Holding:
         held: ``(node, id)`` of the commands that it has.
         sent: Those that it has handed to its broker.
         wait_s: How long it would wait for a change.
+        published: The number of the last change of an alarm that it has published; ``None`` where
+            it has just started.
     """
 
     held: frozenset[tuple[str, int]]
     sent: frozenset[tuple[str, int]]
     wait_s: float
+    published: int | None
 
     @classmethod
     def read(cls, body: bytes) -> Holding:
@@ -47,12 +50,16 @@ class Holding:
             asked = _load(body)
             listed = [_entry(item) for item in items(asked["held"], "held", MOST_HELD)]
             wait = real(asked["wait_s"], "wait_s", 0.0, LONGEST_WAIT_S)
+            number = asked["published"]
+            if number is not None:
+                number = integer(number, "published", 0, MOST_COUNT)
         except MessageError as error:
             raise MalformedBatchError(f"{error}; see deliveries in docs/eskin.cddl") from error
         return cls(
             frozenset((node, number) for node, number, _ in listed),
             frozenset((node, number) for node, number, sent in listed if sent),
             wait,
+            number,
         )
 
 
@@ -63,20 +70,29 @@ class Changes:
     Attributes:
         give: ``(node, id, signed command)`` that it has not.
         drop: ``(node, id)`` that it should deliver no more.
+        alarms: ``(number, monitor, document)`` of changes of alarms that it should publish.
     """
 
     give: list[tuple[str, int, bytes]]
     drop: list[tuple[str, int]]
+    alarms: list[tuple[int, str, str]]
+
+    def __bool__(self) -> bool:
+        return bool(self.give or self.drop or self.alarms)
 
     def encode(self) -> bytes:
         """Write as CBOR."""
         return cbor2.dumps(
-            {"give": [list(one) for one in self.give], "drop": [list(one) for one in self.drop]}
+            {
+                "give": [list(one) for one in self.give],
+                "drop": [list(one) for one in self.drop],
+                "alarms": [list(one) for one in self.alarms],
+            }
         )
 
 
 def find_changes(connection: Connection, holding: Holding, *, site: str, now: int) -> Changes:
-    """Compare what a gateway has with what it should have.
+    """Compare the commands that a gateway has with what it should have.
 
     Commands of a node are given one by one, so that they are done in the order of their ids, and to
     gateways of its site alone.
@@ -91,7 +107,7 @@ def find_changes(connection: Connection, holding: Holding, *, site: str, now: in
         row = find_command(connection, node, number)
         if row is not None:
             give.append((node, number, bytes(row["data"])))
-    return Changes(give, sorted(holding.held - current))
+    return Changes(give, sorted(holding.held - current), [])
 
 
 def find_unmarked(connection: Connection, holding: Holding, *, site: str) -> list[tuple[str, int]]:
@@ -116,8 +132,8 @@ def _is_of(site: str) -> ColumnElement[bool]:
 
 def _load(body: bytes) -> dict[object, object]:
     asked = load_any(body, "body")
-    if not isinstance(asked, dict) or set(asked) != {"held", "wait_s"}:
-        raise MessageError("the body is no map of held and wait_s")
+    if not isinstance(asked, dict) or set(asked) != {"held", "wait_s", "published"}:
+        raise MessageError("the body is no map of held, wait_s and published")
     return asked
 
 

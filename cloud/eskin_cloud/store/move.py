@@ -18,6 +18,8 @@ from sqlalchemy.exc import SQLAlchemyError
 from eskin.errors import StoreError
 from eskin_cloud.store.db_errors import explain
 from eskin_cloud.store.location import describe, reading_engine, writing_engine
+from eskin_cloud.store.row_digests import without_digest
+from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.tables import feed, metadata, versions
 from eskin_cloud.store.version import create_tables, require_version
 from eskin_cloud.store.write.bulk_insert import insert_many
@@ -31,8 +33,9 @@ if TYPE_CHECKING:
     from eskin_cloud.store.location import StoreLocation
 
 _PAGE: Final = 500
-TABLES: Final = tuple(t for t in metadata.sorted_tables if t not in {versions, feed})
-"""The tables to copy; the row of ``feed`` follows at the end and marks completion."""
+TABLES: Final = tuple(t for t in metadata.sorted_tables if t not in {versions, feed, alarm_state})
+"""The tables to copy; the rows of ``alarm_state`` and ``feed`` follow, and that of ``feed`` marks
+completion."""
 
 
 @dataclass(slots=True)
@@ -90,6 +93,8 @@ def move(
                 for table in TABLES:
                     _compare(before, after, table, steps)
                 cursor, key = before.execute(select(feed.c.cursor, feed.c.cursor_key)).one()
+                counters = before.execute(select(alarm_state)).mappings().one()
+                after.execute(update(alarm_state).values(**without_digest(counters)))
                 after.execute(update(feed).values(cursor=cursor, cursor_key=key, writer=None))
             return counts
     except SQLAlchemyError as error:

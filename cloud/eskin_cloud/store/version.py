@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import func, insert, inspect, select, text
 
 from eskin.errors import StoreError
+from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import feed, metadata, versions
@@ -37,6 +38,8 @@ def create_tables(connection: Connection, *, now: int) -> None:
         metadata.create_all(connection)
         _store_data_inline(connection)
         connection.execute(insert(feed).values(name="feed", cursor=0, cursor_key=os.urandom(32)))
+        counters = {"until": 0, "version": 0, "last_alarm": 0, "last_number": 0}
+        connection.execute(insert(alarm_state).values(name="alarms", **counters))
         connection.execute(insert(versions).values(version=VERSION, applied=now))
     require_version(connection)
 

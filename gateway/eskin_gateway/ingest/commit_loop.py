@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from eskin_gateway.mqtt.receive_queue import ReceiveQueue
     from eskin_gateway.mqtt.sealer_cache import SealerCache
     from eskin_gateway.mqtt.transport import Publication, ReceivedMessage, Transport
+    from eskin_gateway.publish.alarms import AlarmPublisher
     from eskin_gateway.publish.frame_hulls import PatchHull
     from eskin_gateway.publish.homeassistant import Discovery
     from eskin_gateway.publish.presence import Presence
@@ -57,6 +58,7 @@ class PostCommit:
         sealer_cache: Seals acknowledgements.
         node_certificates: Finds the nodes' certificates.
         presence: Tracks which nodes are online.
+        alarms: Changes of alarms that are published.
         metrics: Counts messages.
         discovery: Announces channels to Home Assistant, if enabled.
         descriptions: Finds the layouts of frames and statements.
@@ -72,6 +74,7 @@ class PostCommit:
         sealer_cache: SealerCache,
         node_certificates: NodeCertificates,
         presence: Presence,
+        alarms: AlarmPublisher,
         descriptions: Descriptions,
         metrics: Metrics,
         discovery: Discovery | None = None,
@@ -83,6 +86,7 @@ class PostCommit:
         self._sealer_cache = sealer_cache
         self._node_certificates = node_certificates
         self._presence = presence
+        self._alarms = alarms
         self._metrics = metrics
         self._discovery = discovery
         self._descriptions = descriptions
@@ -108,6 +112,7 @@ class PostCommit:
         connected = self._broker.connected
         if connected and not self._was_connected:
             self._presence.restart_timers(now)
+            self._alarms.restart()
             if self._discovery is not None:
                 self._discovery.announce_all()
         self._was_connected = connected
@@ -116,6 +121,11 @@ class PostCommit:
             self._publish(self._presence.expire(now))
             if self._discovery is not None:
                 self._publish(self._discovery.run_periodic())
+
+    def publish_alarms(self) -> None:
+        """Publish changes of alarms that are due."""
+        if self._was_connected and self._broker.connected:
+            self._publish(self._alarms.due(self._clock()))
 
     def _publish(self, publications: Iterable[Publication]) -> None:
         """Publish and count public messages."""
@@ -251,6 +261,7 @@ class CommitLoop:
             self._last_periodic = now
             self._post_commit.run_periodic()
         self._command_publisher.publish_due()
+        self._post_commit.publish_alarms()
         self._thread.succeeded()
         return bool(received_messages)
 

@@ -23,7 +23,7 @@ from paho.mqtt.subscribeoptions import SubscribeOptions
 from eskin.runtime.net import set_nodelay
 from eskin.runtime.supervised import Supervised
 from eskin.wire.envelope import MOST_ENVELOPE
-from eskin.wire.topics import Stream, node_topic
+from eskin.wire.topics import ALARMS, Stream, alarm_topic, node_topic
 from eskin_gateway.mqtt.buffered_socket import BufferedSocket
 from eskin_gateway.mqtt.mqtt_packets import write_acknowledgements, write_publication
 from eskin_gateway.mqtt.transport import ReceivedMessage
@@ -47,6 +47,7 @@ _TICK_S: Final = 0.5
 _READS: Final = 64
 _FULL_TICK_S: Final = 0.005
 _DISCONNECT_S: Final = 1.0
+_ALARMS: Final = f"{ALARMS}/"
 _MAX_QUEUED: Final = 20_000
 _MAX_QUEUED_BYTES: Final = 33_554_432
 
@@ -97,6 +98,7 @@ class MqttTransport:
         name: The gateway's name, also its client id.
         context: Presents the gateway's certificate and verifies the broker's.
         receive_queue: Takes received messages.
+        on_alarm: Takes topic and payload of each alarm that the broker has.
         backoff: Delays between connection attempts.
 
     Attributes:
@@ -112,9 +114,11 @@ class MqttTransport:
         name: str,
         context: ssl.SSLContext,
         receive_queue: ReceiveQueue,
+        on_alarm: Callable[[str, bytes], None],
         backoff: Backoff,
     ) -> None:
         self._settings = settings
+        self._on_alarm = on_alarm
         self._receive_queue = receive_queue
         self._send_queue = SendQueue()
         self._wake_in, self._wake_out = socket.socketpair()
@@ -272,6 +276,9 @@ class MqttTransport:
 
     def receive(self, message: paho.MQTTMessage) -> None:
         """Queue a message. Of an oversized one, one byte too many is enough to reject it."""
+        if message.topic.startswith(_ALARMS):
+            self._on_alarm(message.topic, bytes(message.payload))
+            return
         if not self.accepting:
             return
         payload = bytes(message.payload[: MOST_ENVELOPE + 1])
@@ -328,11 +335,12 @@ class MqttTransport:
             node_topic("+", Stream.LAYOUTS),
             node_topic("+", Stream.STATUS),
         ]
+        # Alarms are sent back to the gateway that publishes them, so that it knows of them.
+        chosen = [*((topic, 1) for topic in wanted), (alarm_topic("+"), 0)]
         if self._v5:
-            options = SubscribeOptions(qos=1)
-            client.subscribe([(topic, options) for topic in wanted])
+            client.subscribe([(topic, SubscribeOptions(qos=qos)) for topic, qos in chosen])
         else:
-            client.subscribe([(topic, 1) for topic in wanted])
+            client.subscribe(chosen)
 
     def _on_subscribe(
         self, client: paho.Client, userdata: Any, mid: int, codes: list[ReasonCode], properties: Any

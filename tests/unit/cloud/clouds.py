@@ -20,6 +20,7 @@ from eskin_cloud.service import make_cloud
 from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from eskin_cloud.store import Store
 from eskin_cloud.store.descriptions import read_description, store_descriptions
+from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.tables import audit_log, feed, metadata, versions
 from eskin_cloud.store.write.ingest import IngestResult, ingest
@@ -134,8 +135,9 @@ def emptied(store: Store) -> Store:
 
     def clear(connection: Connection) -> None:
         for table in metadata.sorted_tables:
-            if table not in {versions, feed, audit_log}:
+            if table not in {versions, feed, alarm_state, audit_log}:
                 connection.execute(delete(table))
+        connection.execute(update(alarm_state).values(holder=None, until=0))
         connection.execute(update(feed).values(cursor=0, writer=None))
 
     store.write(clear).result(120)

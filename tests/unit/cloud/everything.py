@@ -8,12 +8,14 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from eskin_cloud.access import create_login_code
+from eskin_cloud.alarms.receivers import register_receiver
 from eskin_cloud.jobs.missing_messages import look
 from eskin_cloud.rollup.patch_tile_builder import build
 
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.brute_force import compact_all, remove_before
 from tests.unit.cloud.clouds import batch, put
+from tests.unit.cloud.live_monitors import Live, alarms_of, define
 from tests.unit.cloud.messages import DT, START, gap, peak, status, stretch
 from tests.unit.cloud.orders import order
 from tests.unit.cloud.sealing import NODE as HAND
@@ -51,6 +53,7 @@ async def fill(stand: Stand, site: Site) -> None:
     _build(store)
     describe(store, HAND_LAYOUT, *PATCHES, node=HAND)
     put(store, frame(300), frame(301, page=1), statements(302), node=HAND)
+    _raise(store)
 
 
 def _pack(store: Store) -> None:
@@ -69,3 +72,12 @@ def _build(store: Store) -> None:
     build(store)
     put(store, said(299, time=(START + 50, START + 50)))  # late
     compact_all(store)
+
+
+def _raise(store: Store) -> None:
+    define(store, f"{PACKED} > 0.5", since=START)
+    live = Live(store)
+    store.write_and_wait(lambda connection: register_receiver(connection, "webhook ops"))
+    live.step()
+    live.step()
+    assert alarms_of(store)

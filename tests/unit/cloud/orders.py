@@ -57,11 +57,16 @@ async def order(
 
 
 async def fetch(
-    stand: Stand, held: Any = (), *, wait: Any = 0.0, body: bytes | None = None
+    stand: Stand,
+    held: Any = (),
+    *,
+    wait: Any = 0.0,
+    body: bytes | None = None,
+    published: int | None = None,
 ) -> httpx.Response:
     """Ask for commands as a gateway does."""
     if body is None:
-        body = cbor2.dumps({"held": list(held), "wait_s": wait})
+        body = cbor2.dumps({"held": list(held), "wait_s": wait, "published": published})
     async with stand.ingest_client() as client:
         return await client.post("/api/v1/deliveries", content=body)
 

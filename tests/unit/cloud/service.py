@@ -82,10 +82,11 @@ class Service(Running):
         """Wait until it answers."""
         self.wait_for(lambda: "ready: people=" in self.output(), "the cloud is ready")
 
-    def token(self) -> str:
-        """A reader's token, made beside the running cloud."""
+    def token(self, *scopes: Scope) -> str:
+        """A token, by default a reader's, made beside the running cloud."""
+        named = scopes or (Scope.READ,)
         with Store(self.place) as store:
-            return create_token(store, scopes=[Scope.READ], name="t", lifetime=timedelta(hours=1))
+            return create_token(store, scopes=named, name="t", lifetime=timedelta(hours=1))
 
     def people(self, token: str) -> httpx.Client:
         """A reader."""

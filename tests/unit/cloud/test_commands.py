@@ -92,6 +92,7 @@ async def test_commands_are_given_one_by_one_in_their_order(known: Stand) -> Non
     assert cbor2.loads((await fetch(known, [[NODE, first, False]])).content) == {
         "give": [],
         "drop": [],
+        "alarms": [],
     }
     put(known.cloud.store, result(1, first))
     changes = cbor2.loads((await fetch(known, [[NODE, first, True]])).content)
@@ -107,7 +108,7 @@ async def test_waiting_gateway_is_woken_by_a_command_and_by_its_answer(known: St
     waiting = await waiting_gateway(known, [NODE, number, True])
     await known.ingest(batch(result(1, number)))
     changes = cbor2.loads((await asyncio.wait_for(waiting, SOON_S)).content)
-    assert changes == {"give": [], "drop": [[NODE, number]]}
+    assert changes == {"give": [], "drop": [[NODE, number]], "alarms": []}
 
 
 async def test_closing_cloud_lets_no_caller_wait(known: Stand) -> None:
@@ -228,7 +229,7 @@ async def test_poor_order_is_refused_with_field_value_and_what_is_allowed(
     for body, says in BAD_ORDERS:
         with subtests.test(str(body)):
             assert says in problem(await order(known, body), 422)
-    assert cbor2.loads((await fetch(known)).content) == {"give": [], "drop": []}
+    assert cbor2.loads((await fetch(known)).content) == {"give": [], "drop": [], "alarms": []}
 
 
 async def test_only_operators_command_and_only_from_our_own_pages(known: Stand) -> None:
@@ -249,12 +250,15 @@ async def test_unknown_places_are_named(known: Stand) -> None:
 POOR_REQUESTS: tuple[Any, ...] = (
     [],
     {"held": []},
-    {"held": [], "wait_s": 61.0},
-    {"held": [], "wait_s": 1},
-    {"held": [["n", 1]], "wait_s": 1.0},
-    {"held": [["n", 0, True]], "wait_s": 1.0},
-    {"held": [["n", 1, 1]], "wait_s": 1.0},
-    {"held": [[1, 1, True]], "wait_s": 1.0},
+    {"held": [], "wait_s": 61.0, "published": None},
+    {"held": [], "wait_s": 1, "published": None},
+    {"held": [["n", 1]], "wait_s": 1.0, "published": None},
+    {"held": [["n", 0, True]], "wait_s": 1.0, "published": None},
+    {"held": [["n", 1, 1]], "wait_s": 1.0, "published": None},
+    {"held": [[1, 1, True]], "wait_s": 1.0, "published": None},
+    {"held": [], "wait_s": 1.0},
+    {"held": [], "wait_s": 1.0, "published": -1},
+    {"held": [], "wait_s": 1.0, "published": "1"},
 )
 
 

@@ -196,9 +196,9 @@ async def test_it_is_given_no_command_of_another_site_and_cannot_answer_it(scene
     accepted = await order(stand, {"name": "set", "arguments": {"rate": 500}}, node=NODE)
     assert accepted.status_code == 202, accepted.text
     number = accepted.json()["id"]
-    asked = {"held": [], "wait_s": 0.0}
+    asked = {"held": [], "wait_s": 0.0, "published": None}
     assert (await post(scene.hostile, "deliveries", asked))["give"] == []
-    lied = {"held": [[NODE, number, True]], "wait_s": 0.0}
+    lied = {"held": [[NODE, number, True]], "wait_s": 0.0, "published": None}
     assert (await post(scene.hostile, "deliveries", lied))["drop"] == [[NODE, number]]
     with stand.cloud.store.read() as connection:
         assert connection.execute(select(commands.c.delivered)).scalar_one() is None

@@ -15,6 +15,7 @@ from eskin_gateway.metrics import Metrics
 from eskin_gateway.mqtt.receive_queue import ReceiveQueue
 from eskin_gateway.mqtt.sealer_cache import SealerCache
 from eskin_gateway.mqtt.transport import ReceivedMessage
+from eskin_gateway.publish.alarms import AlarmPublisher
 from eskin_gateway.publish.homeassistant import Discovery
 from eskin_gateway.publish.presence import Presence
 from eskin_gateway.settings import SpoolSection
@@ -129,6 +130,7 @@ class Inside:
             encryptor=self.encryptor,
         )
         sealer_cache = SealerCache(lambda _: identities.site)
+        self.alarms = AlarmPublisher("homeassistant" if homeassistant else None)
         self.post_commit = self._make_answers(sealer_cache, homeassistant=homeassistant)
         self.commands = PendingCommands(5.0)
         self.command_publisher = CommandPublisher(
@@ -156,6 +158,7 @@ class Inside:
             sealer_cache=sealer_cache,
             node_certificates=self.node_certificates,
             presence=self.presence,
+            alarms=self.alarms,
             descriptions=self.descriptions,
             metrics=self.metrics,
             discovery=self._make_discovery() if homeassistant else None,

@@ -46,6 +46,8 @@ class StubCloud:
         self.faults: list[str] = []
         self.commands: dict[str, tuple[int, bytes]] = {}
         self.held: dict[tuple[str, int], bool] = {}
+        self.alarms: list[tuple[int, str, str]] = []
+        self.published: int | None = None
         self._storing = Lock()
         self._server: HttpsServer | None = None
 
@@ -123,9 +125,19 @@ class StubCloud:
                 if (node, number) not in held
             ]
             drop = [list(place) for place in held if place not in wanted]
-            if give or drop or self._server is None or time.monotonic() > deadline:
-                return 200, cbor2.dumps({"give": give, "drop": drop})
+            alarms = self._alarms_after(asked["published"])
+            if give or drop or alarms or self._server is None or time.monotonic() > deadline:
+                return 200, cbor2.dumps({"give": give, "drop": drop, "alarms": alarms})
             time.sleep(0.02)
+
+    def _alarms_after(self, published: int | None) -> list[list[object]]:
+        self.published = published
+        latest = {monitor: number for number, monitor, _ in self.alarms}
+        return [
+            [number, monitor, document]
+            for number, monitor, document in self.alarms
+            if (number == latest[monitor] if published is None else number > published)
+        ]
 
     def _describe(self, body: bytes) -> bytes:
         items = cbor2.loads(body)

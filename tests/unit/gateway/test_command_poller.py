@@ -10,6 +10,7 @@ from unittest.mock import Mock
 
 from eskin_gateway.commands.poller import CommandPoller, CommandsClient
 from eskin_gateway.commands.publisher import PendingCommands
+from eskin_gateway.publish.alarms import AlarmPublisher
 from eskin_gateway.upstream.cloud_client import CloudClient
 
 from tests.unit.gateway.in_memory import quick
@@ -26,6 +27,7 @@ def test_poller_stopped_during_a_handshake_closes_its_socket() -> None:
         )
         command_poller = CommandPoller(
             PendingCommands(5.0),
+            AlarmPublisher(None),
             commands_client=CommandsClient(client),
             wait_s=1.0,
             backoff=quick(),

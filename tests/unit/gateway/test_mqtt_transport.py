@@ -33,6 +33,7 @@ def broker(monkeypatch: pytest.MonkeyPatch) -> Iterator[MqttTransport]:
         name="gateway.g1",
         context=ssl.create_default_context(),
         receive_queue=ReceiveQueue(16, most_bytes=_MEBIBYTE),
+        on_alarm=lambda *_: None,
         backoff=Backoff(1.0, 1.0, random=Random(1)),  # noqa: S311 - a pause, no secret
     )
     monkeypatch.setattr(made, "_subscribed", True)

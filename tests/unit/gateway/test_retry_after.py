@@ -12,6 +12,7 @@ from eskin_gateway.commands.publisher import PendingCommands
 from eskin_gateway.ingest.biometric import BiometricEncryptor
 from eskin_gateway.metrics import Metrics
 from eskin_gateway.ops.subject_sync import SubjectSync
+from eskin_gateway.publish.alarms import AlarmPublisher
 from eskin_gateway.spool.subject_assignments import SubjectAssignments
 from eskin_gateway.upstream.cloud_client import CloudClient
 from eskin_gateway.upstream.ingest_client import IngestClient
@@ -78,7 +79,7 @@ def refused_batch(url: str, common: dict[str, Any]) -> None:
 def refused_question(url: str, common: dict[str, Any]) -> None:
     commands_client = CommandsClient(CloudClient(url, **common))
     try:
-        commands_client.fetch([], 0.0)
+        commands_client.fetch([], 0.0, None)
     finally:
         commands_client.close()
 
@@ -139,6 +140,7 @@ def command_poller(
 ) -> Iterator[CommandPoller]:
     yield CommandPoller(
         PendingCommands(5.0),
+        AlarmPublisher(None),
         commands_client=CommandsClient(CloudClient(url, **common, abortable=True)),
         wait_s=1.0,
         backoff=patience,

@@ -1,5 +1,40 @@
 /* Written by `python -m docs.tools.openapi --typescript`: do not edit. */
 
+export interface AlarmDocument {
+  readonly id: number;
+  readonly monitor: string;
+  readonly revision: number;
+  readonly formula: string;
+  readonly severity: string;
+  readonly verdict: "possible" | "certain";
+  readonly state: "raised" | "cleared";
+  readonly began: string;
+  readonly ended: string | null;
+  readonly raised: string;
+  readonly acknowledged: string | null;
+  readonly acknowledged_by: string | null;
+  readonly escalated: string | null;
+  readonly cleared: string | null;
+}
+
+export interface AlarmHistoryDocument {
+  readonly id: number;
+  readonly monitor: string;
+  readonly revision: number;
+  readonly formula: string;
+  readonly severity: string;
+  readonly verdict: "possible" | "certain";
+  readonly state: "raised" | "cleared";
+  readonly began: string;
+  readonly ended: string | null;
+  readonly raised: string;
+  readonly acknowledged: string | null;
+  readonly acknowledged_by: string | null;
+  readonly escalated: string | null;
+  readonly cleared: string | null;
+  readonly transitions: readonly TransitionDocument[];
+}
+
 export interface AuditEntryDocument {
   readonly id: number;
   readonly time: string;
@@ -90,7 +125,7 @@ export interface EventDocument {
   readonly node: string;
   readonly channel: string | null;
   readonly kind: "peak" | "gap" | "contact" | "verdict" | "status" | "command" | "conflict";
-  readonly verdict: "certain" | "possible" | "impossible" | null;
+  readonly verdict: "impossible" | "possible" | "certain" | null;
   readonly time: TimeDocument;
   readonly height: IntervalDocument | null;
   readonly prominence: IntervalDocument | null;
@@ -144,6 +179,12 @@ export interface LayoutDocument {
   readonly outline: readonly (readonly [readonly number[], readonly number[]])[];
 }
 
+export interface LiveVerdictDocument {
+  readonly verdict: "impossible" | "possible" | "certain";
+  readonly missing: boolean;
+  readonly until: string;
+}
+
 export interface MissingDocument {
   readonly messages: number;
   readonly since: string;
@@ -161,6 +202,24 @@ export interface ModelDocument {
   readonly unit: string | null;
   readonly description: string;
   readonly parameters: readonly ParameterDocument[];
+}
+
+export interface MonitorDocument {
+  readonly name: string;
+  readonly formula: string;
+  readonly node: string | null;
+  readonly raise_on: "never" | "possible" | "certain";
+  readonly missing: boolean;
+  readonly severity: string;
+  readonly clear_after_s: number;
+  readonly escalate_after_s: number | null;
+  readonly silenced_until: string | null;
+  readonly created: string;
+  readonly changed: string;
+  readonly revision: number;
+  readonly latest: LiveVerdictDocument | null;
+  readonly problem: string | null;
+  readonly alarm: number | null;
 }
 
 export interface NewTokenDocument {
@@ -248,6 +307,17 @@ export interface PredictionDocument {
   readonly lo: readonly (number | null)[];
   readonly hi: readonly (number | null)[];
   readonly dt: number;
+}
+
+export interface ReceiverDocument {
+  readonly name: string;
+  readonly delivered: number;
+  readonly waiting: number;
+  readonly attempts: number;
+  readonly failing_since: string | null;
+  readonly next_attempt: string | null;
+  readonly error: string | null;
+  readonly given_up: number;
 }
 
 export interface RegionDocument {
@@ -345,6 +415,13 @@ export interface TotalsDocument {
   readonly unknown_s: number;
   readonly entries: CountDocument;
   readonly coverage: number;
+}
+
+export interface TransitionDocument {
+  readonly number: number;
+  readonly transition: "raised" | "acknowledged" | "escalated" | "unsilenced" | "cleared";
+  readonly time: string;
+  readonly silenced: boolean;
 }
 
 export interface VerdictDocument {

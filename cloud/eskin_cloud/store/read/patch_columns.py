@@ -116,7 +116,7 @@ def read_column(connection: Connection, channel: Channel, window: Window) -> Col
         column
         for run in read_fresh(connection, node, channel["patch"], window)
         if (place := place_in(run.patch)) is not None
-        and (column := _column(run, *place)) is not None
+        and (column := column_of(run, *place)) is not None
     ]
     found = ColumnRuns.joined([*compacted, ColumnRuns.of(fresh)]).sorted()
     first, last = found.clipped(window.start, window.end)
@@ -156,8 +156,8 @@ def _place(patch: Patch, taxel: str) -> tuple[int, int] | None:
     return column, patch.skew[column] if patch.skew else 0
 
 
-def _column(run: PatchRun, column: int, skew: int) -> ColumnRun | None:
-    """A column of a run; ``None`` if no row has a sample of it."""
+def column_of(run: PatchRun, column: int, skew: int) -> ColumnRun | None:
+    """A column of a run, whose samples are ``skew`` ns later; ``None`` if no row has one of it."""
     step = 1 << run.strides[column] if run.strides else 1
     first = -run.first_row % step
     lo = run.lo[first::step, column]

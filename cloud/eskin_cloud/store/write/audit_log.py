@@ -39,6 +39,10 @@ class Action(StrEnum):
     TOKEN_CREATED = "token created"  # noqa: S105 - no secret
     TOKEN_REVOKED = "token revoked"  # noqa: S105 - no secret
     COMMAND = "command issued"
+    MONITOR_DEFINED = "monitor defined"
+    MONITOR_DELETED = "monitor deleted"
+    MONITOR_SILENCED = "monitor silenced"
+    ALARM_ACKNOWLEDGED = "alarm acknowledged"
     SUBJECT_ASSIGNED = "subject assigned"
     SUBJECT_ERASED = "subject erased"
     KEY_CONFLICT = "subject key differs"

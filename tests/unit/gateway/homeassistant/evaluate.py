@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 from typing import Any
 from unittest.mock import patch
 
+from homeassistant.components.mqtt import binary_sensor
 from homeassistant.components.mqtt.discovery import TOPIC_MATCHER
 from homeassistant.components.mqtt.mixins import MQTT_ENTITY_DEVICE_INFO_SCHEMA
 from homeassistant.components.mqtt.models import MqttValueTemplate
@@ -27,6 +28,8 @@ async def judge(asked: dict[str, Any]) -> dict[str, Any]:
     """What Home Assistant makes of an announcement."""
     found = TOPIC_MATCHER.match(asked["topic"].removeprefix(asked["prefix"] + "/"))
     assert found is not None, "Home Assistant looks at no such topic"
+    if found["component"] == "binary_sensor":
+        return judge_binary(found.groupdict(), asked)
     config = DISCOVERY_SCHEMA(json.loads(asked["config"]))
     MQTT_ENTITY_DEVICE_INFO_SCHEMA(config["device"])
     kind, unit = config.get("device_class"), config.get("unit_of_measurement")
@@ -54,6 +57,27 @@ async def judge(asked: dict[str, Any]) -> dict[str, Any]:
             for each in rendered(config["availability_template"], asked["statuses"])
         ],
         "expire_after": config["expire_after"],
+    }
+
+
+def judge_binary(found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
+    """What Home Assistant makes of the announcement of a binary sensor."""
+    config = binary_sensor.DISCOVERY_SCHEMA(json.loads(asked["config"]))
+    MQTT_ENTITY_DEVICE_INFO_SCHEMA(config["device"])
+    hass = HomeAssistant("/nowhere")
+
+    def rendered(template: Any) -> list[Any]:
+        template.hass = hass
+        value = MqttValueTemplate(template, hass=hass)
+        return [value.async_render_with_possible_json_value(each) for each in asked["states"]]
+
+    states = {config["payload_on"]: True, config["payload_off"]: False}
+    attributes = rendered(config["json_attributes_template"])
+    return {
+        **found,
+        "device_class": config["device_class"],
+        "states": [states[each] for each in rendered(config["value_template"])],
+        "attributes": [sorted(json.loads(each)) for each in attributes],
     }
 
 

@@ -1,0 +1,1 @@
+"""Monitors over live data, and the alarms that they raise."""

@@ -1,0 +1,239 @@
+"""Evaluates all monitors of the store over what arrives, in one thread."""
+
+from __future__ import annotations
+
+import logging
+import secrets
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import select
+
+from eskin.errors import EskinError
+from eskin.wire.frames.frame_parts import read_head
+from eskin_cloud.alarms.live_monitor import LiveMonitor, Samples
+from eskin_cloud.live.feed import last_cursor
+from eskin_cloud.store.read.patch_columns import column_of
+from eskin_cloud.store.read.patch_runs import runs_of_frames
+from eskin_cloud.store.schema.alarm_tables import alarm_state
+from eskin_cloud.store.write.alarms import open_alarms
+from eskin_cloud.store.write.monitors import list_monitors
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from sqlalchemy import Connection
+
+    from eskin.wire.frames import DescribedLayout
+    from eskin_cloud.store import Store
+    from eskin_cloud.store.column_runs import ColumnRun
+    from eskin_cloud.store.feed_entry import FeedEntry
+    from eskin_cloud.store.write.alarms import AlarmChange
+
+log = logging.getLogger(__name__)
+
+_CATCH_UPS: Final = 64
+"""Monitors that are read from the store in one round, so that the others do not wait."""
+_RETRY_NS: Final = 5_000_000_000
+"""After which a monitor with a problem is read again."""
+
+
+class Evaluator:
+    """The monitors of a store, as one cloud evaluates them.
+
+    All methods but `find` run in one thread at a time.
+
+    Args:
+        store: Holds definitions, samples and alarms.
+        silence: After how many ns without samples missing ones are known.
+        clock: Gives UTC ns.
+
+    Attributes:
+        holder: Names this process in the lease.
+        leads: Whether this process has the lease: only then it evaluates, and delivers alarms.
+    """
+
+    def __init__(self, store: Store, *, silence: int, clock: Callable[[], int]) -> None:
+        self.holder = secrets.token_hex(8)
+        self.leads = False
+        self._store = store
+        self._silence = silence
+        self._clock = clock
+        self._version = -1
+        self._monitors: dict[str, LiveMonitor] = {}
+        self._by_node: dict[str, list[LiveMonitor]] = {}
+        self._retry: dict[str, int] = {}
+
+    def find(self, name: str) -> LiveMonitor | None:
+        """A monitor that is evaluated here; ``None`` if there is none."""
+        return self._monitors.get(name)
+
+    @property
+    def nodes(self) -> frozenset[str]:
+        """The nodes whose samples are read."""
+        return frozenset(self._by_node)
+
+    def forget(self) -> None:
+        """Read all monitors anew from the store: what was found may not have been stored."""
+        self._version = -1
+        self._monitors, self._by_node, self._retry = {}, {}, {}
+
+    def load(self) -> None:
+        """Read the definitions, if any has changed.
+
+        Raises:
+            StoreError: The store cannot be read.
+        """
+        with self._store.read() as connection:
+            version = connection.execute(select(alarm_state.c.version)).scalar_one()
+            if version == self._version:
+                return
+            raised = {alarm["monitor"] for alarm in open_alarms(connection)}
+            rows = {row["name"]: row for row in list_monitors(connection)}
+        found: dict[str, LiveMonitor] = {}
+        for name, row in rows.items():
+            known = self._monitors.get(name)
+            if known is not None and known.revision == row["revision"]:
+                found[name] = known
+                continue
+            try:
+                found[name] = LiveMonitor(row, is_open=name in raised)
+            except EskinError as error:
+                log.warning("monitor cannot be evaluated: monitor=%s reason=%s", name, error)
+        self._monitors = found
+        self._by_node = {}
+        for monitor in found.values():
+            for node in monitor.nodes:
+                self._by_node.setdefault(node, []).append(monitor)
+        self._retry = {name: at for name, at in self._retry.items() if name in found}
+        self._version = version
+
+    def evaluate(
+        self, entries: Sequence[FeedEntry], layouts: Mapping[bytes, DescribedLayout | None]
+    ) -> tuple[list[AlarmChange], dict[tuple[str, int], int]]:
+        """Evaluate what has arrived.
+
+        Args:
+            entries: Of the feed, in their order.
+            layouts: Those by which their frames are read.
+
+        Returns:
+            Episodes that begin or end, and from which tick each monitor with one goes on.
+
+        Raises:
+            StoreError: The store cannot be read.
+        """
+        changes: list[AlarmChange] = []
+        of_node: dict[str, list[FeedEntry]] = {}
+        for entry in entries:
+            if entry.node in self._by_node and entry.frame is not None:
+                of_node.setdefault(entry.node, []).append(entry)
+        touched: dict[str, LiveMonitor] = {}
+        for node, arrived in of_node.items():
+            monitors = [each for each in self._by_node[node] if each.cursor < arrived[-1].cursor]
+            touched |= self._give(node, arrived, layouts, monitors)
+        for monitor in touched.values():
+            changes += monitor.advance()
+        changes += self._catch_up()
+        for monitor in self._monitors.values():
+            changes += monitor.note_silence(self._clock(), self._silence)
+        changed = {change.monitor for change in changes}
+        return changes, self.settled(changed)
+
+    def settled(self, names: Iterable[str]) -> dict[tuple[str, int], int]:
+        """From which tick monitors go on, by name and revision."""
+        found = (self._monitors[name] for name in names if name in self._monitors)
+        return {(each.name, each.revision): each.resumes for each in found}
+
+    @property
+    def all_settled(self) -> dict[tuple[str, int], int]:
+        """From which tick each monitor goes on."""
+        return self.settled(self._monitors)
+
+    def _give(
+        self,
+        node: str,
+        arrived: Sequence[FeedEntry],
+        layouts: Mapping[bytes, DescribedLayout | None],
+        monitors: Sequence[LiveMonitor],
+    ) -> dict[str, LiveMonitor]:
+        """Give the monitors of a node the samples of its frames."""
+        ready: dict[str, LiveMonitor] = {}
+        for monitor in monitors:
+            if monitor.cursor < 0:
+                continue
+            if monitor.cursor >= arrived[0].cursor:  # it has read some of them from the store
+                monitor.cursor = -1
+                continue
+            ready[monitor.name] = monitor
+        wanted = {
+            channel
+            for monitor in ready.values()
+            for owner, channel in monitor.places.values()
+            if owner == node
+        }
+        columns = _columns(arrived, layouts, wanted)
+        for monitor in ready.values():
+            for name, (owner, channel) in monitor.places.items():
+                if owner == node and channel in columns:
+                    monitor.take(name, columns[channel])
+        return ready
+
+    def _catch_up(self) -> list[AlarmChange]:
+        """Read some of the monitors from the store that have to be."""
+        now = self._clock()
+        due = [
+            monitor
+            for monitor in self._monitors.values()
+            if monitor.cursor < 0 and self._retry.get(monitor.name, now) <= now
+        ]
+        changes: list[AlarmChange] = []
+        for monitor in due[:_CATCH_UPS]:
+            with self._store.read() as connection:
+                changes += self._read(connection, monitor)
+            self._retry[monitor.name] = now if monitor.problem is None else now + _RETRY_NS
+        return changes
+
+    def _read(self, connection: Connection, monitor: LiveMonitor) -> list[AlarmChange]:
+        try:
+            changes = monitor.catch_up(connection, cursor=last_cursor(connection))
+        except EskinError as error:
+            if monitor.problem is None:
+                log.warning("monitor waits: monitor=%s reason=%s", monitor.name, error)
+            monitor.problem = str(error)
+            return []
+        monitor.problem = None
+        return changes
+
+
+def _columns(
+    arrived: Sequence[FeedEntry],
+    layouts: Mapping[bytes, DescribedLayout | None],
+    wanted: set[str],
+) -> dict[str, Samples]:
+    """The samples of some channels in a node's frames."""
+    runs: dict[str, list[ColumnRun]] = {channel: [] for channel in wanted}
+    of_layout: dict[bytes, list[FeedEntry]] = {}
+    for entry in arrived:
+        of_layout.setdefault(entry.layout or b"", []).append(entry)
+    for name, entries in of_layout.items():
+        described = layouts.get(name)
+        if described is None:
+            continue
+        places: dict[int, list[tuple[str, int]]] = {}
+        for channel in wanted & described.places.keys():
+            number, column = described.places[channel]
+            places.setdefault(number, []).append((channel, column))
+        if not places:
+            continue
+        heads = [read_head(entry.frame or b"").position for entry in entries]
+        rows = [
+            {"boot": head.boot, "sequence": head.sequence, "data": entry.frame}
+            for head, entry in zip(heads, entries, strict=True)
+        ]
+        for number, run in runs_of_frames(rows, described, sorted(places)):
+            skews = described.patches[number].skew
+            for channel, column in places[number]:
+                found = column_of(run, column, skews[column] if skews else 0)
+                if found is not None:
+                    runs[channel].append(found)
+    return {channel: Samples.of(found) for channel, found in runs.items() if found}

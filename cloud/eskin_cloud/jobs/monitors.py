@@ -1,0 +1,139 @@
+"""Evaluate monitors over what arrives, and store the alarms that they raise."""
+
+from __future__ import annotations
+
+import asyncio
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import StoreError
+from eskin.wire.timestamp import SECOND
+from eskin_cloud.jobs.periodic import run_periodically
+from eskin_cloud.store.write.alarms import (
+    LEASE_NS,
+    advance_alarms,
+    apply_changes,
+    find_due,
+    remove_cleared,
+    take_lease,
+)
+from eskin_cloud.store.write.monitors import settle_monitors
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sqlalchemy import Connection
+
+    from eskin_cloud.app_state import AppState
+    from eskin_cloud.store.feed_entry import FeedEntry
+    from eskin_cloud.store.write.alarms import AlarmChange
+
+_PAUSE_S: Final = 0.05
+_LONGEST_S: Final = 1.0
+_ENTRIES: Final = 2000
+_NOTE_NS: Final = 60 * SECOND
+"""How often it is noted how far monitors without a change have been evaluated."""
+
+
+async def evaluate_monitors(cloud: AppState, stopping: asyncio.Event) -> None:
+    """Evaluate monitors while this cloud has the lease to do so."""
+    work = _Work(cloud)
+    await run_periodically("monitors", work.step, cloud=cloud, stopping=stopping, every_s=_PAUSE_S)
+
+
+class _Work:
+    def __init__(self, cloud: AppState) -> None:
+        self._cloud = cloud
+        self._alone = isinstance(cloud.store.location, Path)
+        self._cursor = cloud.feed.last
+        self._lease = 0
+        self._noted = cloud.clock()
+        self._timers = 0
+
+    async def step(self) -> None:
+        """Evaluate what came, or wait for something.
+
+        Raises:
+            StoreError: The store cannot be used; what was found is found again.
+        """
+        cloud, evaluator = self._cloud, self._cloud.evaluator
+        try:
+            if not await self._renew():
+                self._cursor = cloud.feed.last
+                await asyncio.sleep(_LONGEST_S)
+                return
+            await asyncio.to_thread(evaluator.load)
+            await self._advance_timers()
+            await cloud.feed.wait(self._cursor, _LONGEST_S)
+            entries, cursor = await cloud.feed.after(self._cursor, _ENTRIES)
+            await self._evaluate(entries)
+            self._cursor = cursor
+        except StoreError:
+            evaluator.forget()
+            raise
+
+    async def _evaluate(self, entries: Sequence[FeedEntry]) -> None:
+        cloud, evaluator = self._cloud, self._cloud.evaluator
+        ours = [each for each in entries if each.node in evaluator.nodes]
+        await cloud.feed.layouts.load(ours)
+        names = {each.layout for each in ours if each.layout is not None}
+        layouts = {name: cloud.feed.layouts.get(name) for name in names}
+        changes, settled = await asyncio.to_thread(evaluator.evaluate, ours, layouts)
+        if cloud.clock() - self._noted >= _NOTE_NS:
+            self._noted, settled = cloud.clock(), evaluator.all_settled
+            before = self._noted - round(cloud.settings.alarms.days * 86_400 * SECOND)
+            work = partial(remove_cleared, before=before)
+            await asyncio.wrap_future(cloud.store.write(work))
+        if changes or settled:
+            await self._write(changes, settled)
+
+    async def _write(self, changes: list[AlarmChange], settled: dict[tuple[str, int], int]) -> None:
+        cloud, holder = self._cloud, self._cloud.evaluator.holder
+
+        def work(connection: Connection) -> bool:
+            held = apply_changes(connection, changes, holder=holder, now=cloud.clock())
+            if held:
+                settle_monitors(connection, settled)
+            return held
+
+        if not await asyncio.wrap_future(cloud.store.write(work)):
+            self._lease = 0
+            cloud.evaluator.forget()
+        elif changes:
+            self._news()
+
+    async def _advance_timers(self) -> None:
+        """Escalate alarms, and give those whose silence has ended."""
+        cloud, holder, now = self._cloud, self._cloud.evaluator.holder, self._cloud.clock()
+        if now - self._timers < _LONGEST_S * SECOND:
+            return
+        self._timers = now
+
+        def due() -> bool:
+            with cloud.store.read() as connection:
+                return bool(find_due(connection, now=now))
+
+        if await asyncio.to_thread(due):
+            work = partial(advance_alarms, holder=holder, now=now)
+            await asyncio.wrap_future(cloud.store.write(work))
+            self._news()
+
+    async def _renew(self) -> bool:
+        cloud, now = self._cloud, self._cloud.clock()
+        if now < self._lease:
+            return True
+        work = partial(take_lease, holder=cloud.evaluator.holder, now=now, alone=self._alone)
+        held = await asyncio.wrap_future(cloud.store.write(work))
+        cloud.evaluator.leads = held
+        if not held:
+            cloud.evaluator.forget()
+            self._lease = 0
+            return False
+        # Where no other cloud can be, the lease need not be renewed.
+        self._lease = now + (3600 * SECOND if self._alone else LEASE_NS // 3)
+        return True
+
+    def _news(self) -> None:
+        """Wake gateways and the delivery of alarms."""
+        self._cloud.notifier.wake()

@@ -1,0 +1,256 @@
+"""Monitors over what arrives: an alarm for each episode of the whole record, and for no other."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from eskin_cloud.alarms.episodes import Edge, Episodes, Stretch
+from eskin_cloud.query.neighbourhood import ChannelSource
+from eskin_cloud.query.stored_verdicts import StoredVerdicts
+from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.window import Window
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from eskin.interval import Verdict
+from eskin.monitor import parse
+from eskin.wire.timestamp import SECOND
+from tests.support.examples import examples
+from tests.unit.cloud.clouds import emptied, put
+from tests.unit.cloud.live_monitors import Live, alarms_of, define, episodes_of
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
+
+if TYPE_CHECKING:
+    from random import Random
+
+    from eskin_cloud.store import Store
+
+    from eskin.wire.frames import Frame
+    from tests.unit.cloud.clouds import Clock
+
+FORMULAS = (
+    f"{CHANNEL} > 2",
+    f"once[0,3ms] {CHANNEL} > 2",
+    f"rise({CHANNEL} > 2) or {CHANNEL} > 3",
+    f"{CHANNEL} > 2 and eventually[0,4ms] {CHANNEL} < 1",
+    f"{CHANNEL} - delay({CHANNEL}, 2ms) > 1",
+)
+
+
+def frame(sequence: int, values: list[float], *, at: int, width: float = 0.5) -> Frame:
+    """Samples of a millisecond each, from a time in ms after the start on."""
+    lo = np.array(values)
+    time = START + at * DT, START + at * DT + 2000
+    return stretch(sequence, lo, lo + width, time=time)
+
+
+def reference(
+    store: Store, formula: str, *, raise_on: str, missing: bool, clear_after: int, end: int
+) -> list[tuple[int, int | None]]:
+    """The episodes of the whole record up to a tick, as a query evaluates it."""
+    found = parse(formula)
+    with store.read() as connection:
+        sources = {
+            name: ChannelSource(connection, find_channel(connection, NODE, name))
+            for name in found.sources
+        }
+        pieces = list(StoredVerdicts(found, sources).pieces(Window(START, end // 2 + 1)))
+    episodes = Episodes(
+        on_possible=raise_on == "possible", missing=missing, clear_after=clear_after, is_open=False
+    )
+    edges = episodes.add(
+        Stretch(p.first, min(p.last, end - 1), p.verdict, p.missing)
+        for p in pieces
+        if p.first < end
+    )
+    spans: list[tuple[int, int | None]] = []
+    for edge in edges:
+        if edge.verdict is None:
+            spans[-1] = spans[-1][0], edge.tick
+        else:
+            spans.append((edge.tick, None))
+    return spans
+
+
+def settled_of(live: Live) -> int:
+    """Up to which tick the monitor has been evaluated."""
+    found = live.evaluator.find("squeeze")
+    assert found is not None
+    return found.settled
+
+
+def problem_of(live: Live) -> str | None:
+    """Why the monitor is not evaluated."""
+    found = live.evaluator.find("squeeze")
+    assert found is not None
+    return found.problem
+
+
+levels = st.lists(st.sampled_from((0.0, 1.0, 1.8, 2.2, 4.0)), min_size=1, max_size=8)
+
+
+@settings(
+    max_examples=examples(60),
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    deadline=None,
+)
+@given(
+    said=st.lists(st.tuples(levels, st.integers(0, 1), st.integers(0, 4)), min_size=1, max_size=8),
+    formula=st.sampled_from(FORMULAS),
+    raising=st.sampled_from((("certain", False), ("possible", False), ("possible", True))),
+    clear_after=st.sampled_from((0, 1, 3)),
+    restarts=st.sets(st.integers(0, 8)),
+    steps=st.sets(st.integers(0, 8)),
+)
+def test_alarms_are_the_episodes_of_the_whole_record(
+    store: Store,
+    said: list[tuple[list[float], int, int]],
+    formula: str,
+    raising: tuple[str, bool],
+    clear_after: int,
+    restarts: set[int],
+    steps: set[int],
+) -> None:
+    emptied(store)
+    raise_on, missing = raising
+    pause_ns = clear_after * DT
+    define(
+        *(store, formula),
+        since=START,
+        raise_on=raise_on,
+        missing=missing,
+        clear_after=pause_ns,
+    )
+    live, at = Live(store), 0
+    for k, (values, is_gap, pause) in enumerate(said):
+        at += 2 + pause if is_gap else 0
+        put(store, frame(k, values, at=at))
+        at += len(values)
+        if k in restarts:
+            live = Live(store)
+        if k in steps or k == len(said) - 1:
+            live.step()
+    live.step()
+    assert problem_of(live) is None
+    end = settled_of(live)
+    assert end >= 2 * (START + (at - 5) * DT - 10_000)  # all but what the future may change
+    found = reference(
+        store, formula, raise_on=raise_on, missing=missing, clear_after=pause_ns, end=end
+    )
+    assert episodes_of(store) == found
+
+
+@settings(
+    max_examples=examples(40),
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    deadline=None,
+)
+@given(
+    said=st.lists(levels, min_size=2, max_size=7),
+    order=st.randoms(use_true_random=False),
+    formula=st.sampled_from(FORMULAS),
+    raise_on=st.sampled_from(("certain", "possible")),
+    restarts=st.sets(st.integers(0, 6)),
+)
+def test_late_frames_miss_no_episode_and_raise_no_false_one(
+    store: Store,
+    said: list[list[float]],
+    order: Random,
+    formula: str,
+    raise_on: str,
+    restarts: set[int],
+) -> None:
+    emptied(store)
+    define(store, formula, since=START, raise_on=raise_on)
+    starts = np.cumsum([0, *map(len, said)])
+    made = [frame(k, values, at=int(starts[k])) for k, values in enumerate(said)]
+    order.shuffle(made)
+    live = Live(store)
+    for k, each in enumerate(made):
+        put(store, each)
+        if k in restarts:
+            live = Live(store)
+        live.step()
+    live.step()
+    end = settled_of(live)
+    raised = episodes_of(store)
+    wanted = reference(store, formula, raise_on=raise_on, missing=False, clear_after=0, end=end)
+    assert all(any(_meet(each, other) for other in raised) for each in wanted)
+    assert all(any(_meet(each, other) for other in wanted) for each in raised)
+
+
+def _meet(one: tuple[int, int | None], other: tuple[int, int | None]) -> bool:
+    return (one[1] is None or other[0] < one[1]) and (other[1] is None or one[0] < other[1])
+
+
+def test_episodes_that_are_near_are_one() -> None:
+    def found(clear_after: int) -> list[Edge]:
+        episodes = Episodes(
+            on_possible=False, missing=False, clear_after=clear_after, is_open=False
+        )
+        verdicts = (Verdict.CERTAIN, Verdict.IMPOSSIBLE, Verdict.CERTAIN, Verdict.IMPOSSIBLE)
+        ends = (0, 10, 30, 40, 100)
+        return episodes.add(
+            Stretch(first, last - 1, verdict, missing=False)
+            for verdict, (first, last) in zip(verdicts, pairwise(ends), strict=True)
+        )
+
+    certain = Verdict.CERTAIN
+    assert found(10) == [Edge(0, certain), Edge(10, None), Edge(30, certain), Edge(40, None)]
+    assert found(11) == [Edge(0, certain), Edge(40, None)]
+    assert found(31) == [Edge(0, certain)]
+
+
+def test_gap_ends_no_episode_and_silence_begins_one_where_missing_samples_count(
+    store: Store, clock: Clock
+) -> None:
+    clock.now = START
+    since = START + DT // 2
+    define(store, f"{CHANNEL} > 2", name="gap", since=since)
+    define(store, f"{CHANNEL} > 2", name="silence", raise_on="possible", missing=True, since=since)
+    live = Live(store, silence=2 * SECOND)
+    put(store, frame(0, [1.0, 4.0, 4.0], at=0))
+    live.step()
+    live.step()
+    assert [(row["monitor"], row["ended"]) for row in alarms_of(store)] == [
+        ("gap", None),
+        ("silence", None),
+    ]
+    put(store, frame(1, [1.0, 1.0, 1.0], at=100))
+    live.step()
+    ended = {row["monitor"]: row["ended"] for row in alarms_of(store)}
+    assert all(each is not None and each >= 2 * (START + 99 * DT) for each in ended.values())
+    for seconds in (1.0, 3.0):
+        clock.now = START + int(seconds * SECOND)
+        live.step()
+        opened = [row["monitor"] for row in alarms_of(store) if row["ended"] is None]
+        assert opened == (["silence"] if seconds == 3.0 else [])
+
+
+def test_monitor_of_an_unknown_channel_waits_for_it(store: Store, clock: Clock) -> None:
+    define(store, "t09.capacitance > 2", since=START)
+    live = Live(store)
+    live.step()
+    assert problem_of(live) is not None
+    clock.turn(60.0)
+    put(store, stretch(0, [3.0, 3.0, 3.0], [4.0, 4.0, 4.0], channel="t09.capacitance"))
+    live.step()
+    assert problem_of(live) is None
+    assert len(alarms_of(store)) == 1
+
+
+@pytest.mark.parametrize("count", [3])
+def test_monitors_of_many_nodes_wait_for_the_slowest(store: Store, count: int) -> None:
+    names = [f"n{k}" for k in range(count)]
+    formula = " and ".join(f'"{name}/{CHANNEL}" > 2' for name in names)
+    define(store, formula, since=START)
+    live = Live(store)
+    for name in names:
+        put(store, frame(0, [1.0], at=0), node=name)
+    for k, name in enumerate(names):
+        put(store, frame(1, [4.0] * 20, at=1), node=name)
+        live.step()
+        assert len(alarms_of(store)) == (k == count - 1)
