@@ -48,7 +48,7 @@ class FormulaQuery(WindowQuery):
 class EvaluationQuery(FormulaQuery, PagedWindowQuery):
     """Which stretches of a formula are listed."""
 
-    verdict: Literal["impossible", "possible", "certain"] | None = Field(
+    verdict: Literal["certain", "possible", "impossible"] | None = Field(
         default=None, description="only stretches with this one"
     )
 

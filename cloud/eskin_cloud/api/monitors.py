@@ -1,14 +1,15 @@
 """Monitors that the cloud evaluates live."""
 
 import asyncio
+import re
 from typing import Annotated, Final, Literal
 
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter, Depends, Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import Connection, RowMapping
 from starlette.responses import Response
 
-from eskin.errors import MonitorError, QueryError
+from eskin.errors import MonitorError, QueryError, shown
 from eskin.monitor import check
 from eskin.privacy import is_biometric
 from eskin.runtime.http_server.problems import documented
@@ -44,13 +45,29 @@ router = APIRouter(tags=["monitors"])
 
 _STRICT: Final = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 _TAKEN: Final = frozenset({"evaluation"})
-MonitorName = Annotated[
-    str,
-    Path(
-        pattern="^[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?$",
-        description="small letters, digits, dashes",
-    ),
-]
+_NAME: Final = "[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?"
+
+
+def require_name(
+    monitor: Annotated[str, Path(max_length=1000, json_schema_extra={"pattern": f"^{_NAME}$"})],
+) -> str:
+    """Require a name that a monitor may have.
+
+    Raises:
+        QueryError: It is none.
+    """
+    if re.fullmatch(_NAME, monitor) is None:
+        raise QueryError(
+            "monitor",
+            f"{shown(monitor)} is no name; write at most 63 small letters, digits and dashes, such "
+            "as left-grip",
+        )
+    if monitor in _TAKEN:
+        raise QueryError("monitor", f"{monitor!r} is taken by this API; choose another name")
+    return monitor
+
+
+MonitorName = Annotated[str, Depends(require_name)]
 
 
 class MonitorBody(BaseModel):
@@ -169,8 +186,6 @@ async def put_monitor_definition(
     changes nothing.
     """
     del query
-    if monitor in _TAKEN:
-        raise QueryError("monitor", f"{monitor!r} is taken by this API; choose another name")
     await asyncio.to_thread(_require_usable, cloud, body)
     definition, nodes = body.definition(), body.nodes()
 

@@ -8,7 +8,7 @@ from sqlalchemy import RowMapping
 from eskin_cloud.schemas.base import Moment, moment
 from eskin_cloud.store.write.alarms import describe_alarm
 
-VerdictName = Literal["impossible", "possible", "certain"]
+VerdictName = Literal["certain", "possible", "impossible"]
 TransitionKind = Literal["raised", "acknowledged", "escalated", "unsilenced", "cleared"]
 
 

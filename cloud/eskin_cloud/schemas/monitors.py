@@ -27,7 +27,7 @@ class VerdictDocument(TypedDict):
     includes_start: bool
     end: Moment
     includes_end: bool
-    verdict: Literal["impossible", "possible", "certain"]
+    verdict: Literal["certain", "possible", "impossible"]
     because: list[Literal["width", "moment", "gap", "pending"]]
     missing: bool
     coverage: float
@@ -52,7 +52,7 @@ class TotalsDocument(BaseModel):
 
 def describe_verdict(piece: StoredPiece) -> VerdictDocument:
     """One stretch."""
-    verdict: Literal["impossible", "possible", "certain"]
+    verdict: Literal["certain", "possible", "impossible"]
     verdict = piece.verdict.name.lower()  # type: ignore[assignment]  # one of them
     because: list[Literal["width", "moment", "gap", "pending"]]
     because = [each.name.lower() for each in Because if each in piece.because]  # type: ignore[misc,union-attr]

@@ -178,9 +178,9 @@ async def test_receiver_is_given_what_comes_from_then_on(operator: Operator) -> 
     with store.read() as connection:
         waiting = find_waiting(connection, "webhook ops")
     assert waiting is not None
-    assert [row["number"] for row in waiting.transitions] == [3, 4]
+    assert [row["number"] for row in waiting.transitions] == [4, 5]
     (said,) = (await operator.stand.get("/api/v1/receivers")).json()["items"]
-    assert (said["delivered"], said["waiting"]) == (2, 2)
+    assert (said["delivered"], said["waiting"]) == (3, 2)
 
 
 async def test_cleared_alarms_are_removed_once_all_receivers_have_them(operator: Operator) -> None:
@@ -194,7 +194,7 @@ async def test_cleared_alarms_are_removed_once_all_receivers_have_them(operator:
     later = operator.stand.clock.now
     store.write(lambda c: remove_cleared(c, before=later)).result(60)
     assert [each["id"] for each in await operator.alarms()] == [3, 2]
-    store.write(lambda c: note_delivered(c, "webhook ops", 5)).result(60)
+    store.write(lambda c: note_delivered(c, "webhook ops", 6)).result(60)
     store.write(lambda c: remove_cleared(c, before=later)).result(60)
     assert [each["id"] for each in await operator.alarms()] == [3]
     operator.press(1.0, 4.0, 4.0)
@@ -205,7 +205,7 @@ async def test_cleared_alarms_are_removed_once_all_receivers_have_them(operator:
     ("body", "status"),
     [
         ({"formula": "t09.capacitance > 2 F", "node": NODE}, 404),
-        ({"formula": f"{CHANNEL} > 2 F", "node": "nobody"}, 404),
+        ({"formula": f"{CHANNEL} > 2 F", "node": "unknown"}, 404),
         ({"formula": f"{CHANNEL} > 2 F"}, 422),
         ({"formula": f"{CHANNEL} > 2 kPa", "node": NODE}, 422),
         ({"formula": f"{CHANNEL} >", "node": NODE}, 422),

@@ -124,6 +124,8 @@ class FrameServer(ABC):
     def _application(self) -> Starlette:
         api = [
             *self.routes(),
+            Route("/alarms", lambda _: page_of([])),
+            Route("/monitors", lambda _: page_of([])),
             Route("/nodes/{node}/layout", self._layout),
             Route("/nodes/{node}/layouts/{hash}", self._layout),
             WebSocketRoute("/live", self._live),

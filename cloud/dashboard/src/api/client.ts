@@ -1,6 +1,6 @@
 import type { Instant } from "../time/instant";
 import type {
-  ChannelItem, ContactsItem, EventItem, GatewayItem, LayoutItem, ModelItem, NodeItem, NodeState, Page, PredictionAnswer,
+  AlarmItem, ChannelItem, ContactsItem, EventItem, GatewayItem, LayoutItem, ModelItem, MonitorItem, NodeItem, NodeState, Page, PredictionAnswer,
   SeriesAnswer, StorageAnswer, TotalsAnswer, VerdictItem,
 } from "./contract";
 import { ApiError, isAbort } from "./error";
@@ -57,6 +57,13 @@ export interface WindowedFormula {
   readonly end: Instant;
 }
 
+/** What a monitor is that the cloud evaluates live. */
+export interface MonitorDefinition {
+  readonly formula: string;
+  readonly node: string;
+  readonly raise_on: string;
+}
+
 export interface ClientOptions {
   readonly fetch: typeof fetch;
   /** Called when the session is over; the page then goes to the login. */
@@ -67,6 +74,7 @@ const ROOT = "/api/v1";
 /** A list is followed over at most so many pages, so that no question runs away. */
 const MOST_PAGES = 20;
 const EVENTS_AT_ONCE = 500;
+const CHANGE_MS = 30_000;
 
 /** Writes a path with its query; empty and absent values are left out, lists are repeated. */
 export function address(path: string, query: Query = {}): string {
@@ -204,6 +212,31 @@ export class Client {
     return { items, complete: false };
   }
 
+  /** The alarms that are raised now, the latest first. */
+  raisedAlarms(signal: AbortSignal): Promise<AlarmItem[]> {
+    return this.all<AlarmItem>("/alarms", { state: "raised" }, signal).then((list) => list.items);
+  }
+
+  monitors(signal: AbortSignal): Promise<MonitorItem[]> {
+    return this.all<MonitorItem>("/monitors", {}, signal).then((list) => list.items);
+  }
+
+  async acknowledge(alarm: number): Promise<void> {
+    await this.change("POST", `/alarms/${alarm}/acknowledgement`);
+  }
+
+  async silence(monitor: string, seconds: number): Promise<void> {
+    await this.change("PUT", `/monitors/${part(monitor)}/silence`, { seconds });
+  }
+
+  async defineMonitor(name: string, definition: MonitorDefinition): Promise<void> {
+    await this.change("PUT", `/monitors/${part(name)}`, definition);
+  }
+
+  async deleteMonitor(name: string): Promise<void> {
+    await this.change("DELETE", `/monitors/${part(name)}`);
+  }
+
   async logout(): Promise<void> {
     await this.options.fetch("/logout", { method: "POST", credentials: "same-origin", redirect: "manual" });
   }
@@ -231,11 +264,17 @@ export class Client {
     return (await answer.json()) as Answer;
   }
 
-  private async send(path: string, accept: string, signal: AbortSignal): Promise<Response> {
+  private async change(method: string, path: string, body?: object): Promise<void> {
+    const headers = { "Content-Type": "application/json" };
+    const written = body === undefined ? {} : { headers, body: JSON.stringify(body) };
+    await this.send(address(path), "application/json", AbortSignal.timeout(CHANGE_MS), { method, ...written });
+  }
+
+  private async send(path: string, accept: string, signal: AbortSignal, how: RequestInit = {}): Promise<Response> {
     let answer: Response;
     try {
-      const headers = { Accept: accept };
-      answer = await this.options.fetch(path, { headers, credentials: "same-origin", signal });
+      const headers = { Accept: accept, ...how.headers };
+      answer = await this.options.fetch(path, { ...how, headers, credentials: "same-origin", signal });
     } catch (error) {
       if (isAbort(error)) throw error;
       throw new ApiError("The cloud cannot be reached. Check the network and that the cloud is running.", null);

@@ -1,6 +1,6 @@
 import type {
-  ChannelDocument, ContactsDocument, CoreDocument, EnergyDocument, EventDocument, FaultDocument, GatewayDocument, LagDocument,
-  LayoutDocument, ModelDocument, NodeDocument, ParameterDocument, PredictionDocument, SeriesDocument, StateDocument, StorageDocument,
+  AlarmDocument, ChannelDocument, ContactsDocument, CoreDocument, EnergyDocument, EventDocument, FaultDocument, GatewayDocument, LagDocument,
+  LayoutDocument, ModelDocument, MonitorDocument, NodeDocument, ParameterDocument, PredictionDocument, SeriesDocument, StateDocument, StorageDocument,
   TotalsDocument, VerdictDocument,
 } from "./schema";
 
@@ -29,6 +29,8 @@ export type ContactsItem = ContactsDocument;
 export type CoreItem = CoreDocument;
 export type VerdictItem = VerdictDocument;
 export type TotalsAnswer = TotalsDocument;
+export type AlarmItem = AlarmDocument;
+export type MonitorItem = MonitorDocument;
 
 /** The settings of each target: a channel, a taxel, or "*" for the whole node. */
 export type Settings = StateDocument["desired"];

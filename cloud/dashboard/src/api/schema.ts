@@ -125,7 +125,7 @@ export interface EventDocument {
   readonly node: string;
   readonly channel: string | null;
   readonly kind: "peak" | "gap" | "contact" | "verdict" | "status" | "command" | "conflict";
-  readonly verdict: "impossible" | "possible" | "certain" | null;
+  readonly verdict: "certain" | "possible" | "impossible" | null;
   readonly time: TimeDocument;
   readonly height: IntervalDocument | null;
   readonly prominence: IntervalDocument | null;
@@ -180,7 +180,7 @@ export interface LayoutDocument {
 }
 
 export interface LiveVerdictDocument {
-  readonly verdict: "impossible" | "possible" | "certain";
+  readonly verdict: "certain" | "possible" | "impossible";
   readonly missing: boolean;
   readonly until: string;
 }
@@ -429,7 +429,7 @@ export interface VerdictDocument {
   readonly includes_start: boolean;
   readonly end: string;
   readonly includes_end: boolean;
-  readonly verdict: "impossible" | "possible" | "certain";
+  readonly verdict: "certain" | "possible" | "impossible";
   readonly because: readonly ("width" | "moment" | "gap" | "pending")[];
   readonly missing: boolean;
   readonly coverage: number;

@@ -9,6 +9,7 @@ import type { Range } from "../state/window";
 import { Throttle } from "../time/throttle";
 import type { Timeline } from "../time/timeline";
 import type { Context } from "./context";
+import { AlarmBoard } from "./alarm-board";
 import { button, element, icon, setText } from "./element";
 import { LiveStatus } from "./live-status";
 import { NodeStrip } from "./node-cards";
@@ -56,6 +57,7 @@ export class App {
   private readonly status = new LiveStatus();
   private readonly strip: NodeStrip;
   private readonly stack = new StackStrip();
+  private readonly alarms: AlarmBoard;
   private readonly timebar: Timebar;
   private readonly announcer = element("div", { class: "unseen", "aria-live": "polite", "data-testid": "announcer" });
   private readonly banner = element("div", { class: "banner", hidden: true, role: "alert", "data-testid": "banner" });
@@ -75,6 +77,7 @@ export class App {
       announce: (text) => this.announce(text),
     };
     this.strip = new NodeStrip(this.context);
+    this.alarms = new AlarmBoard(client);
     this.timebar = new Timebar({
       context: this.context,
       range: () => this.page?.range() ?? null,
@@ -88,7 +91,7 @@ export class App {
 
   start(): void {
     const overview = element("div", { class: "overview" }, this.strip.root, this.stack.root);
-    this.options.root.replaceChildren(this.header(), this.banner, overview, this.announcer);
+    this.options.root.replaceChildren(this.header(), this.banner, this.alarms.root, overview, this.announcer);
     addEventListener("hashchange", () => this.show(parseRoute(location.hash)));
     this.show(this.route);
     new FrameLoop((at) => this.frame(at)).start();
@@ -172,6 +175,7 @@ export class App {
     try {
       const signal = AbortSignal.timeout(10_000);
       if (this.route.node === null) void this.stack.load(this.options.client, signal).then(() => this.showStrip());
+      void this.alarms.load(signal).then(() => this.showStrip());
       const nodes = await this.options.client.nodes(signal);
       if (!this.counts(turn)) return;
       this.nodes = nodes;
@@ -201,6 +205,7 @@ export class App {
     const now = BigInt(Date.now()) * 1_000_000n;
     this.status.reach(this.reachable);
     if (this.nodes) this.strip.show(this.nodes, now, this.reachable);
+    this.alarms.show(now, this.route.node === null);
     this.stack.root.hidden = this.route.node !== null;
     if (!this.stack.root.hidden) this.stack.show(now, this.reachable);
   }

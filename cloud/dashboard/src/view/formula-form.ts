@@ -3,6 +3,7 @@ import { isAbort, messageOf } from "../api/error";
 import { readSegment, type Segment } from "../chart/segments";
 import type { FormulaQuestion } from "../state/route";
 import type { Range } from "../state/window";
+import { WatchForm } from "./alarm-board";
 import type { Context } from "./context";
 import { button, element } from "./element";
 import { RequestTimer, totalsAnswer, type Wording } from "./question-parts";
@@ -37,7 +38,8 @@ export class FormulaForm {
     const ask = element("button", { type: "submit", class: "plain", "data-testid": "formula-ask" }, "Ask");
     const clear = button("Clear", { class: "plain quiet" }, () => this.go(null));
     const form = element("form", { class: "formula-form", "aria-label": "formula over channels" }, element("div", { class: "fields" }, this.text, ask, clear));
-    this.root = element("details", { class: "compare", "data-testid": "formulas", "aria-label": "formulas" }, element("summary", {}, "Ask with a formula"), form, this.answer);
+    const watch = new WatchForm({ client: options.context.client, node: options.node, formula: () => this.text.value.trim() });
+    this.root = element("details", { class: "compare", "data-testid": "formulas", "aria-label": "formulas" }, element("summary", {}, "Ask with a formula"), form, this.answer, watch.root);
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       const formula = this.text.value.trim();

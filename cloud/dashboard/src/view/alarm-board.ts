@@ -1,0 +1,165 @@
+import type { Client, MonitorDefinition } from "../api/client";
+import type { AlarmItem, MonitorItem } from "../api/contract";
+import { isAbort, messageOf } from "../api/error";
+import { type Route, printRoute } from "../state/route";
+import { parseInstant, printClock, printDay } from "../time/instant";
+import { button, element } from "./element";
+import { verdictSymbol } from "./symbol";
+
+const AROUND = 10_000_000_000n;
+const DAY = 86_400_000_000_000n;
+const SILENCE_S = 3_600;
+const MOST_CARDS = 8;
+/** A channel of the monitor's own node within a formula. */
+const CHANNEL = /(?<![\w/".-])([a-z][\w-]*\.[a-z][\w-]*)/;
+
+/** Where an alarm is looked at: its formula over the time around its begin. */
+export function alarmRoute(alarm: AlarmItem, monitor: MonitorItem | undefined): Route {
+  const began = parseInstant(alarm.began);
+  const ended = alarm.ended === null ? began : parseInstant(alarm.ended);
+  const view = { kind: "history", from: began - AROUND, to: ended + AROUND } as const;
+  const channel = monitor?.node ? (CHANNEL.exec(alarm.formula)?.[1] ?? null) : null;
+  const question = channel === null ? null : ({ kind: "formula", formula: alarm.formula } as const);
+  return { node: monitor?.node ?? null, channel, view, question };
+}
+
+function when(text: string, now: bigint): string {
+  const moment = parseInstant(text);
+  return `${now - moment > DAY / 2n ? `${printDay(moment)} ` : ""}${printClock(moment, 0)}`;
+}
+
+/** What is said of a monitor's latest verdict. */
+export function monitorState(monitor: MonitorItem): string {
+  if (monitor.problem !== null) return monitor.problem;
+  if (monitor.latest === null) return "no verdict yet";
+  return monitor.latest.missing ? "possible: samples are missing" : monitor.latest.verdict;
+}
+
+/** Alarms that are raised, on every page; and all monitors, beside all nodes. */
+export class AlarmBoard {
+  readonly root = element("section", { class: "alarms", "aria-label": "alarms", "data-testid": "alarms" });
+  private readonly raised = element("ul", { class: "alarm-list", "aria-live": "polite" });
+  private readonly rows = element("tbody");
+  private readonly list: HTMLDetailsElement;
+  private readonly note = element("p", { class: "answer bad", role: "alert", hidden: true, "data-testid": "alarm-note" });
+  private alarms: readonly AlarmItem[] = [];
+  private monitors: readonly MonitorItem[] = [];
+  private drawn = "";
+
+  constructor(private readonly client: Client) {
+    const head = element("tr", {}, ...["monitor", "formula", "raises on", "verdict", ""].map((text) => element("th", { scope: "col" }, text)));
+    const table = element("table", {}, element("thead", {}, head), this.rows);
+    this.list = element("details", { class: "compare", "data-testid": "monitors" }, element("summary", {}, "Monitors"), element("div", { class: "scrolls" }, table));
+    this.root.append(this.raised, this.note, this.list);
+  }
+
+  /** Loads what is shown; a failure keeps what was shown, as the page says that the cloud is away. */
+  async load(signal: AbortSignal): Promise<void> {
+    try {
+      [this.alarms, this.monitors] = await Promise.all([this.client.raisedAlarms(signal), this.client.monitors(signal)]);
+    } catch (error) {
+      if (!isAbort(error)) return;
+    }
+  }
+
+  /** Shows the alarms, and the monitors where all nodes are shown. */
+  show(now: bigint, everything: boolean): void {
+    const state = JSON.stringify([this.alarms, this.monitors, everything]);
+    if (state === this.drawn) return;
+    this.drawn = state;
+    this.list.hidden = !everything || this.monitors.length === 0;
+    this.root.hidden = this.alarms.length === 0 && this.list.hidden;
+    const cards = this.alarms.slice(0, MOST_CARDS).map((alarm) => this.card(alarm, now));
+    const more = this.alarms.length - cards.length;
+    this.raised.replaceChildren(...cards, ...(more > 0 ? [element("li", {}, `and ${more.toLocaleString("en")} more`)] : []));
+    this.rows.replaceChildren(...this.monitors.map((monitor) => this.row(monitor, now)));
+  }
+
+  private card(alarm: AlarmItem, now: bigint): HTMLElement {
+    const monitor = this.monitors.find(({ name }) => name === alarm.monitor);
+    const link = element("a", { href: printRoute(alarmRoute(alarm, monitor)), title: alarm.formula }, element("strong", {}, alarm.monitor));
+    const known = alarm.acknowledged === null ? null : element("span", { class: "badge" }, `acknowledged by ${alarm.acknowledged_by ?? ""}`);
+    const act = alarm.acknowledged === null ? button("Acknowledge", { class: "plain", "data-testid": "acknowledge" }, () => this.act(() => this.client.acknowledge(alarm.id))) : null;
+    const silent = monitor?.silenced_until ? null : button("Silence for 1 h", { class: "plain quiet" }, () => this.act(() => this.client.silence(alarm.monitor, SILENCE_S)));
+    return element(
+      "li",
+      { class: "alarm", "data-testid": "alarm", "data-monitor": alarm.monitor, "data-id": alarm.id },
+      verdictSymbol(alarm.verdict),
+      link,
+      element("span", { class: "badge bad" }, alarm.escalated === null ? alarm.severity : `${alarm.severity}, escalated`),
+      element("span", {}, `${alarm.verdict} since ${when(alarm.began, now)}`),
+      known,
+      act,
+      silent,
+    );
+  }
+
+  private row(monitor: MonitorItem, now: bigint): HTMLElement {
+    const silenced = monitor.silenced_until !== null && parseInstant(monitor.silenced_until) > now ? `, silenced until ${when(monitor.silenced_until, now)}` : "";
+    const { latest } = monitor;
+    const verdict = latest !== null && latest.verdict !== "impossible" ? verdictSymbol(latest.verdict) : null;
+    return element(
+      "tr",
+      { "data-testid": "monitor", "data-monitor": monitor.name },
+      element("th", { scope: "row" }, monitor.name),
+      element("td", {}, element("code", {}, monitor.formula)),
+      element("td", {}, monitor.raise_on),
+      element("td", { class: monitor.problem === null ? null : "warn" }, verdict, ` ${monitorState(monitor)}${silenced}`),
+      element("td", {}, button("Delete", { class: "plain quiet", "aria-label": `delete the monitor ${monitor.name}` }, () => this.act(() => this.client.deleteMonitor(monitor.name)))),
+    );
+  }
+
+  private act(work: () => Promise<void>): void {
+    this.note.hidden = true;
+    const done = async (): Promise<void> => {
+      try {
+        await work();
+        await this.load(AbortSignal.timeout(10_000));
+      } catch (error) {
+        this.note.hidden = false;
+        this.note.textContent = messageOf(error);
+      }
+    };
+    void done();
+  }
+}
+
+export interface WatchFormOptions {
+  readonly client: Client;
+  readonly node: string;
+  readonly formula: () => string;
+}
+
+/** Defines a monitor of the formula that is asked. */
+export class WatchForm {
+  readonly root: HTMLElement;
+  private readonly name = element("input", { type: "text", placeholder: "name", "aria-label": "name of the monitor", autocomplete: "off", spellcheck: "false", "data-testid": "watch-name" });
+  private readonly level = element("select", { "aria-label": "what raises an alarm" }, element("option", { value: "certain" }, "when certain"), element("option", { value: "possible" }, "when possible"));
+  private readonly answer = element("p", { class: "answer", role: "status", "data-testid": "watch-answer" });
+
+  constructor(private readonly options: WatchFormOptions) {
+    const watch = element("button", { type: "submit", class: "plain", "data-testid": "watch" }, "Raise an alarm");
+    const form = element("form", { class: "formula-form", "aria-label": "monitor" }, element("div", { class: "fields" }, this.name, this.level, watch));
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.define();
+    });
+    this.root = element("div", { class: "watch" }, form, this.answer);
+  }
+
+  private async define(): Promise<void> {
+    const { client, node, formula } = this.options;
+    const name = this.name.value.trim();
+    const definition: MonitorDefinition = { formula: formula(), node, raise_on: this.level.value };
+    if (name === "" || definition.formula === "") {
+      this.answer.textContent = "Write a formula above, and a name for the monitor.";
+      return;
+    }
+    try {
+      await client.defineMonitor(name, definition);
+      this.answer.textContent = `${name} is evaluated from now on. The page of all nodes lists the monitors.`;
+    } catch (error) {
+      this.answer.replaceChildren(element("strong", { class: "bad" }, "Not defined"), `: ${messageOf(error)}`);
+    }
+  }
+}
