@@ -22,6 +22,7 @@ from benchmarks.gateway_frames import measure_gateway_frames
 from benchmarks.icm import measure_icm
 from benchmarks.ingest import measure_ingest
 from benchmarks.latency import measure_latency
+from benchmarks.live_monitors import measure_live_monitors
 from benchmarks.models import measure_models
 from benchmarks.monitors import measure_monitors
 from benchmarks.patch_rows import measure_bytes
@@ -66,6 +67,8 @@ def main() -> None:
         rows += measure_shared_errors()
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
         data = Path(folder)
+        with _step(console, "ten thousand monitors of the cloud"):
+            rows += measure_live_monitors(data / "monitors", monitors=10_000)
         with _step(console, "sealing and opening envelopes"):
             rows += measure_envelope()
         with _step(console, f"{options.frames} frames through broker, gateway and cloud"):

@@ -6,11 +6,12 @@ import logging
 import secrets
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
 from sqlalchemy import select
 
 from eskin.errors import EskinError
 from eskin.wire.frames.frame_parts import read_head
-from eskin_cloud.alarms.live_monitor import LiveMonitor, Samples
+from eskin_cloud.alarms.live_monitor import LiveMonitor, Moments, Samples
 from eskin_cloud.live.feed import last_cursor
 from eskin_cloud.store.read.patch_columns import column_of
 from eskin_cloud.store.read.patch_runs import runs_of_frames
@@ -66,6 +67,11 @@ class Evaluator:
     def find(self, name: str) -> LiveMonitor | None:
         """A monitor that is evaluated here; ``None`` if there is none."""
         return self._monitors.get(name)
+
+    @property
+    def all_monitors(self) -> list[LiveMonitor]:
+        """All that are evaluated here."""
+        return list(self._monitors.values())
 
     @property
     def nodes(self) -> frozenset[str]:
@@ -236,4 +242,20 @@ def _columns(
                 found = column_of(run, column, skews[column] if skews else 0)
                 if found is not None:
                     runs[channel].append(found)
-    return {channel: Samples.of(found) for channel, found in runs.items() if found}
+    return _samples(runs)
+
+
+def _samples(runs: Mapping[str, Sequence[ColumnRun]]) -> dict[str, Samples]:
+    """Each channel's runs in arrays; those that were sampled together share their moments."""
+    shared: dict[tuple[tuple[int, ...], ...], Moments] = {}
+    samples = {}
+    for channel, found in runs.items():
+        if not found:
+            continue
+        key = tuple((run.t, run.dt, run.error, run.lo.size) for run in found)
+        if key not in shared:
+            shared[key] = Moments.of(found)
+        lo = np.concatenate([run.lo for run in found])
+        hi = np.concatenate([run.hi for run in found])
+        samples[channel] = Samples(shared[key], lo, hi)
+    return samples

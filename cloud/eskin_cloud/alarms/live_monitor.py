@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import zip_longest
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -42,35 +42,53 @@ _READS: Final = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
-    """Samples of a channel that arrived together, in order of time.
+class Moments:
+    """When samples that arrived together were taken, in order of time.
 
     Attributes:
-        t: Middle of each one's time, UTC ns.
-        error: Greatest distance of each one's time from its middle, ns.
+        first: Middle of the first one's time, UTC ns.
+        last: That of the last one.
+        earliest: Each one's earliest moment.
+        latest: Each one's latest moment.
         period: Of each, ns.
         gap: Whether samples are missing after it.
-        lo: Lower bounds.
-        hi: Upper bounds.
+        ordered: Whether they ascend.
     """
 
-    t: Integers
-    error: Integers
+    first: int
+    last: int
+    earliest: Integers
+    latest: Integers
     period: Integers
     gap: NDArray[np.bool_]
-    lo: Floats
-    hi: Floats
+    ordered: bool
 
     @classmethod
-    def of(cls, runs: Sequence[ColumnRun]) -> Samples:
-        """Samples of some runs, in order of time."""
+    def of(cls, runs: Sequence[ColumnRun]) -> Moments:
+        """Those of some runs, in their order."""
         n = [run.lo.size for run in runs]
         t = np.concatenate([run.t + run.dt * np.arange(run.lo.size) for run in runs])
         heads = np.array([(run.error, run.dt) for run in runs], np.int64)
         error, period = np.repeat(heads, n, axis=0).T
-        gap = np.append(np.diff(t) > longest_step(period[:-1]), False)
-        lo, hi = (np.concatenate([run[side] for run in runs]) for side in (-2, -1))
-        return cls(t, error, period, gap, lo, hi)
+        steps = np.diff(t)
+        gap = np.append(steps > longest_step(period[:-1]), False)
+        return cls(
+            int(t[0]), int(t[-1]), t - error, t + error, period, gap, bool(np.all(steps > 0))
+        )
+
+
+class Samples(NamedTuple):
+    """Samples of a channel that arrived together.
+
+    Attributes:
+        moments: When they were taken; channels of a patch share them.
+        lo: Lower bounds.
+        hi: Upper bounds.
+    """
+
+    moments: Moments
+    lo: Floats
+    hi: Floats
 
 
 class LiveMonitor:
@@ -140,26 +158,26 @@ class LiveMonitor:
         if self._online is None:
             return
         last, period = self._last[name]
-        first = int(samples.t[0])
-        if first <= last or np.any(np.diff(samples.t) <= 0):
-            self._note_late(int((samples.t - samples.error).min()))
+        moments = samples.moments
+        if moments.first <= last or not moments.ordered:
+            self._note_late(int(moments.earliest.min()))
             return
         try:
-            if first - last > period + period // 2:
+            if moments.first - last > period + period // 2:
                 self._online.gap(name)
             self._online.extend(
                 name,
-                samples.t - samples.error,
-                samples.t + samples.error,
+                moments.earliest,
+                moments.latest,
                 samples.lo,
                 samples.hi,
-                samples.period,
-                samples.gap,
+                moments.period,
+                moments.gap,
             )
         except MonitorError:  # read it from the store, as a query does
-            self._note_late(first)
+            self._note_late(int(moments.earliest.min()))
             return
-        self._last[name] = int(samples.t[-1]), int(samples.period[-1])
+        self._last[name] = moments.last, int(moments.period[-1])
 
     def advance(self) -> list[AlarmChange]:
         """Evaluate what is decided for good by now."""
