@@ -76,9 +76,9 @@ def _cores(store: Store, monitors: int, stretch: int) -> float:
         cursor = end
         begun = time.process_time()
         evaluator.load()
-        evaluator.evaluate(entries, layouts)
+        evaluator.evaluate(entries, layouts, cursor=cursor)
         while any(each.cursor < 0 for each in evaluator.all_monitors):
-            evaluator.evaluate([], layouts)
+            evaluator.evaluate([], layouts, cursor=cursor)
         spent.append(time.process_time() - begun)
     return median(spent[-3:])
 

@@ -12,7 +12,8 @@ from sqlalchemy import select
 from eskin.errors import EskinError
 from eskin.wire.frames.frame_parts import read_head
 from eskin_cloud.alarms.live_monitor import LiveMonitor, Moments, Samples
-from eskin_cloud.live.feed import last_cursor
+from eskin_cloud.live.feed import last_cursor, read_entries
+from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.read.patch_columns import column_of
 from eskin_cloud.store.read.patch_runs import runs_of_frames
 from eskin_cloud.store.schema.alarm_tables import alarm_state
@@ -34,6 +35,8 @@ log = logging.getLogger(__name__)
 
 _CATCH_UPS: Final = 64
 """Monitors that are read from the store in one round, so that the others do not wait."""
+_MOST_BEHIND: Final = 10_000
+"""Entries that the feed may be behind the store; more are not looked through for late ones."""
 _RETRY_NS: Final = 5_000_000_000
 """After which a monitor with a problem is read again."""
 
@@ -63,6 +66,7 @@ class Evaluator:
         self._monitors: dict[str, LiveMonitor] = {}
         self._by_node: dict[str, list[LiveMonitor]] = {}
         self._retry: dict[str, int] = {}
+        self._given: int | None = None
 
     def find(self, name: str) -> LiveMonitor | None:
         """A monitor that is evaluated here; ``None`` if there is none."""
@@ -80,7 +84,7 @@ class Evaluator:
 
     def forget(self) -> None:
         """Read all monitors anew from the store: what was found may not have been stored."""
-        self._version = -1
+        self._version, self._given = -1, None
         self._monitors, self._by_node, self._retry = {}, {}, {}
 
     def load(self) -> None:
@@ -114,13 +118,18 @@ class Evaluator:
         self._version = version
 
     def evaluate(
-        self, entries: Sequence[FeedEntry], layouts: Mapping[bytes, DescribedLayout | None]
+        self,
+        entries: Sequence[FeedEntry],
+        layouts: Mapping[bytes, DescribedLayout | None],
+        *,
+        cursor: int,
     ) -> tuple[list[AlarmChange], dict[tuple[str, int], int]]:
         """Evaluate what has arrived.
 
         Args:
             entries: Of the feed, in their order.
             layouts: Those by which their frames are read.
+            cursor: The place in the feed up to which these are all.
 
         Returns:
             Episodes that begin or end, and from which tick each monitor with one goes on.
@@ -129,14 +138,12 @@ class Evaluator:
             StoreError: The store cannot be read.
         """
         changes: list[AlarmChange] = []
-        of_node: dict[str, list[FeedEntry]] = {}
-        for entry in entries:
-            if entry.node in self._by_node and entry.frame is not None:
-                of_node.setdefault(entry.node, []).append(entry)
         touched: dict[str, LiveMonitor] = {}
-        for node, arrived in of_node.items():
+        for node, arrived in self._of_node(entries).items():
             monitors = [each for each in self._by_node[node] if each.cursor < arrived[-1].cursor]
-            touched |= self._give(node, arrived, layouts, monitors)
+            _give(node, arrived, layouts, monitors)
+            touched |= {monitor.name: monitor for monitor in monitors}
+        self._given = cursor
         for monitor in touched.values():
             changes += monitor.advance()
         changes += self._catch_up()
@@ -155,34 +162,13 @@ class Evaluator:
         """From which tick each monitor goes on."""
         return self.settled(self._monitors)
 
-    def _give(
-        self,
-        node: str,
-        arrived: Sequence[FeedEntry],
-        layouts: Mapping[bytes, DescribedLayout | None],
-        monitors: Sequence[LiveMonitor],
-    ) -> dict[str, LiveMonitor]:
-        """Give the monitors of a node the samples of its frames."""
-        ready: dict[str, LiveMonitor] = {}
-        for monitor in monitors:
-            if monitor.cursor < 0:
-                continue
-            if monitor.cursor >= arrived[0].cursor:  # it has read some of them from the store
-                monitor.cursor = -1
-                continue
-            ready[monitor.name] = monitor
-        wanted = {
-            channel
-            for monitor in ready.values()
-            for owner, channel in monitor.places.values()
-            if owner == node
-        }
-        columns = _columns(arrived, layouts, wanted)
-        for monitor in ready.values():
-            for name, (owner, channel) in monitor.places.items():
-                if owner == node and channel in columns:
-                    monitor.take(name, columns[channel])
-        return ready
+    def _of_node(self, entries: Iterable[FeedEntry]) -> dict[str, list[FeedEntry]]:
+        """The frames of each node that a monitor reads."""
+        found: dict[str, list[FeedEntry]] = {}
+        for entry in entries:
+            if entry.node in self._by_node and entry.frame is not None:
+                found.setdefault(entry.node, []).append(entry)
+        return found
 
     def _catch_up(self) -> list[AlarmChange]:
         """Read some of the monitors from the store that have to be."""
@@ -193,15 +179,33 @@ class Evaluator:
             if monitor.cursor < 0 and self._retry.get(monitor.name, now) <= now
         ]
         changes: list[AlarmChange] = []
-        for monitor in due[:_CATCH_UPS]:
-            with self._store.read() as connection:
-                changes += self._read(connection, monitor)
-            self._retry[monitor.name] = now if monitor.problem is None else now + _RETRY_NS
+        if not due:
+            return changes
+        with self._store.read() as connection:
+            end = last_cursor(connection)
+            self._note_late(connection, due[:_CATCH_UPS], end)
+            for monitor in due[:_CATCH_UPS]:
+                changes += self._read(connection, monitor, end)
+                self._retry[monitor.name] = now if monitor.problem is None else now + _RETRY_NS
         return changes
 
-    def _read(self, connection: Connection, monitor: LiveMonitor) -> list[AlarmChange]:
+    def _note_late(self, connection: Connection, monitors: Sequence[LiveMonitor], end: int) -> None:
+        """Have monitors know of late samples that the store has, and the feed has not given yet."""
+        if self._given is None:
+            return
+        if end - self._given > _MOST_BEHIND:
+            for monitor in monitors:
+                monitor.reexamine()
+            return
+        for node, arrived in self._of_node(read_entries(connection, self._given, end)).items():
+            names = {entry.layout for entry in arrived if entry.layout is not None}
+            layouts = {name: find_layout(connection, node, name) for name in names}
+            _give(node, arrived, layouts, [each for each in monitors if node in each.nodes])
+
+    @staticmethod
+    def _read(connection: Connection, monitor: LiveMonitor, end: int) -> list[AlarmChange]:
         try:
-            changes = monitor.catch_up(connection, cursor=last_cursor(connection))
+            changes = monitor.catch_up(connection, cursor=end)
         except EskinError as error:
             if monitor.problem is None:
                 log.warning("monitor waits: monitor=%s reason=%s", monitor.name, error)
@@ -209,6 +213,28 @@ class Evaluator:
             return []
         monitor.problem = None
         return changes
+
+
+def _give(
+    node: str,
+    arrived: Sequence[FeedEntry],
+    layouts: Mapping[bytes, DescribedLayout | None],
+    monitors: Sequence[LiveMonitor],
+) -> None:
+    """Give monitors the samples of a node's frames."""
+    wanted = {
+        channel
+        for monitor in monitors
+        for owner, channel in monitor.places.values()
+        if owner == node
+    }
+    columns = _columns(arrived, layouts, wanted)
+    for monitor in monitors:
+        if monitor.cursor >= arrived[0].cursor:  # it has read some of them from the store
+            monitor.leave()
+        for name, (owner, channel) in monitor.places.items():
+            if owner == node and channel in columns:
+                monitor.take(name, columns[channel])
 
 
 def _columns(

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 MOST_KEPT: Final = 2**17
 """Samples of a channel that a live monitor may keep."""
-LATE_NS: Final = 3_600_000_000_000
+LATE_NS: Final = 6 * 3_600_000_000_000
 """Samples that arrive so much later than those after them raise no alarm."""
 _READS: Final = 200
 """Stretches of stored samples that are evaluated at once, so that other monitors do not wait."""
@@ -155,10 +155,13 @@ class LiveMonitor:
 
     def take(self, name: str, samples: Samples) -> None:
         """Take samples of a channel that arrived."""
-        if self._online is None:
+        moments = samples.moments
+        if self._online is None:  # they are read from the store
+            earliest = int(moments.earliest.min())
+            if 2 * earliest < self.settled:
+                self._note_late(earliest)
             return
         last, period = self._last[name]
-        moments = samples.moments
         if moments.first <= last or not moments.ordered:
             self._note_late(int(moments.earliest.min()))
             return
@@ -199,7 +202,7 @@ class LiveMonitor:
         Raises:
             EskinError: A channel is not there, or the formula does not fit it.
         """
-        self._online, self.cursor = None, -1
+        self.leave()
         sources = {
             name: ChannelSource(connection, find_channel(connection, *place))
             for name, place in self.places.items()
@@ -279,13 +282,14 @@ class LiveMonitor:
         least = self.settled // 2 - LATE_NS
         begin = max(self._late - self._future, self._since, least)
         self._late = None
-        end = self.settled // 2
+        end = -(-self.settled // 2)
         if begin >= end:
             return []
         late = self._new_episodes(is_open=False)
         edges = late.add(
-            Stretch(each.first, each.last, each.verdict, each.missing)
+            Stretch(each.first, min(each.last, self.settled - 1), each.verdict, each.missing)
             for each in StoredVerdicts(self.formula, sources).pieces(Window(begin, end))
+            if each.first < self.settled
         )
         known = find_episodes(connection, self.name, self.revision, 2 * begin)
         changes = []
@@ -325,9 +329,17 @@ class LiveMonitor:
             is_open=is_open,
         )
 
+    def reexamine(self) -> None:
+        """Evaluate again what late samples may have changed, whatever has come."""
+        self._note_late(self._since)
+
+    def leave(self) -> None:
+        """Read from the store what comes next."""
+        self._online, self.cursor = None, -1
+
     def _note_late(self, moment: int) -> None:
         self._late = moment if self._late is None else min(self._late, moment)
-        self._online, self.cursor = None, -1
+        self.leave()
 
     @staticmethod
     def _known_until(source: ChannelSource) -> int:

@@ -67,19 +67,21 @@ class _Work:
             await self._advance_timers()
             await cloud.feed.wait(self._cursor, _LONGEST_S)
             entries, cursor = await cloud.feed.after(self._cursor, _ENTRIES)
-            await self._evaluate(entries)
+            await self._evaluate(entries, cursor)
             self._cursor = cursor
         except StoreError:
             evaluator.forget()
             raise
 
-    async def _evaluate(self, entries: Sequence[FeedEntry]) -> None:
+    async def _evaluate(self, entries: Sequence[FeedEntry], cursor: int) -> None:
         cloud, evaluator = self._cloud, self._cloud.evaluator
         ours = [each for each in entries if each.node in evaluator.nodes]
         await cloud.feed.layouts.load(ours)
         names = {each.layout for each in ours if each.layout is not None}
         layouts = {name: cloud.feed.layouts.get(name) for name in names}
-        changes, settled = await asyncio.to_thread(evaluator.evaluate, ours, layouts)
+        changes, settled = await asyncio.to_thread(
+            partial(evaluator.evaluate, ours, layouts, cursor=cursor)
+        )
         if cloud.clock() - self._noted >= _NOTE_NS:
             self._noted, settled = cloud.clock(), evaluator.all_settled
             before = self._noted - round(cloud.settings.alarms.days * 86_400 * SECOND)

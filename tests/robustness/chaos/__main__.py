@@ -58,6 +58,7 @@ def main() -> int:
         with Site(root, server=server) as site:
             wait_until(site.has_begun, "frames of all nodes are stored", seconds=_START_S)
             site.watch()
+            site.raise_alarms(seed=options.seed)
             if not server:
                 site.record()
             blows = _play(site, plan, console.print)
@@ -136,6 +137,7 @@ def _report(verdict: Verdict, plan: Sequence[Stroke], say: Callable[[str], None]
         f"{verdict.stated} stated as lost, {verdict.unborn} never in flash"
     )
     say(f"samples within their intervals: {verdict.samples}; gaps: {verdict.gaps}")
+    say(f"alarms: {verdict.alarms} raised, {verdict.deliveries} deliveries of their changes")
     say(f"the skin's viewer got {verdict.seen} frames, its page {verdict.pages} rounds of answers")
     for fault in verdict.faults:
         say(f"WRONG: {fault}")

@@ -20,6 +20,7 @@ from eskin.demo.layout import Layout
 from eskin.identity import IdentityKind
 from eskin.identity.identity import CHAIN_FILE
 from eskin.mosquitto import BrokerPorts
+from tests.robustness.chaos.alarms import define
 from tests.robustness.chaos.clocks import Wallclock, build_library
 from tests.robustness.chaos.database import Database
 from tests.robustness.chaos.disks import Disk
@@ -54,6 +55,7 @@ GATEWAYS: Final = ("gateway-1", "gateway-2")
 _PORTS: Final = BrokerPorts(nodes=8883, gateways=8884, clients=8885)
 _INGEST: Final = 8443
 _PEOPLE: Final = 8080
+_RECEIVER: Final = 8090
 _MEBIBYTE: Final = 1 << 20
 _NO_STORE: Final = ": the store cannot be "
 """In a cloud's last line where it found no database when it started."""
@@ -69,6 +71,7 @@ class Site:
     Attributes:
         store: Where the cloud's store is.
         seen: What the skin's watcher saw, once it watches.
+        taken: What the receiver of alarms took.
         watcher: Its process.
     """
 
@@ -95,6 +98,7 @@ class Site:
         ]
         self.nodes = [self._make_node(hosts[name]) for name in NODES]
         self.seen = root / "seen"
+        self.taken = root / "taken"
         self.watcher: Running | None = None
 
     @property
@@ -187,6 +191,15 @@ class Site:
         self.watcher = Running(argv, log=self._logs / "watcher.log", env={"ESKIN_TOKEN": token})
         self._exits.callback(_end, self.watcher)
         self.watcher.start()
+
+    def raise_alarms(self, *, seed: int) -> None:
+        """Have the cloud evaluate monitors, and a receiver beside it take their alarms."""
+        words = ["-m", "tests.support.alarm_receiver", str(_RECEIVER), str(self.taken), str(seed)]
+        argv = [*self.cloud.host.prefix, sys.executable, *words]
+        receiver = Running(argv, log=self._logs / "receiver.log")
+        self._exits.callback(_end, receiver)
+        receiver.start()
+        define(self.store)
 
     def store_is_made(self) -> bool:
         """Whether the cloud made its tables."""
@@ -283,6 +296,8 @@ class Site:
             "store": store if self.database is None else self.database.settings,
             "people": {"port": _PEOPLE},
             "gateways": {"host": host.address, "port": _INGEST, "identity": server.directory},
+            "alarms": {"timeout_s": 2.0, "retry_max_s": 2.0},
+            "alarms.webhooks": {"ops": f"http://127.0.0.1:{_RECEIVER}/"},
         })  # fmt: skip
         return self._part("cloud", [ESKIN, "cloud", "--config", str(config)], host, disk, server)
 

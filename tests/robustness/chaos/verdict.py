@@ -12,6 +12,7 @@ from eskin.wire.messages import Kind
 from eskin.wire.messages.cbor_map import load
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.timestamp import SECOND
+from tests.robustness.chaos.alarms import judge_alarms
 from tests.robustness.chaos.site import NODES, SKIN
 from tests.support.skin_watcher import Seen
 from tests.support.stores import ask_store
@@ -100,6 +101,8 @@ class Verdict:
         samples: Samples that were compared with the truth.
         seen: Frames that the skin's viewer got.
         pages: Rounds of questions of a page that were answered.
+        alarms: Alarms that were raised.
+        deliveries: Times that a receiver took a change of one.
         faults: What is wrong; empty if all is well.
     """
 
@@ -111,6 +114,8 @@ class Verdict:
     samples: int = 0
     seen: int = 0
     pages: int = 0
+    alarms: int = 0
+    deliveries: int = 0
     faults: list[str] = field(default_factory=list)
 
 
@@ -121,6 +126,8 @@ def judge(site: Site, blows: Sequence[Blow]) -> Verdict:
     explain(site.store, verdict, blows)
     add_up(site.store, verdict)
     _watched(site, verdict)
+    verdict.alarms, verdict.deliveries, wrong = judge_alarms(site.store, site.taken)
+    verdict.faults += wrong
     verdict.faults += [f"refused: {letter}" for letter in site.letters()]
     return verdict
 

@@ -58,12 +58,17 @@ class Live:
         with store.read() as connection:
             self._cursor = last_cursor(connection)
 
-    def step(self) -> None:
-        """Evaluate what came since the last step, and store what follows."""
+    def step(self, *, most: int | None = None) -> None:
+        """Evaluate what came since the last step, and store what follows.
+
+        Args:
+            most: Entries of the feed, which then is behind the store.
+        """
         evaluator, store = self.evaluator, self.store
         evaluator.load()
         with store.read() as connection:
             end = last_cursor(connection)
+            end = end if most is None else min(end, self._cursor + most)
             entries = read_entries(connection, self._cursor, end)
             layouts = {
                 each.layout: find_layout(connection, each.node, each.layout)
@@ -71,7 +76,7 @@ class Live:
                 if each.layout is not None
             }
         self._cursor = end
-        changes, settled = evaluator.evaluate(entries, layouts)
+        changes, settled = evaluator.evaluate(entries, layouts, cursor=end)
 
         def work(connection: Connection) -> None:
             now = store.clock()

@@ -144,7 +144,7 @@ def test_alarms_are_the_episodes_of_the_whole_record(
 
 
 @settings(
-    max_examples=examples(40),
+    max_examples=examples(100),
     suppress_health_check=[HealthCheck.function_scoped_fixture],
     deadline=None,
 )
@@ -154,6 +154,7 @@ def test_alarms_are_the_episodes_of_the_whole_record(
     formula=st.sampled_from(FORMULAS),
     raise_on=st.sampled_from(("certain", "possible")),
     restarts=st.sets(st.integers(0, 6)),
+    behind=st.lists(st.sampled_from(("skipped", 0, 1, None)), min_size=7, max_size=7),
 )
 def test_late_frames_miss_no_episode_and_raise_no_false_one(
     store: Store,
@@ -162,6 +163,7 @@ def test_late_frames_miss_no_episode_and_raise_no_false_one(
     formula: str,
     raise_on: str,
     restarts: set[int],
+    behind: list[int | str | None],
 ) -> None:
     emptied(store)
     define(store, formula, since=START, raise_on=raise_on)
@@ -173,8 +175,11 @@ def test_late_frames_miss_no_episode_and_raise_no_false_one(
         put(store, each)
         if k in restarts:
             live = Live(store)
+        most = behind[k]
+        if not isinstance(most, str):
+            live.step(most=most)
+    for _ in range(3):
         live.step()
-    live.step()
     end = settled_of(live)
     raised = episodes_of(store)
     wanted = reference(store, formula, raise_on=raise_on, missing=False, clear_after=0, end=end)
