@@ -26,6 +26,7 @@
     ├── DesignError              a requirement, or a space of parameters, that cannot be used
     ├── ContactError             a skin, a threshold or times by which contacts cannot be sought
     ├── MonitorError             a formula, or signals, that a monitor cannot use
+    ├── IdentificationError      constraints or bounds from which no parameter can be enclosed
     ├── ScenarioError            a scenario that cannot be played
     ├── RecordingError           a recording that cannot be replayed, or not all of it
     └── AuditError               a data folder that cannot be audited
@@ -252,6 +253,10 @@ class DesignError(EskinError, ValueError):
 
 class ContactError(EskinError, ValueError):
     """A skin, a threshold or times by which contacts cannot be sought."""
+
+
+class IdentificationError(EskinError, ValueError):
+    """Constraints, times or bounds from which no parameter can be enclosed."""
 
 
 class MonitorError(EskinError, ValueError):
