@@ -16,7 +16,7 @@ import numpy as np
 from eskin_sensor_node.kinds.parameters import draw_part
 from eskin_sensor_node.kinds.signals import Signals, World
 from eskin_sensor_node.world.scenario import Stage, read_scenario
-from eskin_sensor_node.world.skin import break_off, placed_faults
+from eskin_sensor_node.world.skin import break_off, placed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,7 +56,7 @@ class CoilWorld(World):
             random, taxel.coil_resistance_ohm, taxel.coil_resistance_tolerance
         )
         self._omega = 2.0 * np.pi * draw_part(random, taxel.excitation, taxel.excitation_tolerance)
-        self._faults = placed_faults(script.fault, places)
+        self._faults = placed(script.fault, places)
         self._stage = stage or Stage(script, list(dict.fromkeys(places)))
 
     def signals(self, seconds: Floats, random: ColumnGenerator) -> Signals:

@@ -10,6 +10,8 @@ An actuator that moves the plates apart does so by what lies between them: it sw
 law. So d0 is what stands between the plates at rest, wherever the actuator stands.
 
 The permittivity follows the surroundings: ``ε = ε0·εr·[1 + a·(T - 20 °C) + b·(H - 50 %)]``.
+
+A pad that wears has another d0 and another E; water on it adds a share of C0.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from eskin_sensor_node.kinds.parameters import TRUE_VACUUM_PERMITTIVITY, at_step
 from eskin_sensor_node.kinds.plates import draw_actuator
 from eskin_sensor_node.kinds.signals import Signals, World
 from eskin_sensor_node.world.scenario import Stage, read_scenario
-from eskin_sensor_node.world.skin import break_off, placed_faults
+from eskin_sensor_node.world.skin import break_off, placed, wet, worn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -83,13 +85,15 @@ class PadWorld(World):
         self._charge = TRUE_VACUUM_PERMITTIVITY * parts.permittivity * parts.area
         self._apart = draw_actuator(taxel, random)
         self.move(0)
-        self._faults = placed_faults(script.fault, places)
+        self._faults = placed(script.fault, places)
+        self._wear = placed(script.wear, places)
+        self._films = placed(script.film, places)
         self._stuck: dict[float, Floats] = {}
         self._stage = stage or Stage(script, list(dict.fromkeys(places)))
 
     def move(self, steps: ArrayLike) -> None:
         """Move the plates."""
-        self._distance = self._parts.distance + at_step(self._apart, steps)
+        self._moved = at_step(self._apart, steps)
 
     def signals(self, seconds: Floats, random: ColumnGenerator) -> Signals:
         """Truth as `truth` has it.
@@ -110,7 +114,7 @@ class PadWorld(World):
             contact, mean pressure of the contacts in Pa.
         """
         stimulus = self._stage.stimulus(seconds)
-        capacitance = self._capacitance(stimulus)
+        capacitance = self._capacitance(stimulus, seconds)
         if self._faults:
             break_off(
                 capacitance,
@@ -122,12 +126,12 @@ class PadWorld(World):
         covered = stimulus.covered
         touched = covered > 0.0
         local = np.where(touched, stimulus.pressure / np.where(touched, covered, 1.0), 0.0)
-        elasticity = self._parts.elasticity
+        distance, elasticity = self._layer(stimulus, seconds)
         truth = {
             "capacitance": capacitance,
             "contact_area": covered * self._parts.area,
-            "plate_distance": self._distance / (1.0 + stimulus.felt / elasticity),
-            "contact_distance": self._distance / (1.0 + local / elasticity),
+            "plate_distance": distance / (1.0 + stimulus.felt / elasticity),
+            "contact_distance": distance / (1.0 + local / elasticity),
             "pressure": stimulus.pressure,
         }
         return truth, stimulus
@@ -136,17 +140,26 @@ class PadWorld(World):
         """What stuck taxels keep, from before their plates moved on."""
         moment = float(then[0])
         if moment not in self._stuck:
-            self._stuck[moment] = self._capacitance(self._stage.stimulus(then))
+            self._stuck[moment] = self._capacitance(self._stage.stimulus(then), then)
         return self._stuck[moment]
 
-    def _capacitance(self, stimulus: Stimulus) -> Floats:
+    def _layer(self, stimulus: Stimulus, seconds: Floats) -> tuple[Floats, Floats]:
+        """Distance at rest and elasticity of the layer, as far as they are worn."""
+        shape = np.broadcast_shapes(stimulus.felt.shape, self._parts.area.shape)
+        distance = self._parts.distance * worn(self._wear, "distance_per_s", shape, seconds)
+        elasticity = self._parts.elasticity * worn(self._wear, "elasticity_per_s", shape, seconds)
+        return distance + self._moved, elasticity
+
+    def _capacitance(self, stimulus: Stimulus, seconds: Floats) -> Floats:
         ambient = (
             1.0
             + self._parts.per_kelvin * (stimulus.temperature - REFERENCE_TEMPERATURE)
             + self._parts.per_percent * (stimulus.humidity - REFERENCE_HUMIDITY)
         )
-        rest = self._charge / self._distance
-        return np.asarray(rest * ambient * (1.0 + stimulus.felt / self._parts.elasticity))
+        distance, elasticity = self._layer(stimulus, seconds)
+        strain = stimulus.felt / elasticity
+        water = wet(self._films, np.broadcast_shapes(strain.shape, distance.shape), seconds)
+        return np.asarray(self._charge / distance * (ambient * (1.0 + strain) + water))
 
 
 def _draw(taxel: PadSection, random: ColumnGenerator) -> PadParts:

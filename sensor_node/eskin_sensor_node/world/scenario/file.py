@@ -96,9 +96,10 @@ def _contradictions(script: Script) -> Iterator[tuple[str, str]]:
         if event.end_s > script.duration_s:
             reason = f"it ends at {event.end_s:g} s, after duration_s = {script.duration_s:g}"
             yield place, reason
-    for number, fault in enumerate(script.fault):
-        if fault.taxel not in known:
-            yield f"fault {number + 1}.taxel", _absent(fault.taxel, first, last)
+    for key in ("fault", "wear", "film"):
+        for number, each in enumerate(getattr(script, key)):
+            if each.taxel not in known:
+                yield f"{key} {number + 1}.taxel", _absent(each.taxel, first, last)
     yield from _disturbed(script)
 
 

@@ -10,7 +10,13 @@ from pydantic import ConfigDict, Field
 from eskin.runtime.settings import Section
 from eskin_sensor_node.world.scenario.events import ApproachEvent, Event, NoiseEvent
 from eskin_sensor_node.world.scenario.surroundings import AmbientSection, BioelectricSection
-from eskin_sensor_node.world.skin import FaultSection, Shape
+from eskin_sensor_node.world.skin import (
+    FaultSection,
+    FilmSection,
+    HysteresisSection,
+    Shape,
+    WearSection,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,6 +59,11 @@ class Script(Section):
     )
     event: list[Event] = Field(default=[], max_length=10_000, description="what happens")
     fault: list[FaultSection] = Field(default=[], description="which taxels break")
+    wear: list[WearSection] = Field(default=[], description="which pads wear")
+    film: list[FilmSection] = Field(default=[], description="on which pads water lies")
+    hysteresis: HysteresisSection = Field(
+        default=HysteresisSection(), description="what remains of a pad's compression"
+    )
     pad: dict[str, Any] = Field(
         default={}, description="data sheet of the capacitive taxels of a dataset"
     )

@@ -19,11 +19,14 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin_sensor_node.world.scenario.cast import Approach, Contact
     from eskin_sensor_node.world.scenario.script import Script
+    from eskin_sensor_node.world.skin import HysteresisSection
     from eskin_sensor_node.world.skin.skin import Indices
 
 Mask: TypeAlias = "NDArray[np.bool_]"
 
 _REST_QUALITY: Final = 10.0
+_COURSE: Final = 65
+"""Moments of a contact among which its greatest pressure is sought."""
 
 
 class Stage:
@@ -59,14 +62,14 @@ class Stage:
         script, times = self._script, seconds.ravel()
         loops, local = script.local(times)
         shape = len(self._positions), len(times)
-        play = _Play(self, shape)
+        play = _Play(self, shape, script.hysteresis)
         for loop in np.unique(loops).tolist():
             play.perform(self._cast(loop), local, loops == loop)
         own, rows = self._crosstalk.places, (-1, seconds.shape[-1])
         return Stimulus(
             covered=np.minimum(play.covered[own], 1.0).reshape(rows),
             pressure=play.pressure[own].reshape(rows),
-            felt=self._crosstalk.felt(play.pressure).reshape(rows),
+            felt=(self._crosstalk.felt(play.pressure) + play.remains[own]).reshape(rows),
             metal_distance=play.distance[own].reshape(rows),
             metal_quality=play.quality[own].reshape(rows),
             labels=play.labels[own].reshape(rows),
@@ -92,12 +95,14 @@ class Stage:
 class _Play:
     """The causes on the rows of a stage, while they are added up."""
 
-    def __init__(self, stage: Stage, shape: tuple[int, int]) -> None:
+    def __init__(self, stage: Stage, shape: tuple[int, int], hysteresis: HysteresisSection) -> None:
         self._positions = stage.positions
         self._plate = stage.skin.disc_radius
         self._cell = stage.skin.cell_area
+        self._hysteresis = hysteresis
         self.covered = np.zeros(shape)
         self.pressure = np.zeros(shape)
+        self.remains = np.zeros(shape)
         self.distance = np.full(shape, AWAY)
         self.quality = np.full(shape, _REST_QUALITY)
         self.labels = np.zeros(shape, dtype=np.int8)
@@ -111,6 +116,8 @@ class _Play:
         for contact in cast.contacts:
             if contact.meets(first, last):
                 self._touch(contact, local, mask & contact.lasts(local))
+            if self._hysteresis.share > 0.0 and contact.end < last:
+                self._remain(contact, local, mask & (local > contact.end))
 
     def _touch(self, contact: Contact, local: Floats, when: Mask) -> None:
         columns = np.flatnonzero(when)
@@ -124,6 +131,19 @@ class _Play:
         self.pressure[cells] += share * pressure
         label = LABELS.index(contact.label)
         self.labels[cells] = np.where(share > 0.0, label, self.labels[cells])
+
+    def _remain(self, contact: Contact, local: Floats, when: Mask) -> None:
+        """What a contact leaves behind, of its greatest pressure on each taxel."""
+        columns = np.flatnonzero(when)
+        course = np.linspace(contact.begin, contact.end, _COURSE)
+        radius, pressure, centre = contact.patch(course)
+        near = self._near(centre, float(radius.max()) + self._plate)
+        apart = np.linalg.norm(self._positions[near, None, :] - centre[None], axis=2)
+        share = overlap(apart, radius, self._plate) / self._cell
+        most = self._hysteresis.share * (share * pressure).max(axis=1, initial=0.0)
+        left = np.exp(-(local[columns] - contact.end) / self._hysteresis.decay_s)
+        cells = np.ix_(near, columns)
+        self.remains[cells] = np.maximum(self.remains[cells], most[:, None] * left)
 
     def _approach(self, approach: Approach, local: Floats, when: Mask) -> None:
         columns = np.flatnonzero(when)

@@ -22,7 +22,8 @@ class Stimulus:
     Attributes:
         covered: Share of a taxel that contacts cover, 0 to 1.
         pressure: Mean pressure of the contacts over the whole taxel, in Pa.
-        felt: The same with what neighbours hand on (crosstalk), in Pa.
+        felt: The same with what neighbours hand on (crosstalk), and with what remains of earlier
+            contacts (hysteresis), in Pa.
         metal_distance: From the taxel to the nearest metal, in m.
         metal_quality: Reactance over resistance of that metal's eddy currents.
         labels: Index into `LABELS`.

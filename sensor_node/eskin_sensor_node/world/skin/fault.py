@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol, TypeVar
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -13,6 +13,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from eskin.interval import Floats
+
+
+class _OfTaxel(Protocol):
+    """A table that names a taxel."""
+
+    @property
+    def taxel(self) -> str:
+        """Its name."""
+
+
+Table = TypeVar("Table", bound=_OfTaxel)
 
 
 class FaultSection(Section):
@@ -29,12 +40,10 @@ class FaultSection(Section):
     at_s: float = Field(default=0.0, ge=0, description="when")
 
 
-def placed_faults(
-    faults: Sequence[FaultSection], places: Sequence[str]
-) -> list[tuple[int, FaultSection]]:
-    """The faults of the taxels at some places, each with its taxel's row."""
+def placed(tables: Sequence[Table], places: Sequence[str]) -> list[tuple[int, Table]]:
+    """The tables that name taxels at some places, each with its taxel's row."""
     return [
-        (row, fault) for fault in faults for row, place in enumerate(places) if place == fault.taxel
+        (row, each) for each in tables for row, place in enumerate(places) if place == each.taxel
     ]
 
 
