@@ -10,7 +10,13 @@ from eskin_sensor_node.world.scenario import Script
 from eskin_sensor_node.world.scenario.events import AnyEvent
 from eskin_sensor_node.world.scenario.script import VariationSection
 from eskin_sensor_node.world.scenario.surroundings import AmbientSection, BioelectricSection
-from eskin_sensor_node.world.skin import FaultSection, Shape
+from eskin_sensor_node.world.skin import (
+    FaultSection,
+    FilmSection,
+    HysteresisSection,
+    Shape,
+    WearSection,
+)
 
 from docs.tools.keys_table import keys_table
 
@@ -76,6 +82,11 @@ radius_m = 4e-3
   where P is the mean pressure that it feels, and its plates' mean distance `d0 / (1 + P/E)`.
   `C0 = ε0·εr·A/d0` follows the air by `1 + permittivity_per_K·(T - 20 °C) +
   permittivity_per_percent·(H - 50 %)`.
+- **A pad that departs** from its data sheet: wear changes its d0 and E for good; hysteresis leaves
+  of each contact a pressure R that fades, `C = C0·(1 + (P + R)/E)`, until its loop ends; water adds
+  a share of C0; an open trace is a fault (`dead`). Capacitance and current still hold, and so does
+  the plate distance of a dry pad. Pressure, contact area and what else is calculated back need not:
+  [wear](wear.md) has what follows.
 - **A coil** sees metal by `L = L0 - ΔL·e^(-αd)` (eq. 11 of the paper), and by eddy currents: with
   the metal's quality q its impedance changes by `ω·ΔL·e^(-αd)·(1/q - j)`, and with it the current
   that a fixed voltage drives through it, in amplitude and phase.
@@ -139,6 +150,11 @@ possibly or impossibly dead, and stuck. After a window without a touch all may b
 The faults of a scenario (`[[fault]]`) are found at the end of the first whole window in which the
 others move.
 
+A node does not find out that a pad wears, is wet or remembers loads: its pressure goes on, and may
+be wrong. `eskin audit` counts that as violations, and names the pads that leave their data sheets,
+from when on and why. The dataset of such a scenario does not believe these pads, as it does not
+believe broken ones.
+
 ## Adaptive control
 
 The paper's G(t) follows stimulus and environment. With `adaptive = true` in a taxel's table, or by
@@ -187,6 +203,9 @@ def _tables() -> Iterator[str]:
     for event in get_args(AnyEvent):
         yield from keys_table(f'`[[event]]`, `kind = "{_constant(event, "kind")}"`', event)
     yield from keys_table("`[[fault]]`", FaultSection)
+    yield from keys_table("`[[wear]]`", WearSection)
+    yield from keys_table("`[[film]]`", FilmSection)
+    yield from keys_table("`[hysteresis]`", HysteresisSection)
     yield from keys_table("`[[taxel]]` of a node that replays", Recorded)
 
 

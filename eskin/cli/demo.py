@@ -139,6 +139,12 @@ def _remarks(found: Audit) -> Iterator[str]:
         yield f"claimed coverage of a sample: {claim} (patches: {count})"
     for row in found.damaged:
         yield f"damaged in the store, and not compared: {row}; bring it back from a backup"
+    for node, departures in sorted(found.departures.items()):
+        for each in departures:
+            yield (
+                f"{node}: beyond its data sheet: {each}; its distances, areas and pressures may "
+                "violate, which counts"
+            )
     for letter, count in Counter(found.letters).items():
         yield f"refused by the gateway: {count} of {letter}"
 

@@ -97,6 +97,7 @@ def serve(settings: NodeSettings, flash: Flash, truth: GroundTruth, stop: thread
     """Run a node on a flash until an event is set."""
     own = settings.node
     node, clock, outbox, controls = _assemble(settings, flash, truth)
+    truth.store_departures(own.name, settings.departures)
     commander = CommandReceiver(
         outbox,
         own=Identity.load(settings.identity.directory),

@@ -15,7 +15,8 @@ from eskin_sensor_node.kinds.registry import Taxel
 from eskin_sensor_node.kinds.settings import Companion, TaxelSection
 from eskin_sensor_node.kinds.skin_section import SkinSection
 from eskin_sensor_node.profile import Profile, profile_names
-from eskin_sensor_node.world.scenario.fit import Played
+from eskin_sensor_node.world.scenario import read_scenario
+from eskin_sensor_node.world.scenario.fit import Played, Staged
 
 _TOLERANCE = "relative; the true one lies anywhere inside"
 
@@ -470,6 +471,19 @@ class NodeSettings(Settings):
                 if len({each.scenario for each in both if isinstance(each, Played)}) > 1:
                     raise ValueError(f"{taxel.id} and its {role} '{name}' play different scenarios")
         return value
+
+    @property
+    def departures(self) -> list[str]:
+        """Which of its taxels the scenarios take out of their data sheets, why and when."""
+        if self.skin.present:
+            return [str(each) for each in read_scenario(self.skin.scenario).departures]
+        return [
+            f"{taxel.id} at {each}" if each.taxel else f"{taxel.id}: {each}"
+            for taxel in self.taxel
+            if isinstance(taxel, Staged)
+            for each in read_scenario(taxel.scenario).departures
+            if each.taxel in {"", taxel.place} and (taxel.pressed or each.kind in {"stuck", "dead"})
+        ]
 
     def companions(self, taxel: TaxelSection) -> dict[str, Companion]:
         """What a taxel reads along, by the names of its inputs."""

@@ -34,6 +34,8 @@ class Audit:
         letters: Messages that the gateway refused to take: the node and the reason.
         doubled: Frames that are stored twice, by node.
         damaged: Rows that are not as they were written, which could not be compared.
+        departures: By node, which taxels the world takes out of their data sheets, why and when.
+            Their violations count as any.
     """
 
     channels: list[ChannelAudit]
@@ -41,6 +43,7 @@ class Audit:
     letters: list[str]
     doubled: dict[str, list[Position]]
     damaged: list[str]
+    departures: dict[str, list[str]]
 
     @property
     def passes(self) -> bool:
@@ -76,7 +79,8 @@ def audit(
                 channels, framed = _audit(layout, seen.truths, connection, progress)
                 delivered = deliveries(seen, connection, framed)
             doubled = {node: found.doubled for node, found in framed.items()}
-            return Audit(channels, delivered, seen.letters, doubled, [str(row) for row in damaged])
+            rows = [str(row) for row in damaged]
+            return Audit(channels, delivered, seen.letters, doubled, rows, seen.departures)
     finally:
         engine.dispose()
 

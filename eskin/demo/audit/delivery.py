@@ -103,6 +103,7 @@ class UnderWay:
     ended: dict[str, dict[int, int]]
     waiting: dict[str, Sightings]
     letters: list[str]
+    departures: dict[str, list[str]]
 
     @classmethod
     def look(cls, layout: Layout) -> UnderWay:
@@ -114,10 +115,12 @@ class UnderWay:
         truths: dict[str, Path] = {}
         made: dict[str, list[Position]] = {}
         settled: dict[str, dict[int, int]] = {}
+        departures: dict[str, list[str]] = {}
         for path in layout.truths:
             found = GroundTruth.made(path)
             made |= found
             settled |= GroundTruth.settled(path)
+            departures |= GroundTruth.departures(path)
             truths |= dict.fromkeys(found, path)
         # Before what waits there: what flash comes to hold meanwhile is found further on.
         ended: dict[str, dict[int, int]] = defaultdict(dict)
@@ -133,7 +136,7 @@ class UnderWay:
                 waiting[node].span(position.boot, position.sequence, position.sequence)
         letters = _rows(layout.spool, "SELECT node, reason FROM dead_letters ORDER BY id")
         said = [f"{node}: {reason}" for node, reason in letters]
-        return cls(truths, made, settled, dict(ended), waiting, said)
+        return cls(truths, made, settled, dict(ended), waiting, said, departures)
 
     def kept(self, node: str, boot: int) -> int:
         """The number below which all of a boot was in flash at some time, or is named by a gap.

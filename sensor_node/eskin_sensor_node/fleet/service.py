@@ -108,6 +108,8 @@ def build_shards(
 ) -> list[Shard]:
     """Put a fleet's nodes together, spread over the time of one stretch."""
     seed = truth.seed(settings.node.seed)
+    for name in names if settings.departures else ():
+        truth.store_departures(name, settings.departures)
     size = max(1, min(_MOST_PER_SHARD, -(-len(names) // _FEWEST_SHARDS)))
     parts = -(-len(names) // size)
     now, begin = time.monotonic_ns(), _begin(truth, time.time_ns())

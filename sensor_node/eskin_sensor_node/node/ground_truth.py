@@ -36,6 +36,11 @@ CREATE TABLE IF NOT EXISTS supply (
     time INTEGER NOT NULL,   -- true UTC, ns since 1970
     energy REAL NOT NULL     -- what it held then, in J
 ) STRICT;
+CREATE TABLE IF NOT EXISTS departure (
+    node TEXT NOT NULL,
+    description TEXT NOT NULL, -- which taxel leaves its data sheet, why and when
+    PRIMARY KEY (node, description)
+) STRICT, WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS true_frame (
     id INTEGER PRIMARY KEY,  -- in the order of their making
     node TEXT NOT NULL,
@@ -215,6 +220,31 @@ class GroundTruth:
             self._db.execute("INSERT OR REPLACE INTO supply VALUES (?, ?, ?)", (node, time, energy))
         except UNREADABLE as error:
             raise FlashError(f"{self._path}: the truth cannot be written: {why(error)}") from error
+
+    def store_departures(self, node: str, descriptions: Iterable[str]) -> None:
+        """Store which taxels of a node leave their data sheets, besides what is stored already.
+
+        Raises:
+            FlashError: It cannot be written.
+        """
+        with self._writing():
+            self._db.executemany(
+                "INSERT OR IGNORE INTO departure VALUES (?, ?)",
+                [(node, each) for each in descriptions],
+            )
+
+    @classmethod
+    def departures(cls, path: Path) -> dict[str, list[str]]:
+        """Of each node, which taxels leave their data sheets, why and when.
+
+        Raises:
+            FlashError: The file cannot be read.
+        """
+        found: dict[str, list[str]] = defaultdict(list)
+        with _reading(path) as db:
+            for node, each in db.execute("SELECT node, description FROM departure ORDER BY 1, 2"):
+                found[node].append(each)
+        return dict(found)
 
     @classmethod
     def settled(cls, path: Path) -> dict[str, dict[int, int]]:

@@ -57,6 +57,7 @@ def audited(
         {} if ended is None else {NODE: {1: ended}},
         {NODE: Sightings()},
         [],
+        {},
     )
     with store.read() as connection:
         framed = audit_frames(path, connection, NODE, lambda _rows: None, reader=None)

@@ -227,6 +227,19 @@ def test_value_outside_its_interval_is_found(demo: Demo, *, compacted: bool) -> 
     }
 
 
+def test_departures_are_listed_and_their_violations_count(demo: Demo) -> None:
+    assert demo.audit().departures == {}
+    truth = GroundTruth(demo.folder.truth(NODE), limit=2**30)
+    truth.store_departures(NODE, ["t05: worn from 2 s"])
+    truth.close()
+    assert demo.audit().passes  # nothing was violated
+    values = GroundTruth.read_frames(demo.folder.truth(NODE), [demo.made[2]], node=NODE)
+    demo.rewrite(values=values[demo.made[2]].values + 1e5)
+    found = demo.audit()
+    assert found.departures == {NODE: ["t05: worn from 2 s"]}
+    assert not found.passes
+
+
 @pytest.mark.parametrize("compacted", [False, True])
 @pytest.mark.parametrize("moment", ["time", "end"])
 def test_moment_outside_its_enclosure_is_found(moment: str, demo: Demo, *, compacted: bool) -> None:

@@ -65,7 +65,7 @@ _KEYS: Final = (
     ("time_s", pa.float64(), "s", "since the run's begin"),
     ("taxel", pa.string(), "", "its place in the skin"),
     ("label", pa.string(), "", "what happens to the taxel"),
-    ("fault", pa.string(), "", "none, stuck or dead"),
+    ("fault", pa.string(), "", "none, stuck, dead, worn, wet or hysteresis"),
 )
 _SIDES: Final = {TRUE: "truth", LO: "lower bound", HI: "upper bound"}
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from eskin.interval import Interval
 from eskin_sensor_node.kinds.pad.inversion import PadInversion
 from eskin_sensor_node.kinds.registry import build_frontend
@@ -13,7 +15,6 @@ from eskin_sensor_node.world.skin import unmix
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
@@ -56,17 +57,24 @@ class SkinInversion:
         taxel: Their data sheet.
         neighbours: Table of neighbours.
         crosstalk: The skin's greatest coefficient.
-        broken: Taxels that are not to be believed.
+        broken: Taxels whose capacitance has other causes: stuck, dead or wet ones.
+        worn: Taxels that are no longer as the data sheet has them.
     """
 
     def __init__(
-        self, taxel: PadSection, neighbours: Indices, *, crosstalk: float, broken: Sequence[int]
+        self,
+        taxel: PadSection,
+        neighbours: Indices,
+        *,
+        crosstalk: float,
+        broken: Sequence[int],
+        worn: Sequence[int] = (),
     ) -> None:
         self._inversion = PadInversion(taxel)
         self._neighbours = neighbours
         self._crosstalk = crosstalk
         self._most = taxel.pressure_max_Pa
-        self._broken = list(broken)
+        self._broken, self._worn = sorted({*broken}), sorted({*worn})
 
     def infer(
         self, capacitance: Interval, temperature: Interval, humidity: Interval
@@ -78,13 +86,23 @@ class SkinInversion:
             self._neighbours,
             bound=self._crosstalk,
             most=self._most,
-            broken=self._broken,
+            broken=[*self._broken, *self._worn],
         )
-        return {"plate_distance": self._believed(distance)} | self._inversion.quantities(own)
+        found = {"plate_distance": self._believed(distance)} | self._inversion.quantities(own)
+        found["contact_distance"] = _unknown(found["contact_distance"], self._worn)
+        return found
 
     def _believed(self, distance: Interval) -> Interval:
-        """Limit a broken taxel to its data sheet."""
+        """Limit a broken taxel to its data sheet, if it is not worn, too."""
         lo, hi = distance.inf.copy(), distance.sup.copy()
         lo[self._broken] = self._inversion.stated_distance.inf
         hi[self._broken] = self._inversion.stated_distance.sup
-        return Interval(lo, hi)
+        both = [row for row in self._broken if row in self._worn]
+        return _unknown(Interval(lo, hi), both)
+
+
+def _unknown(values: Interval, rows: Sequence[int]) -> Interval:
+    """Nothing is known of some taxels."""
+    lo, hi = values.inf.copy(), values.sup.copy()
+    lo[list(rows)], hi[list(rows)] = -np.inf, np.inf
+    return Interval(lo, hi)

@@ -51,16 +51,23 @@ class Run:
         random = ColumnGenerator(seed, _PADS + np.arange(n))
         self._pads = PadWorld(plan.pads[0], random, stage.skin.names, stage=stage)
         self._pad_chains = Chains(plan.pads[0], random)
-        broken = [stage.skin.numbers[fault.taxel] for fault in script.fault]
+        self._departures = [
+            (np.array([stage.skin.numbers[each.taxel]] if each.taxel else range(n)), each)
+            for each in script.departures
+        ]
         self._inversion = SkinInversion(
-            plan.pads[0], stage.skin.neighbours, crosstalk=script.skin.crosstalk, broken=broken
+            plan.pads[0],
+            stage.skin.neighbours,
+            crosstalk=script.skin.crosstalk,
+            broken=self._departed({"stuck", "dead", "wet"}),
+            worn=self._departed({"worn", "hysteresis"}),
         )
         self._coils: CoilWorld | None = None
         if plan.coils:
             random = ColumnGenerator(seed, _COILS + np.arange(n))
             self._coils = CoilWorld(plan.coils[0], random, stage.skin.names, stage=stage)
             self._coil_chains = Chains(plan.coils[0], random)
-        self._broken = broken
+        self._broken = self._departed({"stuck", "dead"})
         sensors: list[TaxelSection] = [plan.thermometer, plan.hygrometer, plan.electrode]
         self._around = [
             Chains(sensor, ColumnGenerator(seed, _AROUND + k)) for k, sensor in enumerate(sensors)
@@ -129,10 +136,15 @@ class Run:
         lo[self._broken], hi[self._broken] = -np.inf, np.inf
         return seen | {"distance": Interval(lo, hi)}
 
+    def _departed(self, kinds: set[str]) -> list[int]:
+        """Taxels that leave their data sheets at some time."""
+        return [int(row) for rows, each in self._departures if each.kind in kinds for row in rows]
+
     def _faults(self, seconds: Floats) -> Any:
         found = np.full((len(self._names), len(seconds)), "none", dtype=object)
-        for row, fault in zip(self._broken, self._plan.script.fault, strict=True):
-            found[row, seconds >= fault.at_s] = fault.kind
+        for rows, each in self._departures:
+            when = (seconds >= each.begin_s) & (seconds < each.end_s)
+            found[np.ix_(rows, np.flatnonzero(when))] = each.kind
         return found
 
 

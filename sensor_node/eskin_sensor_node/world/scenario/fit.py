@@ -84,13 +84,15 @@ def require_crosstalk(scenario: str, bound: float) -> None:
 
 
 def require_sound(scenario: str, place: str, doubtful: int) -> None:
-    """Refuse more stuck taxels around a place than a taxel's data sheet allows for.
+    """Refuse more stuck or worn taxels around a place than a taxel's data sheet allows for.
+
+    Either may feel more than it reads. Water and hysteresis add to what a pad reads.
 
     Raises:
         ValueError: There are.
     """
     script = read_scenario(scenario)
-    stuck = {fault.taxel for fault in script.fault if fault.kind == "stuck"}
+    stuck = {each.taxel for each in script.departures if each.kind in {"stuck", "worn"}}
     if len(stuck) <= doubtful:
         return
     skin = script.skin.build()
@@ -98,7 +100,7 @@ def require_sound(scenario: str, place: str, doubtful: int) -> None:
     found = sorted(stuck & {skin.names[number] for number in around[around != NO_NEIGHBOUR]})
     if len(found) > doubtful:
         raise ValueError(
-            f"{' and '.join(found)} beside {place} get stuck in the scenario, "
+            f"{' and '.join(found)} beside {place} get stuck or wear in the scenario, "
             f"doubtful_neighbours is {doubtful}"
         )
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from math import inf
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -32,6 +33,26 @@ class VariationSection(Section):
     time_s: float = Field(default=0.0, ge=0, description="when it begins, within the scenario")
     force: float = Field(default=0.0, ge=0, lt=1, description="its force, relative")
     position_m: float = Field(default=0.0, ge=0, description="its place, along the skin")
+
+
+class Departure(NamedTuple):
+    """What takes a taxel out of its data sheet: intervals of causes need not hold any more.
+
+    Attributes:
+        taxel: Its name; empty: all pads.
+        kind: ``stuck``, ``dead``, ``worn``, ``wet`` or ``hysteresis``.
+        begin_s: From when on.
+        end_s: Until when; ``inf``: for good.
+    """
+
+    taxel: str
+    kind: str
+    begin_s: float = 0.0
+    end_s: float = inf
+
+    def __str__(self) -> str:
+        until = "" if self.end_s == inf else f" to {self.end_s:g} s"
+        return f"{self.taxel or 'all pads'}: {self.kind} from {self.begin_s:g} s{until}"
 
 
 class Script(Section):
@@ -86,6 +107,19 @@ class Script(Section):
             return np.zeros(seconds.shape, np.int64), seconds
         loops = np.maximum(np.floor(seconds / self.duration_s), 0.0).astype(np.int64)
         return loops, seconds - loops * self.duration_s
+
+    @property
+    def departures(self) -> list[Departure]:
+        """What takes taxels out of their data sheets."""
+        found = [Departure(each.taxel, each.kind, each.at_s) for each in self.fault]
+        found += [Departure(each.taxel, "worn", each.at_s) for each in self.wear]
+        found += [
+            Departure(each.taxel, "wet", each.at_s, each.at_s + each.duration_s)
+            for each in self.film
+        ]
+        if self.hysteresis.share > 0.0:
+            found.append(Departure("", "hysteresis"))
+        return found
 
     @property
     def peak_pressure(self) -> float:

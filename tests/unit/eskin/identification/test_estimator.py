@@ -37,7 +37,8 @@ class Record:
         self.latest = np.cumsum(draw.integers(0, 3 * MINUTE, n))
         self.latest += draw.choice([0, DAY, 400 * DAY], n, p=[0.8, 0.15, 0.05]).cumsum()
         self.earliest = self.latest - draw.integers(0, 2 * MINUTE, n) * draw.integers(0, 2)
-        self.rates = tuple(sorted(draw.choice([-1e-8, -3e-9, 0.0, 2e-9, 1e-8], 2).tolist()))
+        slow, fast = sorted(draw.choice([-1e-8, -3e-9, 0.0, 2e-9, 1e-8], 2).tolist())
+        self.rates = slow, fast
         # At a true moment between both ends, strictly ascending moments are not needed.
         moments = [
             mpmath.mpf(int(draw.integers(a, b + 1)))
@@ -45,7 +46,7 @@ class Record:
         ]
         self.level = mpmath.mpf(float(np.exp(draw.uniform(-3.0, 3.0))))
         self.pieces = np.sort(draw.integers(0, int(self.latest[-1]) + 2, 5)).tolist()
-        self.speeds = draw.uniform(*self.rates, len(self.pieces) + 1).tolist()
+        self.speeds = draw.uniform(slow, fast, len(self.pieces) + 1).tolist()
         spread = 10.0 ** draw.uniform(-12.0, -1.0)
         lo, hi = [], []
         misses = np.zeros(n, bool)

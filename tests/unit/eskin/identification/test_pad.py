@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -101,14 +102,19 @@ def test_unknown_sample_says_nothing() -> None:
     assert half.sup.tolist() == [np.inf, np.inf]
 
 
-def test_what_no_pad_has_is_refused() -> None:
-    some = Interval(1e-11, 2e-11)
-    for call in (
-        lambda: rest_capacitance(some, 0.0),
-        lambda: rest_capacitance(some, residual=-0.1),
+SOME = Interval(1e-11, 2e-11)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: rest_capacitance(SOME, 0.0),
+        lambda: rest_capacitance(SOME, residual=-0.1),
         lambda: rest_capacitance(Interval(-2.0, -1.0)),
-        lambda: stiffness(some, -1.0, 1e-11),
-        lambda: stiffness(some, 1.0, 0.0),
-    ):
-        with pytest.raises(IdentificationError):
-            call()
+        lambda: stiffness(SOME, -1.0, 1e-11),
+        lambda: stiffness(SOME, 1.0, 0.0),
+    ],
+)
+def test_what_no_pad_has_is_refused(call: Any) -> None:
+    with pytest.raises(IdentificationError):
+        call()

@@ -44,6 +44,14 @@ BAD = {
         HEAD + '[[fault]]\ntaxel = "t99"\nkind = "dead"\n',
         "fault 1.taxel: taxel 't99' is not there",
     ),
+    "worn taxel that is not there": (
+        HEAD + '[[wear]]\ntaxel = "t99"\n',
+        "wear 1.taxel: taxel 't99' is not there",
+    ),
+    "wet taxel that is not there": (
+        HEAD + '[[film]]\ntaxel = "t99"\nat_s = 0.0\nduration_s = 1.0\nshare = 0.1\n',
+        "film 1.taxel: taxel 't99' is not there",
+    ),
     "late": (HEAD + TAP.replace("at_s = 1.0", "at_s = 9.9"), "event 1 (tap): it ends at 10.1 s"),
     "disturbed": (HEAD + NOISE + TAP, "event 1 (noise): event 2 (tap) happens in it"),
     "disturbed by a variation": (
