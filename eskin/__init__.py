@@ -2,7 +2,8 @@
 
 ``import eskin`` gives a researcher's notebook the intervals, the tubes and their peaks, and the
 contacts of a skin, with no server. The sensor models are in `eskin.models`, noise and detection in
-`eskin.noise`, design by intervals in `eskin.design`, formulas over time in `eskin.monitor`.
+`eskin.noise`, design by intervals in `eskin.design`, formulas over time in `eskin.monitor`, wear in
+`eskin.identification`.
 `eskin.connect` opens an `eskin.Client`, which reads a cloud's data.
 """
 
@@ -26,7 +27,7 @@ from eskin.peaks import PeakEvent, Peaks, PeakStream, find_peaks
 from eskin.tube import Tube
 
 if TYPE_CHECKING:
-    from eskin import design, models, monitor, noise
+    from eskin import design, identification, models, monitor, noise
     from eskin.client import Client, connect
 
 __all__ = [
@@ -47,6 +48,7 @@ __all__ = [
     "design",
     "find_contacts",
     "find_peaks",
+    "identification",
     "link_contacts",
     "models",
     "monitor",
@@ -54,7 +56,7 @@ __all__ = [
     "track_contacts",
 ]
 
-_LATER: Final = frozenset({"design", "models", "monitor", "noise"})
+_LATER: Final = frozenset({"design", "identification", "models", "monitor", "noise"})
 
 
 def __getattr__(name: str) -> Any:

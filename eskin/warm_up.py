@@ -8,6 +8,7 @@ import numpy as np
 
 from eskin import models
 from eskin.contacts import Skin, track_contacts
+from eskin.identification import SetMembershipEstimator, relaxed_intersection
 from eskin.interval import Interval
 from eskin.models.icm import IcmParameters
 from eskin.monitor import Monitor, parse
@@ -71,6 +72,13 @@ def _monitors() -> None:
     monitor.take()
 
 
+def _identification() -> None:
+    online = SetMembershipEstimator(0.0, outliers=0, memory=1)
+    online.push(0, 0, Interval(1.0, 2.0))
+    online.at(0)
+    relaxed_intersection(Interval([1.0, 1.0], [2.0, 2.0]), 0)
+
+
 def _capacitive_models() -> None:
     models.capacitance(relative_permittivity=1.0, area=_AREA, distance=1e-3)
     models.moving_plate(
@@ -126,6 +134,7 @@ STEPS: Final[dict[str, Callable[[], object]]] = {
     "peaks": _peaks,
     "contacts": _contacts,
     "monitors": _monitors,
+    "identification": _identification,
     "capacitive models": _capacitive_models,
     "inductive models": _inductive_models,
     "the hybrid sensor (ICM)": _hybrid_sensor,

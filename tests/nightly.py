@@ -50,6 +50,10 @@ STEPS: Final = {
         *(".venv/bin/python", "-m", "tests.robustness.monitors"),
         *("--count", "1000000", "--seed", "{seed}"),
     ],
+    "lives": [
+        *(".venv/bin/python", "-m", "benchmarks.lives"),
+        *("--lives", "200", "--seed", "{seed}"),
+    ],
     "soak": ["make", "soak", "ARGS=--duration 3600 --rate 1000"],
     "cortex-m33": [sys.executable, "-m", "tests.robustness.cortex_m33"],
     "test-compose": ["make", "test-compose"],

@@ -30,7 +30,8 @@ def rest_capacitance(
     """Bounds of C0 by samples: from above by each, from below by those at rest.
 
     Args:
-        capacitance: Samples in F; unbounded where they saturate.
+        capacitance: Samples in F. One that is not bounded on both sides says nothing: its converter
+            saturates, and the line may be open.
         permittivity: k over the data sheet's, by the air of each sample.
         at_rest: Where the pad is certainly not loaded: nothing touches it or its neighbours, and no
             water lies on it.
@@ -61,7 +62,7 @@ def stiffness(
     """Bounds of the stiffness E by samples under known loads: ``E = F/(C/(C0·k) - 1 - r)``.
 
     Args:
-        capacitance: Samples in F; unbounded where they saturate.
+        capacitance: Samples in F, as of `rest_capacitance`.
         load: F in Pa, what the pad feels, at least 0.
         rest: C0 in F. Errors that C and C0 share, as that of the oscillator, cancel: divide both by
             their factor α first (`eskin.monitor.SharedError`).
@@ -87,17 +88,21 @@ def stiffness(
     shown = strain.sup > 0.0
     positive = Interval(np.maximum(strain.inf, 0.0), np.where(shown, strain.sup, np.inf))
     found = pressure / positive
-    told = shown & (pressure.sup > 0.0)
+    informs = shown & (pressure.sup > 0.0)
     return Interval(
-        np.where(told, np.maximum(found.inf, 0.0), 0.0), np.where(told, found.sup, np.inf)
+        np.where(informs, np.maximum(found.inf, 0.0), 0.0), np.where(informs, found.sup, np.inf)
     )
 
 
 def _known(capacitance: Interval) -> Interval:
-    """Capacitances, which are not negative."""
+    """Capacitances that are bounded on both sides; of others all that is positive."""
     if np.any(capacitance.sup <= 0.0):
         raise IdentificationError("a capacitance must be positive")
-    return Interval(np.maximum(capacitance.inf, 0.0), capacitance.sup)
+    bounded = capacitance.is_common_interval
+    return Interval(
+        np.where(bounded, np.maximum(capacitance.inf, 0.0), 0.0),
+        np.where(bounded, capacitance.sup, np.inf),
+    )
 
 
 def _air(permittivity: Bounds, residual: float) -> Interval:

@@ -18,7 +18,9 @@ from eskin_cloud.store.write.removal_counts import RemovalReason, Sweep
 from eskin_sensor_node.columns.stretch import PatchColumns
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from sqlalchemy import delete, insert, select, update
+from typer.testing import CliRunner
 
+from eskin.cli import app
 from eskin.demo.audit import Audit, audit
 from eskin.demo.layout import Layout as Folder
 from eskin.privacy import Encryptor, FileMasterKey, KeyStore
@@ -238,6 +240,9 @@ def test_departures_are_listed_and_their_violations_count(demo: Demo) -> None:
     found = demo.audit()
     assert found.departures == {NODE: ["t05: worn from 2 s"]}
     assert not found.passes
+    shown = CliRunner().invoke(app, ["audit", "--data", str(demo.folder.root)])
+    assert shown.exit_code == 1
+    assert f"{NODE}: beyond its data sheet: t05: worn from 2 s" in shown.output
 
 
 @pytest.mark.parametrize("compacted", [False, True])
