@@ -39,14 +39,12 @@ def _leftmost(lows: Floats, highs: Floats, outliers: int) -> float:
     """
     below = 0
     for k in range(lows.size):
-        point = lows[k]
+        # Of equal bounds the last one has the fewest above it.
         above = lows.size - 1 - k
-        while above > 0 and lows[lows.size - above] == point:
-            above -= 1
-        while below < highs.size and highs[below] < point:
+        while below < highs.size and highs[below] < lows[k]:
             below += 1
         if above + below <= outliers:
-            return float(point)
+            return float(lows[k])
     return inf
 
 
