@@ -42,7 +42,8 @@ eskin contains
 [small-hand](../sensor_node/eskin_sensor_node/profiles/small-hand.toml) there are
 [paper-hand.toml](../sensor_node/eskin_sensor_node/scenarios/paper-hand.toml) (fingers tap, a ball
 rolls over the palm, a grip holds) and
-[small-hand.toml](../sensor_node/eskin_sensor_node/scenarios/small-hand.toml) (the hand at 5 mm).
+[small-hand.toml](../sensor_node/eskin_sensor_node/scenarios/small-hand.toml) (the hand at 5 mm). In
+[wear.toml](../sensor_node/eskin_sensor_node/scenarios/wear.toml) pads wear, get wet and break.
 
 Times count in seconds from the scenario's begin, places are names of taxels (`t00`, `t01`, …).
 Keys end in their unit. What cannot be played is refused with one line: file, place, reason, as in

@@ -11,6 +11,8 @@ from eskin_sensor_node.kinds.registry import build_world
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from pydantic import ValidationError
 
+from eskin.identification import SetMembershipEstimator, find_wear, rest_capacitance
+from eskin.interval import Interval
 from eskin.models import capacitance
 from tests.unit.sensor_node.dataset.test_export import columns, intervals, make
 from tests.unit.sensor_node.designs import Bench, settings, table, taxel
@@ -135,6 +137,41 @@ def test_worn_pad_states_its_line_and_its_distance_right_and_its_pressure_wrong(
     }
     bench.close()
     assert [name for name, right in holds.items() if not right] == ["t05.pressure"]
+
+
+def test_history_of_a_node_encloses_what_its_world_wears(tmp_path: Path) -> None:
+    """Each minute the pad is pressed and then at rest; one rest is wet, and its trace breaks."""
+    hold = TAP.replace("tap", "hold").replace("0.2\n", "8.0\ntimes = 6\nevery_s = 60.0\n")
+    film = FILM.replace("3.0", "150.0").replace("2.0", "40.0")
+    wear = "\n[[wear]]\ntaxel = 't05'\ndistance_per_s = -2e-4\n"
+    dead = "\n[[fault]]\ntaxel = 't05'\nkind = 'dead'\nat_s = 290.0\n"
+    scene = write(tmp_path, HEAD.replace("10.0", "360.0") + hold + film + wear + dead)
+    pad = pads(scene, sampling_Hz=2.0)[0]
+    bench = Bench(tmp_path, "hand", taxel=[pad], sampling={"stretch_ms": 2000.0})
+    bench.run_to(360.0)
+    found = samples_of(bench, "t05.capacitance")
+    bench.close()
+    online = SetMembershipEstimator(Interval(-3e-4, 3e-4), outliers=1, memory=10)
+    begin, first = found[0].time, float(found[0].truth[0])  # at 20 °C and 50 %: C0
+    air = Interval.around(1.0, 1e-3)  # the room is known within 1 K
+    verdicts, widths = [], []
+    sheet = Interval.relative(first, 0.01)
+    for piece in found:
+        for k in range(len(piece.tube)):
+            since = k * piece.tube.dt
+            earliest, latest = (t + since for t in piece.tube.time)
+            age = (piece.time + since - begin) / 1e9
+            at_rest = age % 60.0 > 15.0
+            sample = rest_capacitance(piece.tube.values[k], air, at_rest=at_rest)
+            online.push(earliest, latest, sample)
+            if age % 60.0 == 50.0:
+                product = online.at(latest)
+                assert first * np.exp(2e-4 * age) in product, age
+                verdicts.append(int(find_wear(product, sheet).certain))
+                widths.append(float(product.wid))
+    # Wear is certain after four minutes, and less and less known since the trace broke.
+    assert verdicts == [0, 0, 0, 1, 1, 1]
+    assert 0.06 * first > widths[5] > widths[4] > widths[3]
 
 
 def test_departures_are_named_by_taxel_and_kept_with_the_truth(tmp_path: Path) -> None:

@@ -129,6 +129,7 @@ def test_packaged_scenarios_can_be_played(name: str) -> None:
             "paper-hand.toml": {"noise", "tap", "press", "hold", "slide"},
             "small-hand.toml": {"noise", "tap", "press", "hold", "slide"},
             "walk.toml": {"noise", "hold"},
+            "wear.toml": {"hold"},
         }[name]
     )
     stimulus = Stage(scene).stimulus(np.arange(0.0, scene.duration_s, 0.1))
