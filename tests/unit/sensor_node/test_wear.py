@@ -178,9 +178,9 @@ def test_departures_are_named_by_taxel_and_kept_with_the_truth(tmp_path: Path) -
     scene = write(tmp_path, HEAD + TAP + WEAR + FILM + HYSTERESIS)
     found = settings(tmp_path, "hand", taxel=pads(scene)).departures
     assert found == [
+        "t05: all pads: hysteresis from 0 s",
         "t05 at t05: worn from 2 s",
         "t05 at t05: wet from 3 s to 5 s",
-        "t05: all pads: hysteresis from 0 s",
         "t06: all pads: hysteresis from 0 s",
     ]
     path = tmp_path / "truth.sqlite"

@@ -110,16 +110,15 @@ class Script(Section):
 
     @property
     def departures(self) -> list[Departure]:
-        """What takes taxels out of their data sheets."""
-        found = [Departure(each.taxel, each.kind, each.at_s) for each in self.fault]
-        found += [Departure(each.taxel, "worn", each.at_s) for each in self.wear]
-        found += [
+        """What takes taxels out of their data sheets; what changes more of them comes later."""
+        remains = [Departure("", "hysteresis")] if self.hysteresis.share > 0.0 else []
+        worn = [Departure(each.taxel, "worn", each.at_s) for each in self.wear]
+        wet = [
             Departure(each.taxel, "wet", each.at_s, each.at_s + each.duration_s)
             for each in self.film
         ]
-        if self.hysteresis.share > 0.0:
-            found.append(Departure("", "hysteresis"))
-        return found
+        broken = [Departure(each.taxel, each.kind, each.at_s) for each in self.fault]
+        return [*remains, *worn, *wet, *broken]
 
     @property
     def peak_pressure(self) -> float:
