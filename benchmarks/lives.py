@@ -72,9 +72,9 @@ _FILM_MIN: Final = 180
 _LEAN_MIN: Final = 60
 _NOISE_WRONG: Final = 100
 """Samples of a week whose noise exceeds its reach, at most."""
-LOADS_A_DAY: Final = 10
-LOAD_MEMORY: Final = 60 * LOADS_A_DAY
-LOAD_OUTLIERS: Final = 40
+LOAD_MEMORY: Final = 60
+"""Mornings."""
+LOAD_OUTLIERS: Final = 10
 _LIMITS: Final = 0.05
 """A pad fails where its C0 is so far from its nominal value, relative."""
 _STIFFNESS_LIMITS: Final = 0.15
@@ -185,7 +185,7 @@ def draw_world(seed: int, days: int, kind: str) -> World:
     clock = minute % DAY
     drifts = [_drift(draw, n, kind) for _ in range(2)]
     rest = (clock >= 23 * 60) | (clock < 6 * 60)
-    known = (clock >= 6 * 60) & (clock < 6 * 60 + LOADS_A_DAY)
+    known = clock == 6 * 60
     day = (clock >= 7 * 60) & (clock < 22 * 60)
     touched = day & (draw.uniform(size=n) < draw.uniform(0.05, 0.6))
     load = np.where(touched, draw.uniform(0.0, _MOST_PA, n), 0.0)
@@ -257,6 +257,7 @@ class Emulated:
         world: What happens.
 
     Attributes:
+        world: What happens.
         product: True C0 at each minute, F.
         own_product: The same over the true factor of the oscillator.
         stiffness: True E, Pa.
@@ -266,6 +267,7 @@ class Emulated:
     """
 
     def __init__(self, seed: int, world: World) -> None:
+        self.world = world
         pad, thermometer, hygrometer = _sheets()
         sheet: Any = pad
         self.sheet = sheet
@@ -344,42 +346,43 @@ def _remains(load: Floats) -> Floats:
     return np.concatenate([[0.0], np.exp(kept[:-1] - since[1:])])
 
 
-def live(seed: int, days: int = DAYS, *, drift: float = DRIFT, outliers: int = OUTLIERS) -> Life:
+def live(seed: int, days: int = DAYS) -> Life:
     """Emulate one life and judge what is identified of it.
 
     Args:
         seed: Draws it; its kind is the seed's rest by four.
         days: How long it is.
-        drift: Bound that the estimators are given.
-        outliers: How many of a week's constraints they take to be wrong.
     """
-    world = draw_world(seed, days, KINDS[seed % len(KINDS)])
-    pad = Emulated(seed, world)
+    return identify(Emulated(seed, draw_world(seed, days, KINDS[seed % len(KINDS)])))
+
+
+def identify(pad: Emulated, *, drift: float = DRIFT, outliers: int = OUTLIERS) -> Life:
+    """Identify a pad's C0 and E over its life, and judge it.
+
+    Args:
+        pad: The pad.
+        drift: Bound that the estimators are given.
+        outliers: How many of a week's constraints of C0 they take to be wrong.
+    """
+    world, within = pad.world, Interval(-drift, drift)
     at = np.arange(world.minutes, dtype=np.int64) * MINUTE
-    within = Interval(-drift, drift)
+    times = np.arange(_EVERY, world.minutes, _EVERY)
     # What the oscillator's factor is wrong by cancels in E, and counts once in C0.
     parts, known = SharedError(pad.oscillator).own_parts(pad.capacitance)
     own = Interval.where(known, parts, Interval(0.0, np.inf))
     constraints = rest_capacitance(own, pad.permittivity, at_rest=world.rest, residual=_RESIDUAL)
-    times = np.arange(_EVERY, world.minutes, _EVERY)
-    found = estimate(at, at, constraints, at[times], within, outliers=outliers, memory=MEMORY)
+    mornings = np.flatnonzero(world.known)
+    both = np.union1d(times, mornings)
+    rests = estimate(at, at, constraints, at[both], within, outliers=outliers, memory=MEMORY)
+    found = rests[np.searchsorted(both, times)]
     product = Interval.where(found.is_empty, Interval.empty(), found * Interval(*pad.oscillator))
-    nominal = float(pad.stated_product.mid)
-    limits = Interval.relative(nominal, _LIMITS)
-    steady = world.kind == "steady"
-    judged = _judge(product, pad.stated_product, limits, pad.product, times, within, steady=steady)
-    loaded = np.flatnonzero(world.known)
-    mornings = loaded[::LOADS_A_DAY]
-    rests = estimate(at, at, constraints, at[mornings], within, outliers=outliers, memory=MEMORY)
-    rests = Interval.where(rests.is_empty, Interval(0.0, np.inf), rests)
-    some = rests.inf > 0.0
-    kept = np.repeat(some, LOADS_A_DAY)
-    rows = np.repeat(np.arange(mornings.size), LOADS_A_DAY)[kept]
-    loaded = loaded[kept]
+    then = rests[np.searchsorted(both, mornings)]
+    some = then.inf > 0.0
+    loaded = mornings[some & ~then.is_empty]
     strained = stiffness(
         own[loaded],
         Interval.relative(_LOAD_PA, _LOAD_TOLERANCE),
-        rests[rows],
+        then[some & ~then.is_empty],
         pad.permittivity[loaded],
         residual=_RESIDUAL,
     )
@@ -387,16 +390,23 @@ def live(seed: int, days: int = DAYS, *, drift: float = DRIFT, outliers: int = O
         at[loaded], at[loaded], strained, at[times], within,
         outliers=LOAD_OUTLIERS, memory=LOAD_MEMORY,
     )  # fmt: skip
-    stiff = _judge(
-        soft,
-        pad.stated_stiffness,
-        Interval.relative(float(pad.stated_stiffness.mid), _STIFFNESS_LIMITS),
-        pad.stiffness,
-        times,
-        within,
-        steady=steady,
+    steady = world.kind == "steady"
+    for_c0, for_e = (
+        _judge(
+            each,
+            stated,
+            Interval.relative(float(stated.mid), reach),
+            true,
+            times,
+            within,
+            steady=steady,
+        )
+        for each, stated, reach, true in (
+            (product, pad.stated_product, _LIMITS, pad.product),
+            (soft, pad.stated_stiffness, _STIFFNESS_LIMITS, pad.stiffness),
+        )
     )
-    return Life(world.kind, judged, stiff, _most_wrong(constraints, pad))
+    return Life(world.kind, for_c0, for_e, _most_wrong(constraints, pad))
 
 
 def _most_wrong(constraints: Interval, pad: Emulated) -> int:

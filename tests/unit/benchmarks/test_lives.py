@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks import lives
-from benchmarks.lives import DRIFT, Life, live, summarise
+from benchmarks.lives import DRIFT, KINDS, Emulated, Life, draw_world, identify, summarise
 from eskin.interval import Interval
 
 STEADY, LATE = 1001, 1002
@@ -16,8 +16,15 @@ DAYS = 400
 
 
 @pytest.fixture(scope="module")
-def lived() -> list[Life]:
-    return [live(seed, DAYS) for seed in (STEADY, LATE)]
+def pads() -> list[Emulated]:
+    return [
+        Emulated(seed, draw_world(seed, DAYS, KINDS[seed % len(KINDS)])) for seed in (STEADY, LATE)
+    ]
+
+
+@pytest.fixture(scope="module")
+def lived(pads: list[Emulated]) -> list[Life]:
+    return [identify(pad) for pad in pads]
 
 
 def failed(found: list[Life]) -> list[str]:
@@ -41,8 +48,8 @@ def test_wear_becomes_certain_and_its_end_is_enclosed(lived: list[Life]) -> None
 
 
 @pytest.mark.parametrize("wrong", [{"drift": DRIFT / 50.0}, {"outliers": 10}])
-def test_assumption_that_does_not_hold_shows(wrong: dict[str, Any]) -> None:
-    assert live(LATE, 250, **wrong).product.outside > 0
+def test_assumption_that_does_not_hold_shows(wrong: dict[str, Any], pads: list[Emulated]) -> None:
+    assert identify(pads[1], **wrong).product.outside > 0
 
 
 @pytest.mark.parametrize(
@@ -50,7 +57,10 @@ def test_assumption_that_does_not_hold_shows(wrong: dict[str, Any]) -> None:
     [((0.0, float("inf")), "C0: that delay"), ((1190.0, 1212.0), "C0: true value outside")],
 )
 def test_estimator_that_learns_nothing_fails(
-    bounds: tuple[float, float], shows: str, monkeypatch: pytest.MonkeyPatch
+    bounds: tuple[float, float],
+    shows: str,
+    pads: list[Emulated],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """One that answers nothing, or its data sheet of C0 over the oscillator's factor."""
 
@@ -58,4 +68,4 @@ def test_estimator_that_learns_nothing_fails(
         return Interval(*np.repeat(bounds, len(times)).reshape(2, -1))
 
     monkeypatch.setattr(lives, "estimate", learn_nothing)
-    assert any(name.startswith(shows) for name in failed([live(LATE, 250)]))
+    assert any(name.startswith(shows) for name in failed([identify(pads[1])]))
