@@ -39,6 +39,7 @@ from eskin.identification import (
     find_wear,
     independent_coverage,
     mean_drift,
+    relaxed_intersection,
     remaining_time,
     rest_capacitance,
     stiffness,
@@ -85,6 +86,11 @@ _HYSTERESIS: Final = 0.02
 _DECAY_MIN: Final = 15.0
 _RESIDUAL: Final = 5e-4
 """Stated bound of the strain that remains an hour after the last touch of a day."""
+_BEFORE_MIN: Final = 30
+"""Minutes of rest before a morning's load."""
+_BEFORE_OUTLIERS: Final = 3
+_SAME_AIR: Final = 1.5e-3
+"""How far the permittivity may change meanwhile, and C0, relative."""
 _SPIKE: Final = 1e-4
 _EVERY: Final = 360
 """Minutes from one enclosure to the next."""
@@ -371,21 +377,9 @@ def identify(pad: Emulated, *, drift: float = DRIFT, outliers: int = OUTLIERS) -
     parts, known = SharedError(pad.oscillator).own_parts(pad.capacitance)
     own = Interval.where(known, parts, Interval(0.0, np.inf))
     constraints = rest_capacitance(own, pad.permittivity, at_rest=world.rest, residual=_RESIDUAL)
-    mornings = np.flatnonzero(world.known)
-    both = np.union1d(times, mornings)
-    rests = estimate(at, at, constraints, at[both], within, outliers=outliers, memory=MEMORY)
-    found = rests[np.searchsorted(both, times)]
+    found = estimate(at, at, constraints, at[times], within, outliers=outliers, memory=MEMORY)
     product = Interval.where(found.is_empty, Interval.empty(), found * Interval(*pad.oscillator))
-    then = rests[np.searchsorted(both, mornings)]
-    some = then.inf > 0.0
-    loaded = mornings[some & ~then.is_empty]
-    strained = stiffness(
-        own[loaded],
-        Interval.relative(_LOAD_PA, _LOAD_TOLERANCE),
-        then[some & ~then.is_empty],
-        pad.permittivity[loaded],
-        residual=_RESIDUAL,
-    )
+    loaded, strained = _strained(own, np.flatnonzero(world.known))
     soft = estimate(
         at[loaded], at[loaded], strained, at[times], within,
         outliers=LOAD_OUTLIERS, memory=LOAD_MEMORY,
@@ -407,6 +401,26 @@ def identify(pad: Emulated, *, drift: float = DRIFT, outliers: int = OUTLIERS) -
         )
     )
     return Life(world.kind, for_c0, for_e, _most_wrong(constraints, pad))
+
+
+def _strained(own: Interval, mornings: Integers) -> tuple[Integers, Interval]:
+    """Constraints of E: each morning's load over the rest just before it, in the same air.
+
+    Returns:
+        The minutes of the loads, and E in Pa.
+    """
+    before = mornings[:, None] - np.arange(1, _BEFORE_MIN + 1)
+    rest = relaxed_intersection(own[before], _BEFORE_OUTLIERS)
+    known = ~rest.is_empty & (rest.inf > 0.0)
+    loaded = mornings[known]
+    strained = stiffness(
+        own[loaded],
+        Interval.relative(_LOAD_PA, _LOAD_TOLERANCE),
+        rest[known] / (1.0 + Interval(0.0, _RESIDUAL)),
+        Interval.around(1.0, _SAME_AIR),
+        residual=_RESIDUAL,
+    )
+    return loaded, strained
 
 
 def _most_wrong(constraints: Interval, pad: Emulated) -> int:
