@@ -92,7 +92,7 @@ def defined(record: Record, time: int, *, outliers: int, memory: int) -> tuple[A
     return (inside[0], inside[-1]) if inside else None
 
 
-@settings(max_examples=30)
+@settings(max_examples=25)
 @given(SEEDS, st.integers(0, 3), st.sampled_from([4, 7, 200]))
 def test_enclosure_is_the_defined_hull(seed: int, outliers: int, memory: int) -> None:
     record = Record(seed, wrong=outliers, memory=memory)
@@ -116,6 +116,7 @@ def test_enclosure_is_the_defined_hull(seed: int, outliers: int, memory: int) ->
                 assert ours == exact or abs(ours - exact) <= 1e-13 * exact
 
 
+@settings(max_examples=50)
 @given(SEEDS, st.integers(0, 2), st.sampled_from([4, 7, 200]))
 def test_true_trajectory_stays_inside(seed: int, outliers: int, memory: int) -> None:
     record = Record(seed, wrong=outliers, memory=memory)
