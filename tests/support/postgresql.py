@@ -17,6 +17,7 @@ import psutil
 import psycopg
 from eskin_cloud.store import Store
 from eskin_cloud.store.location import parse_url
+from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.tables import feed, metadata, versions
 from sqlalchemy import delete
 
@@ -194,6 +195,8 @@ class Cluster:
         words = ["SET session_replication_role = replica"]
         words += [str(delete(table)) for table in metadata.sorted_tables if table not in _KEPT]
         words += ["UPDATE feed SET cursor = 0, writer = NULL"]
+        counters = "version = 0, last_alarm = 0, last_number = 0"
+        words += [f"UPDATE alarm_state SET holder = NULL, until = 0, {counters}"]
         self.execute("; ".join(words), database=str(place.database))
 
     def execute(self, statements: str, *, database: str) -> None:
@@ -219,7 +222,7 @@ class Cluster:
         return parse_url(f"postgresql://{_ADMIN}@{port}/{database}?host={self.folder}")
 
 
-_KEPT: Final = (versions, feed)
+_KEPT: Final = (versions, feed, alarm_state)
 
 
 def _is_gone(process: psutil.Process) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.write.alarms import AlarmChange, apply_changes, take_lease
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -259,3 +261,32 @@ def test_monitors_of_many_nodes_wait_for_the_slowest(store: Store, count: int) -
         put(store, frame(1, [4.0] * 20, at=1), node=name)
         live.step()
         assert len(alarms_of(store)) == (k == count - 1)
+
+
+def test_one_of_two_clouds_evaluates_and_the_other_takes_over(store: Store, clock: Clock) -> None:
+    clock.now = START
+
+    def lease(live: Live) -> bool:
+        take = partial(take_lease, holder=live.evaluator.holder, now=clock.now, alone=False)
+        return store.write(take).result(60)
+
+    define(store, f"{CHANNEL} > 2", since=START)
+    one, other = Live(store), Live(store)
+    clock.turn(20.0)
+    assert lease(one)
+    assert not lease(other)
+    put(store, frame(0, [1.0, 4.0, 4.0], at=0))
+    one.step()
+    raised = AlarmChange("squeeze", 1, 2 * START, "certain")
+    changes = partial(apply_changes, changes=[raised], holder=other.evaluator.holder, now=clock.now)
+    assert not store.write(changes).result(60), "nothing is stored without the lease"
+    assert len(alarms_of(store)) == 1
+    clock.turn(5.0)
+    assert lease(one), "it is renewed"
+    clock.turn(9.0)
+    assert not lease(other)
+    clock.turn(2.0)
+    assert lease(other)
+    put(store, frame(1, [1.0, 1.0, 4.0, 4.0], at=3))
+    other.step()
+    assert [row["ended"] is None for row in alarms_of(store)] == [False, True]
