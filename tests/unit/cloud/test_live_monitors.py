@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,21 +60,30 @@ def reference(
             for name in found.sources
         }
         pieces = list(StoredVerdicts(found, sources).pieces(Window(START, end // 2 + 1)))
-    episodes = Episodes(
-        on_possible=raise_on == "possible", missing=missing, clear_after=clear_after, is_open=False
-    )
-    edges = episodes.add(
+    known = [
         Stretch(p.first, min(p.last, end - 1), p.verdict, p.missing)
         for p in pieces
         if p.first < end
-    )
-    spans: list[tuple[int, int | None]] = []
-    for edge in edges:
-        if edge.verdict is None:
-            spans[-1] = spans[-1][0], edge.tick
+    ]
+
+    def raises(each: Stretch) -> bool:
+        possible = each.verdict is Verdict.POSSIBLE and (missing or not each.missing)
+        return each.verdict is Verdict.CERTAIN or (raise_on == "possible" and possible)
+
+    # Stretches that are impossible for long enough part the record; each part has one episode.
+    parts: list[tuple[list[Stretch], int | None]] = []
+    part: list[Stretch] = []
+    for is_quiet, group in groupby(known, key=lambda each: each.verdict is Verdict.IMPOSSIBLE):
+        found_here = list(group)
+        length = found_here[-1].last + 1 - found_here[0].first
+        if is_quiet and length >= 2 * clear_after:
+            parts.append((part, found_here[0].first))
+            part = []
         else:
-            spans.append((edge.tick, None))
-    return spans
+            part += found_here
+    parts.append((part, None))
+    begun = [(next((p.first for p in part if raises(p)), None), stop) for part, stop in parts]
+    return [(began, stop) for began, stop in begun if began is not None]
 
 
 def settled_of(live: Live) -> int:

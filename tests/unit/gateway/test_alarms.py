@@ -43,7 +43,7 @@ def change(number: int, monitor: str, *, state: str = "raised") -> tuple[int, st
     return number, monitor, document(number, monitor, state=state).encode()
 
 
-steps = st.lists(
+STEPS = st.lists(
     st.one_of(
         st.sampled_from(MONITORS),
         st.sampled_from(("publish", "lose", "answer", "reconnect", "ask")),
@@ -101,10 +101,21 @@ class World:
         self._sent_back.clear()
 
 
-@given(steps)
+@given(STEPS)
 def test_each_change_is_seen_in_order_and_the_last_one_stays(drawn: list[str]) -> None:
+    play(drawn)
+
+
+def test_change_that_was_given_and_not_published_is_given_again() -> None:
+    begun = ["squeeze", "ask", "publish", "answer", "ask"]
+    play([*begun, "squeeze", "squeeze", "ask", "ask", "reconnect"])
+    play([*begun, "squeeze", "squeeze", "ask", "lose", "ask", "reconnect", "squeeze"])
+
+
+def play(steps: list[str]) -> None:
+    """Let things happen, then all be well; check what the broker and its clients have seen."""
     world = World()
-    for step in drawn:
+    for step in steps:
         world.take(step)
     for _ in range(3 * len(world.made) + 3):
         for step in ("ask", "publish", "answer", "answer"):
