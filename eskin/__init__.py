@@ -5,6 +5,9 @@ contacts of a skin, with no server. The sensor models are in `eskin.models`, noi
 `eskin.noise`, design by intervals in `eskin.design`, formulas over time in `eskin.monitor`, wear in
 `eskin.identification`.
 `eskin.connect` opens an `eskin.Client`, which reads a cloud's data.
+contacts and gestures of a skin, with no server. The sensor models are in `eskin.models`, noise and
+detection in `eskin.noise`, design by intervals in `eskin.design`, formulas over time in
+`eskin.monitor`. `eskin.connect` opens an `eskin.Client`, which reads a cloud's data.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ from eskin.contacts import (
     track_contacts,
 )
 from eskin.errors import EskinError
+from eskin.gestures import Gestures, GestureStream, find_gestures
 from eskin.interval import Interval, Verdict, Verdicts
 from eskin.peaks import PeakEvent, Peaks, PeakStream, find_peaks
 from eskin.tube import Tube
@@ -36,6 +40,8 @@ __all__ = [
     "ContactTracks",
     "Contacts",
     "EskinError",
+    "GestureStream",
+    "Gestures",
     "Interval",
     "PeakEvent",
     "PeakStream",
@@ -47,6 +53,7 @@ __all__ = [
     "connect",
     "design",
     "find_contacts",
+    "find_gestures",
     "find_peaks",
     "identification",
     "link_contacts",

@@ -25,6 +25,7 @@
     ├── QueryError               a question that has no answer as it stands
     ├── DesignError              a requirement, or a space of parameters, that cannot be used
     ├── ContactError             a skin, a threshold or times by which contacts cannot be sought
+    ├── GestureError             templates by which gestures cannot be sought
     ├── MonitorError             a formula, or signals, that a monitor cannot use
     ├── IdentificationError      constraints or bounds from which no parameter can be enclosed
     ├── ScenarioError            a scenario that cannot be played
@@ -257,6 +258,8 @@ class ContactError(EskinError, ValueError):
 
 class IdentificationError(EskinError, ValueError):
     """Constraints, times or bounds from which no parameter can be enclosed."""
+class GestureError(EskinError, ValueError):
+    """Templates by which gestures cannot be sought."""
 
 
 class MonitorError(EskinError, ValueError):

@@ -57,6 +57,11 @@ class ContactStream:
         self._time = (BEFORE_ALL, BEFORE_ALL)
         self._rest()
 
+    @property
+    def labels(self) -> list[int]:
+        """The labels of the last sample's cores."""
+        return [track.id for track in self._holders]
+
     def feed(self, lo: ArrayLike, hi: ArrayLike, times: ArrayLike) -> ContactTracks:
         """Take the next samples, in order.
 
@@ -76,7 +81,7 @@ class ContactStream:
             IntervalError: Bounds are no intervals, or shapes do not fit. The stream stays as it
                 was.
         """
-        moments = _require_times(times, self._time)
+        moments = require_times(times, self._time)
         lows, highs = pressures_of(lo, hi, (len(moments), len(self._skin)))
         steps = [
             self._step(low, high, moment)
@@ -84,6 +89,18 @@ class ContactStream:
         ]
         ended, cores, instants = zip(*steps, strict=True) if steps else ((), (), ())
         return _collected(self._skin, ended, cores, instants)
+
+    def follow(self, lo: Floats, hi: Floats, moment: tuple[int, int]) -> Contacts:
+        """Take one sample, checked as `feed` does, where only its contacts and labels are needed.
+
+        Args:
+            lo: Lower bounds of the pressures in Pa, shape ``(n,)``.
+            hi: Upper bounds in Pa.
+            moment: Enclosure of its moment, ns.
+        """
+        found = search(lo, hi, self._skin, self._threshold)
+        self._take(found, moment)
+        return found
 
     def finish(self) -> ContactTracks:
         """Say that the record ends: what follows, if anything, is linked to nothing.
@@ -108,22 +125,27 @@ class ContactStream:
     ) -> tuple[list[_Row], NDArray[np.void], tuple[Any, ...]]:
         """Take one sample; gives rows of tracks, of cores, and one of instants."""
         found = search(lo, hi, self._skin, self._threshold)
-        links = None if self._found is None else link_contacts(self._found, found)
-        self._bound_begins(found, links, moment)
-        ended = self._hand_on(found, links, moment)
+        ended = self._take(found, moment)
         core_rows = np.empty(len(found), _sample_type(self._skin))
-        core_rows["sample"] = self._sample
+        core_rows["sample"] = self._sample - 1
         core_rows["track"] = [track.id for track in self._holders]
         for name in found.table.dtype.names or ():
             core_rows[name] = found.table[name]
         regions = found.regions
         instant = (
-            self._sample, len(found), len(regions.possible), *regions.total,
+            self._sample - 1, len(found), len(regions.possible), *regions.total,
             bool(regions.table["exact"].all()),
         )  # fmt: skip
+        return ended, core_rows, instant
+
+    def _take(self, found: Contacts, moment: tuple[int, int]) -> list[_Row]:
+        """Go on to the contacts of the next sample; gives the rows of tracks that ended."""
+        links = None if self._found is None else link_contacts(self._found, found)
+        self._bound_begins(found, links, moment)
+        ended = self._hand_on(found, links, moment)
         self._found, self._time = found, moment
         self._sample += 1
-        return ended, core_rows, instant
+        return ended
 
     def _bound_begins(self, found: Contacts, links: Links | None, moment: tuple[int, int]) -> None:
         """Earliest begin of any contact in each region, and latest of the contact of each core."""
@@ -325,7 +347,12 @@ def _mean_places(found: Contacts, skin: Skin) -> Floats:
     return np.stack(sums, axis=1) / np.bincount(cores, minlength=len(found))[:, None]
 
 
-def _require_times(times: ArrayLike, before: tuple[int, int]) -> list[tuple[int, int]]:
+def require_times(times: ArrayLike, before: tuple[int, int]) -> list[tuple[int, int]]:
+    """Moments of samples, of which each bound is at least that of the sample before.
+
+    Raises:
+        ContactError: They are not.
+    """
     array = np.asarray(times)
     if array.ndim != 2 or array.shape[1] != 2:
         raise ContactError(
