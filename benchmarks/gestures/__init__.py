@@ -1,0 +1,1 @@
+"""Gestures of emulated skins against their truth: see `benchmarks.gestures.__main__`."""
