@@ -95,16 +95,26 @@ def give_up(touch: Touch) -> Iterator[Gesture]:
 def judge_stray(bundle: Bundle, templates: Templates) -> Iterator[Gesture]:
     """What touches without a core, within some taxels, may be."""
     box = hull(*bundle.boxes(bundle.first, bundle.last))
-    if bundle.open_begin or bundle.open_end:
-        box = _anywhere(box)
     begin = None if bundle.open_begin else bundle.begin
     end = None if bundle.open_end else bundle.end
-    way = _between(box, box)
-    extent = Interval(0.0, float(way.sup.max()))
-    verdicts = judge_measures((0, _difference(begin, end)), extent, way, templates)
-    for kind, verdict in verdicts.items():
-        if verdict > Verdict.IMPOSSIBLE:
-            yield Gesture(kind, Verdict.POSSIBLE, (), (begin, end), (begin, end))
+    kinds: list[Kind] = ["tap"]
+    if not _is_little(box, _difference(begin, end), templates):
+        if begin is None or end is None:
+            box = _anywhere(box)
+        way = _between(box, box)
+        extent = Interval(0.0, float(way.sup.max()))
+        verdicts = judge_measures((0, _difference(begin, end)), extent, way, templates)
+        kinds = [kind for kind, verdict in verdicts.items() if verdict > Verdict.IMPOSSIBLE]
+    for kind in kinds:
+        yield Gesture(kind, Verdict.POSSIBLE, (), (begin, end), (begin, end))
+
+
+def _is_little(box: Floats, lasts: int | None, templates: Templates) -> bool:
+    """Whether it is clear without care for rounding that only a tap fits: of noise most."""
+    if lasts is None or lasts > templates.tap_ns:
+        return False
+    # A diagonal is at most 1.74 times the longest side.
+    return bool(1.8 * (box[1] - box[0]).max() < templates.slide_m)
 
 
 def judge_measures(
