@@ -26,7 +26,7 @@ class Gesture:
         verdict: Certain: whatever the truth is, the touches of these contacts make it. Possible:
             some truth that the intervals allow does.
         contacts: Lowest label (see `ContactStream`) of the contacts of each of its touches; empty
-            for a touch that is possible itself.
+            for a touch that is possible itself, and for pairs of touches that may be one.
         begin: Enclosure of its first sampled instant, UTC ns; a side is ``None`` if the record
             does not show it.
         end: Enclosure of its last sampled instant.
@@ -54,8 +54,9 @@ class Gestures(Sequence[Gesture]):
     """Gestures that are certain or possible, in order of the end of what decides them.
 
     For a touch with a core, all kinds that are not listed with it are impossible; and for two of
-    them, if their bundles are two. Touches of one bundle may be one touch, and pairs of them are
-    not sought. A touch without a core is listed alone, with the kinds that it may be.
+    them, if their bundles are two. Touches of one bundle may be one touch: what pairs of them may
+    make is listed once for the bundle, without contacts. A touch without a core is listed alone,
+    with the kinds that it may be, without contacts, too; pairs with it are not sought.
     """
 
     __slots__ = ("_gestures",)

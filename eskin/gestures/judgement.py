@@ -10,7 +10,7 @@ import numpy as np
 
 from eskin.constants import TWO_PI
 from eskin.gestures.gestures import Gesture
-from eskin.gestures.templates import TOUCH_KINDS
+from eskin.gestures.templates import PAIR_KINDS, TOUCH_KINDS
 from eskin.gestures.touches import hull
 from eskin.interval import Interval, Verdict
 
@@ -83,6 +83,16 @@ def judge_touch(touch: Touch, templates: Templates) -> Judged:
     lasts = max(0, touch.end - touch.begin), _difference(begin[0], end[1])
     verdicts = judge_measures(lasts, extent, way, templates)
     return Judged(touch, bundle, begin, end, start, verdicts, angle_of(way))
+
+
+def judge_bundle(bundle: Bundle, templates: Templates) -> Iterator[Gesture]:
+    """What pairs of a bundle's touches may make: they may be one touch, so nothing is certain."""
+    begin = None if bundle.open_begin else bundle.begin
+    end = None if bundle.open_end else bundle.end
+    together = _at_least((0, _difference(begin, end)), templates.together_ns)
+    for kind in PAIR_KINDS:
+        if kind == "double tap" or together > Verdict.IMPOSSIBLE:
+            yield Gesture(kind, Verdict.POSSIBLE, (), (begin, end), (begin, end))
 
 
 def give_up(touch: Touch) -> Iterator[Gesture]:

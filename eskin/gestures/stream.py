@@ -12,7 +12,7 @@ from eskin.contacts.contacts import pressures_of, require_threshold
 from eskin.contacts.stream import require_times
 from eskin.contacts.tracks import BEFORE_ALL
 from eskin.gestures.gestures import Gestures
-from eskin.gestures.judgement import give_up, judge_pair, judge_stray, judge_touch
+from eskin.gestures.judgement import give_up, judge_bundle, judge_pair, judge_stray, judge_touch
 from eskin.gestures.templates import Templates
 from eskin.gestures.touches import (
     Bundle,
@@ -193,6 +193,8 @@ class GestureStream:
         """Judge what has ended."""
         found: list[Gesture] = []
         for bundle in ended:
+            if len(bundle.touches) > 1 or bundle.given_up:
+                found += judge_bundle(bundle, self._templates)
             for touch in bundle.touches:
                 judged = judge_touch(touch, self._templates)
                 found += judged.gestures()
@@ -224,6 +226,7 @@ class GestureStream:
         gone = waiting[: max(0, len(waiting) - _MOST_KEPT)]
         for touch in gone:
             touch.bundle.touches.remove(touch)
+            touch.bundle.given_up = True
         return [each for touch in gone for each in give_up(touch)]
 
     def _beside(self, certain: Flags) -> Flags:

@@ -39,6 +39,7 @@ class Bundle:
             taxels; centroids of touches lie in it.
         shift: Logarithm of the length of a block.
         touches: The touches within.
+        given_up: Whether there was another one, which is not waited for.
     """
 
     first: int
@@ -50,6 +51,7 @@ class Bundle:
     places: dict[int, Floats] = field(default_factory=dict)
     shift: int = 0
     touches: list[Touch] = field(default_factory=list)
+    given_up: bool = False
     gone: Bundle | None = None
 
     def absorb(self, other: Bundle) -> None:
@@ -67,6 +69,7 @@ class Bundle:
         self.begin, self.end = min(self.begin, other.begin), max(self.end, other.end)
         self.open_begin |= other.open_begin
         self.open_end |= other.open_end
+        self.given_up |= other.given_up
         for touch in other.touches:
             touch.bundle = self
         self.touches += other.touches

@@ -103,6 +103,12 @@ def draw_world(random: np.random.Generator, *, known: bool = False) -> World:
     possible = [
         each | {k for k in range(len(skin)) if random.random() < doubt / 4} for each in pressed[own]
     ]
+    if not known and random.random() < 0.2:
+        # Fingers come and go softly: their first and last instants are not certain.
+        soft = int(random.integers(1, count))
+        certain[:soft] = [frozenset[int]()] * soft
+        soft = int(random.integers(1, 4))
+        certain[-soft:] = [frozenset[int]()] * soft
     if not known and random.random() < 0.15:
         broken = int(random.integers(len(skin)))
         certain = [each - {broken} for each in certain]
@@ -223,20 +229,23 @@ def _labels_of(touch: Touch, world: World, labels: object) -> frozenset[int]:
 
 
 def _is_sought(true: Found, world: World, known: dict[int, frozenset[int]]) -> bool:
-    """Whether an answer must show it: in the record; of a pair, with cores in two bundles."""
+    """Whether an answer must show it: in the record, and no pair with a touch without a core."""
     inside = range(world.begin, world.begin + len(world.times))
     if any(not any(k in inside for k, _ in touch.cells) for touch in true.touches):
         return False
-    if len(true.touches) == 1:
-        return True
+    return len(true.touches) == 1 or all(known[id(touch)] for touch in true.touches)
+
+
+def _may_be_one(true: Found, world: World) -> bool:
+    """Whether two touches lie within one component of the possibly pressed taxels."""
     # All that is before the record, and all after it, may be pressed.
     every = frozenset(range(len(world.skin)))
     possible = Truth(world.skin, [0] * (len(world.times) + 2), [every, *world.possible, every])
-    bundles = [
+    one, two = (
         next(each for each in possible.touches if _shifted(touch, 1 - world.begin) & each.cells)
         for touch in true.touches
-    ]
-    return all(known[id(touch)] for touch in true.touches) and bundles[0] is not bundles[1]
+    )
+    return one is two
 
 
 def _shifted(touch: Touch, by: int) -> frozenset[tuple[int, int]]:
@@ -250,6 +259,9 @@ def _fits(answer: Gesture, true: Found, world: World, known: dict[int, frozenset
     own = [known[id(touch)] for touch in true.touches]
     if len(own) == 1 and not own[0]:
         if answer.contacts:
+            return False
+    elif len(own) == 2 and not answer.contacts:
+        if not _may_be_one(true, world):
             return False
     elif len(answer.contacts) != len(own) or not (
         all(label in each for label, each in zip(answer.contacts, own, strict=True))
