@@ -53,6 +53,13 @@ STEPS: Final = {
     "lives": [
         *(".venv/bin/python", "-m", "benchmarks.lives"),
         *("--lives", "200", "--seed", "{seed}"),
+    "gestures": [
+        *(".venv/bin/python", "-m", "benchmarks.gestures"),
+        *("--count", "10000", "--seed", "{seed}"),
+    ],
+    "gesture-worlds": [
+        *(".venv/bin/python", "-m", "tests.robustness.gestures"),
+        *("--count", "40000", "--seed", "{seed}"),
     ],
     "soak": ["make", "soak", "ARGS=--duration 3600 --rate 1000"],
     "cortex-m33": [sys.executable, "-m", "tests.robustness.cortex_m33"],
