@@ -30,7 +30,7 @@ from benchmarks.gestures.classifier import fit
 from benchmarks.gestures.features import features
 from benchmarks.gestures.judge import NONE, SEVERAL, Answer, judge
 from benchmarks.gestures.scenes import CONDITIONS, Skins
-from eskin.gestures import PAIR_KINDS, TOUCH_KINDS
+from eskin.gestures.templates import PAIR_KINDS, TOUCH_KINDS
 from eskin.interval import Verdict
 
 if TYPE_CHECKING:

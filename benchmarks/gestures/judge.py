@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from benchmarks.gestures.scenes import THRESHOLD
-from eskin.gestures import PAIR_KINDS, Templates, find_gestures
+from eskin.gestures import Templates, find_gestures
+from eskin.gestures.templates import PAIR_KINDS
 from eskin.interval import Verdict
 from tests.unit.eskin.gestures.oracle import Truth
 from tests.unit.eskin.gestures.worlds import angle_within, scale_within, within

@@ -29,11 +29,9 @@ from __future__ import annotations
 
 from eskin.gestures.gestures import Gesture, Gestures
 from eskin.gestures.stream import GestureStream, find_gestures
-from eskin.gestures.templates import PAIR_KINDS, TOUCH_KINDS, Kind, Templates
+from eskin.gestures.templates import Kind, Templates
 
 __all__ = [
-    "PAIR_KINDS",
-    "TOUCH_KINDS",
     "Gesture",
     "GestureStream",
     "Gestures",

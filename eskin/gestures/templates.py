@@ -11,6 +11,7 @@ from eskin.errors import GestureError
 Kind: TypeAlias = Literal[
     "tap", "press", "hold", "slide", "swipe", "double tap", "pinch", "spread", "rotation"
 ]
+"""The name of a template."""
 TOUCH_KINDS: Final[tuple[Kind, ...]] = ("tap", "press", "hold", "slide", "swipe")
 """Kinds of one touch; each touch has at most one."""
 PAIR_KINDS: Final[tuple[Kind, ...]] = ("double tap", "pinch", "spread", "rotation")

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from eskin.gestures import PAIR_KINDS, TOUCH_KINDS
+from eskin.gestures.templates import PAIR_KINDS, TOUCH_KINDS
 from tests.unit.eskin.gestures.worlds import check, draw_world
 
 _SHOWN: Final = 20

@@ -11,7 +11,8 @@ import pytest
 
 from eskin.contacts import Skin
 from eskin.errors import ContactError, IntervalError
-from eskin.gestures import TOUCH_KINDS, Gestures, GestureStream, find_gestures
+from eskin.gestures import Gestures, GestureStream, find_gestures
+from eskin.gestures.templates import TOUCH_KINDS
 from eskin.interval import Verdict
 from tests.unit.eskin.gestures.worlds import TEMPLATES, THRESHOLD, check, draw_world
 

@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from eskin.gestures import PAIR_KINDS, TOUCH_KINDS
+from eskin.gestures.templates import PAIR_KINDS, TOUCH_KINDS
 from tests.unit.eskin.gestures.worlds import check, draw_world
 
 WORLDS = 300
