@@ -1,12 +1,13 @@
 """Gestures against their truth: templates over intervals, and a classifier over the middles.
 
-``python -m benchmarks.gestures --count 10000 --seed S`` plays gestures on emulated skins of pads: a
+``python -m benchmarks.gestures --count 10000`` plays gestures on emulated skins of pads: a
 grid of 256 taxels, and a dense one of 576 for two fingers. A quarter is clean (no broken taxel,
 the noise of the data sheet, least pressure three times the threshold), a quarter has more noise, a
 quarter broken taxels, and a quarter is strange: times and ways are drawn without regard to the
 templates. What a record holds is decided by its noise-free pressures, not by its script.
 
 The classifier is tuned by cross-validation on training records, of other seeds. It always answers.
+`TEST_SEED` draws the gestures: it follows from the hash of the templates, which were fixed before.
 Exit status 1 if a certain answer is wrong, a true gesture is impossible, or fewer than 95 % of
 the clean ones are certain.
 """
@@ -37,7 +38,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 TRAINING_SEED: Final = 101
-"""Of which the templates' constants and the classifier were chosen; no other seed was seen."""
+"""Of the records that the classifier learns from."""
+TEMPLATES: Final = "64f22afdd937be280b5c2affcb82120f351bb6c0"
+"""Git's hash of the folder ``eskin/gestures`` in the commit that fixed the templates, "Recognise
+gestures on contacts with three verdicts"; it stays the same where the commit is rebased."""
+TEST_SEED: Final = int(TEMPLATES[:12], 16)
+"""Drawn from it, so that the templates were fixed before."""
 _KINDS: Final = (*TOUCH_KINDS, *PAIR_KINDS, NONE, SEVERAL)
 _NEEDED: Final = 0.95
 
@@ -63,13 +69,13 @@ def main() -> int:
     """Train, play, and print a table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.gestures", description=__doc__)
     parser.add_argument("--count", type=int, default=100, help="gestures")
-    parser.add_argument("--train", type=int, help="training records; default: half as many")
-    parser.add_argument("--seed", type=int, default=1, help=f"not {TRAINING_SEED}")
+    parser.add_argument("--train", type=int, help="training records; default: a quarter")
+    parser.add_argument("--seed", type=int, default=TEST_SEED, help=f"not {TRAINING_SEED}")
     options = parser.parse_args()
     if options.seed == TRAINING_SEED:
         parser.error(f"seed {TRAINING_SEED} is that of the training records")
     begun = time.monotonic()
-    known = play(options.train or options.count // 2, TRAINING_SEED)
+    known = play(options.train or options.count // 4, TRAINING_SEED)
     model, name = fit(np.array([row for _, _, row in known]), [each.label for _, each, _ in known])
     rows = play(options.count, options.seed)
     guesses = [str(each) for each in model.predict(np.array([row for _, _, row in rows]))]
@@ -77,6 +83,7 @@ def main() -> int:
     console.print(f"classifier: {name}, of {len(known)} records", highlight=False)
     for condition in CONDITIONS:
         console.print(table_of(condition.name, rows, guesses))
+    console.print(f"templates of tree {TEMPLATES}", highlight=False)
     console.print(f"{len(rows)} gestures, seed {options.seed}, {time.monotonic() - begun:.0f} s")
     return 1 if failed(rows) else 0
 

@@ -11,7 +11,7 @@ import numpy as np
 from eskin.constants import TWO_PI
 from eskin.gestures.gestures import Gesture
 from eskin.gestures.templates import PAIR_KINDS, TOUCH_KINDS
-from eskin.gestures.touches import hull
+from eskin.gestures.touches import around
 from eskin.interval import Interval, Verdict
 
 if TYPE_CHECKING:
@@ -66,8 +66,8 @@ def judge_touch(touch: Touch, templates: Templates) -> Judged:
     begin = None if bundle.open_begin else bundle.begin, touch.begin
     end = touch.end, None if bundle.open_end else bundle.end
     every = bundle.boxes(bundle.first, bundle.last, touch)
-    start = hull(*bundle.boxes(bundle.first, touch.first, touch))
-    stop = hull(*bundle.boxes(touch.last, bundle.last, touch))
+    start = around(bundle.boxes(bundle.first, touch.first, touch))
+    stop = around(bundle.boxes(touch.last, bundle.last, touch))
     sure = bundle.boxes(touch.first, touch.last, touch)
     widest = Interval(every[:, 1].max(axis=0)) - every[:, 0].min(axis=0)
     least = Interval(sure[:, 0].max(axis=0)) - sure[:, 1].min(axis=0)
@@ -104,7 +104,7 @@ def give_up(touch: Touch) -> Iterator[Gesture]:
 
 def judge_stray(bundle: Bundle, templates: Templates) -> Iterator[Gesture]:
     """What touches without a core, within some taxels, may be."""
-    box = hull(*bundle.boxes(bundle.first, bundle.last))
+    box = around(bundle.boxes(bundle.first, bundle.last))
     begin = None if bundle.open_begin else bundle.begin
     end = None if bundle.open_end else bundle.end
     kinds: list[Kind] = ["tap"]
@@ -237,7 +237,7 @@ def _apart(one: Judged, two: Judged, first: int, last: int) -> Interval:
     found = []
     for block in range(first >> shift, (last >> shift) + 1):
         begin, end = max(first, block << shift), min(last, ((block + 1) << shift) - 1)
-        boxes = [hull(*each.bundle.boxes(begin, end, each.touch)) for each in (one, two)]
+        boxes = [around(each.bundle.boxes(begin, end, each.touch)) for each in (one, two)]
         found.append(_between(*boxes))
     every = Interval.stack(found)
     return Interval(every.inf.min(axis=0), every.sup.max(axis=0))

@@ -238,10 +238,18 @@ def centroids_of(cores: Indices, regions: Indices, region_of_core: Indices, skin
     return boxes
 
 
-def hull(*boxes: Floats) -> Floats:
-    """The box around boxes."""
-    every = np.stack(boxes)
-    return np.stack([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
+def hull(first: Floats, *others: Floats) -> Floats:
+    """The box around a few boxes."""
+    box = first.copy()
+    for each in others:
+        np.minimum(box[0], each[0], out=box[0])
+        np.maximum(box[1], each[1], out=box[1])
+    return box
+
+
+def around(boxes: Floats) -> Floats:
+    """The box around many boxes, of shape ``(m, 2, d)``."""
+    return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
 def common(one: Floats, two: Floats) -> Floats:
