@@ -29,13 +29,13 @@ from rich.table import Table
 
 from benchmarks.gestures.classifier import fit
 from benchmarks.gestures.features import features
-from benchmarks.gestures.judge import NONE, SEVERAL, Answer, judge
-from benchmarks.gestures.scenes import CONDITIONS, Skins
+from benchmarks.gestures.judge import NONE, SEVERAL, Answer, judge, label_of, truth_of
+from benchmarks.gestures.scenes import CONDITIONS, Record, Skins
 from eskin.gestures.templates import PAIR_KINDS, TOUCH_KINDS
 from eskin.interval import Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
 TRAINING_SEED: Final = 101
 """Of the records that the classifier learns from."""
@@ -50,19 +50,15 @@ _NEEDED: Final = 0.95
 Rows = list[tuple[str, Answer, list[float]]]
 
 
-def play(count: int, seed: int, *, quiet: bool = False) -> Rows:
-    """Play so many gestures, evenly of all conditions; gives condition, answer and features."""
-    rows: Rows = []
+def play(count: int, seed: int) -> Iterator[tuple[str, Record]]:
+    """Play so many gestures, evenly of all conditions; gives condition and record."""
     with tempfile.TemporaryDirectory() as folder:
         skins = Skins(Path(folder))
         for number, condition in enumerate(CONDITIONS):
             own = (count + number) // len(CONDITIONS)
             records = skins.play(condition, own, seed * len(CONDITIONS) + number)
-            for record in track(
-                records, condition.name, total=own, console=Console(stderr=True), disable=quiet
-            ):
-                rows.append((condition.name, judge(record), features(record)))
-    return rows
+            for record in track(records, condition.name, total=own, console=Console(stderr=True)):
+                yield condition.name, record
 
 
 def main() -> int:
@@ -75,9 +71,15 @@ def main() -> int:
     if options.seed == TRAINING_SEED:
         parser.error(f"seed {TRAINING_SEED} is that of the training records")
     begun = time.monotonic()
-    known = play(options.train or options.count // 4, TRAINING_SEED)
-    model, name = fit(np.array([row for _, _, row in known]), [each.label for _, each, _ in known])
-    rows = play(options.count, options.seed)
+    labels, known = [], []
+    for _, record in play(options.train or options.count // 4, TRAINING_SEED):
+        labels.append(label_of(truth_of(record))[0])
+        known.append(features(record))
+    model, name = fit(np.array(known), labels)
+    rows = [
+        (condition, judge(record), features(record))
+        for condition, record in play(options.count, options.seed)
+    ]
     guesses = [str(each) for each in model.predict(np.array([row for _, _, row in rows]))]
     console = Console(width=120)
     console.print(f"classifier: {name}, of {len(known)} records", highlight=False)

@@ -39,11 +39,15 @@ class Answer(NamedTuple):
     wrong: int
 
 
+def truth_of(record: Record) -> Truth:
+    """What the oracle finds in a record's noise-free pressures, at its true moments."""
+    pressed = [frozenset(np.flatnonzero(row > THRESHOLD).tolist()) for row in record.pressure]
+    return Truth(record.skin, record.moments.tolist(), pressed, _TEMPLATES)
+
+
 def judge(record: Record) -> Answer:
     """Recognise a record and compare with its truth."""
-    pressed = [frozenset(np.flatnonzero(row > THRESHOLD).tolist()) for row in record.pressure]
-    moments = record.moments.tolist()
-    truth = Truth(record.skin, moments, pressed, _TEMPLATES)
+    moments, truth = record.moments.tolist(), truth_of(record)
     found = find_gestures(record.lo, record.hi, record.times, record.skin, THRESHOLD)
     label, wanted = label_of(truth)
     certain = list(found.certain)
