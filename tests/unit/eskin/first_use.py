@@ -122,7 +122,7 @@ def _ask_for_the_rest() -> None:
 
 
 def _ask_for_contacts() -> None:
-    """Of grids and graphs, at one instant and over time, with bounds of each layout."""
+    """Of grids and graphs, at one instant and over time, and for gestures."""
     corners = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
     triangle = eskin.Skin.from_edges(corners, 1e-6, [(0, 1), (1, 2), (0, 2)])
     for skin in (eskin.Skin.grid(3, 4, pitch=1e-3, area=np.full(12, 1e-6)), triangle):
@@ -138,6 +138,7 @@ def _ask_for_contacts() -> None:
         stream = eskin.ContactStream(skin, 1e3)
         stream.feed(lo[::2].tolist(), hi[::2], times[::2])
         stream.finish()
+        eskin.find_gestures(lo, hi, times, skin, 1e3)
 
 
 if __name__ == "__main__":
