@@ -1,13 +1,10 @@
 """eskin: smart skin sensors from the physics to the pixel, every value an interval.
 
 ``import eskin`` gives a researcher's notebook the intervals, the tubes and their peaks, and the
-contacts of a skin, with no server. The sensor models are in `eskin.models`, noise and detection in
-`eskin.noise`, design by intervals in `eskin.design`, formulas over time in `eskin.monitor`, wear in
-`eskin.identification`.
-`eskin.connect` opens an `eskin.Client`, which reads a cloud's data.
 contacts and gestures of a skin, with no server. The sensor models are in `eskin.models`, noise and
 detection in `eskin.noise`, design by intervals in `eskin.design`, formulas over time in
-`eskin.monitor`. `eskin.connect` opens an `eskin.Client`, which reads a cloud's data.
+`eskin.monitor`, wear in `eskin.identification`. `eskin.connect` opens an `eskin.Client`, which
+reads a cloud's data.
 """
 
 from __future__ import annotations

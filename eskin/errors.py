@@ -256,10 +256,12 @@ class ContactError(EskinError, ValueError):
     """A skin, a threshold or times by which contacts cannot be sought."""
 
 
-class IdentificationError(EskinError, ValueError):
-    """Constraints, times or bounds from which no parameter can be enclosed."""
 class GestureError(EskinError, ValueError):
     """Templates by which gestures cannot be sought."""
+
+
+class IdentificationError(EskinError, ValueError):
+    """Constraints, times or bounds from which no parameter can be enclosed."""
 
 
 class MonitorError(EskinError, ValueError):

@@ -53,6 +53,7 @@ STEPS: Final = {
     "lives": [
         *(".venv/bin/python", "-m", "benchmarks.lives"),
         *("--lives", "200", "--seed", "{seed}"),
+    ],
     "gestures": [
         *(".venv/bin/python", "-m", "benchmarks.gestures"),
         *("--count", "10000", "--seed", "{seed}"),
