@@ -37,6 +37,10 @@ MOST_KEPT: Final = 2**17
 """Samples of a channel that a live monitor may keep."""
 LATE_NS: Final = 6 * 3_600_000_000_000
 """Samples that arrive so much later than those after them raise no alarm."""
+_MARGIN_NS: Final = 1_000_000_000
+_WIDER: Final = 8
+"""So far before late samples it is looked at first for where no episode goes on, and so many times
+as far then."""
 _READS: Final = 200
 """Stretches of stored samples that are evaluated at once, so that other monitors do not wait."""
 
@@ -279,18 +283,14 @@ class LiveMonitor:
         if self._late is None or not self._raises:
             self._late = None
             return []
-        least = self.settled // 2 - LATE_NS
-        begin = max(self._late - self._future, self._since, least)
+        least = max(self._since, self.settled // 2 - LATE_NS)
+        begin = max(self._late - self._future, least)
         self._late = None
-        end = -(-self.settled // 2)
-        if begin >= end:
+        if 2 * begin >= self.settled:
             return []
-        late = self._new_episodes(is_open=False)
-        edges = late.add(
-            Stretch(each.first, min(each.last, self.settled - 1), each.verdict, each.missing)
-            for each in StoredVerdicts(self.formula, sources).pieces(Window(begin, end))
-            if each.first < self.settled
-        )
+        stretches = self._stretches_around(sources, begin, least)
+        begin = stretches[0].first // 2 if stretches else begin
+        edges = self._new_episodes(is_open=False).add(stretches)
         known = find_episodes(connection, self.name, self.revision, 2 * begin)
         changes = []
         for edge, after in zip_longest(edges, edges[1:]):
@@ -306,6 +306,28 @@ class LiveMonitor:
                 self._episodes.is_open = True
             changes.append(self._change(edge, ended))
         return changes
+
+    def _stretches_around(
+        self, sources: dict[str, ChannelSource], begin: int, least: int
+    ) -> list[Stretch]:
+        """Verdicts from before an instant, where no episode goes on, up to what is settled."""
+        end = -(-self.settled // 2)
+        margin = _MARGIN_NS
+        while True:
+            start = max(begin - margin, least)
+            found = [
+                Stretch(each.first, min(each.last, self.settled - 1), each.verdict, each.missing)
+                for each in StoredVerdicts(self.formula, sources).pieces(Window(start, end))
+                if each.first < self.settled
+            ]
+            quiet = (
+                min(each.last + 1, 2 * begin) - each.first
+                for each in found
+                if each.verdict is Verdict.IMPOSSIBLE
+            )
+            if start == least or max(quiet, default=0) > 2 * self._clear_after:
+                return found
+            margin *= _WIDER
 
     def _add(self, stretches: Sequence[Stretch], *, settles: bool = True) -> list[AlarmChange]:
         if not stretches:
