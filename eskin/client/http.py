@@ -43,12 +43,23 @@ class HttpClient:
         Raises:
             CloudError: It was refused, or not answered.
         """
+        return self._send("GET", path, params=params, headers={"Accept": accept})
+
+    def put(self, path: str, body: Mapping[str, Any]) -> httpx.Response:
+        """Have something be so; it may be sent several times until it is answered.
+
+        Raises:
+            CloudError: It was refused, or not answered.
+        """
+        return self._send("PUT", path, json=body)
+
+    def _send(self, method: str, path: str, **options: Any) -> httpx.Response:
         fault = ""
         for attempt in range(_TRIES):
             if attempt:
                 time.sleep(min(_LONGEST_S, self._retry_s * 2 ** (attempt - 1)))
             try:
-                answer = self._http.get(path, params=params, headers={"Accept": accept})
+                answer = self._http.request(method, path, **options)
             except httpx.TransportError as error:
                 fault = f"{type(error).__name__}: {error}"
                 continue

@@ -134,6 +134,58 @@ class Queries:
         params |= {} if node is None else {"node": node}
         return self._ask(f"{API}/monitors/evaluation/time", params)
 
+    def monitors(self) -> list[dict[str, Any]]:
+        """The monitors that the cloud evaluates live, each with its latest verdict.
+
+        Raises:
+            CloudError: The cloud refused, or did not answer.
+        """
+        return list(self._pages.items(f"{API}/monitors"))
+
+    def alarms(
+        self, *, monitor: str | None = None, state: Literal["raised", "cleared"] | None = None
+    ) -> list[dict[str, Any]]:
+        """Alarms of monitors, the latest first.
+
+        Args:
+            monitor: Those of one monitor only.
+            state: Only those that are raised now, or that are cleared.
+
+        Raises:
+            CloudError: The cloud refused, or did not answer.
+        """
+        params = {} if monitor is None else {"monitor": monitor}
+        params |= {} if state is None else {"state": state}
+        return list(self._pages.items(f"{API}/alarms", params))
+
+    def define_monitor(
+        self,
+        name: str,
+        formula: str,
+        *,
+        node: str | None = None,
+        raise_on: Literal["never", "possible", "certain"] = "certain",
+        severity: str = "warning",
+    ) -> dict[str, Any]:
+        """Have the cloud evaluate a formula live; the token needs the scope ``operate``.
+
+        Args:
+            name: Of the monitor: small letters, digits and dashes.
+            formula: As of `verdicts`.
+            node: Of channels without one.
+            raise_on: The least verdict that raises an alarm.
+            severity: What receivers of alarms are given with it.
+
+        Returns:
+            The monitor.
+
+        Raises:
+            CloudError: The cloud refused, or did not answer.
+        """
+        body = {"formula": formula, "node": node, "raise_on": raise_on, "severity": severity}
+        found: dict[str, Any] = self._pages.put(f"{API}/monitors/{name}", body).json()
+        return found
+
     def anomalies(
         self,
         node: str,

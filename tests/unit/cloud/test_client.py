@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import httpx
 import numpy as np
 import pytest
+from eskin_cloud.access import Scope, create_token
 
 import eskin
 from eskin.errors import CloudError, QueryError
 from tests.unit.cloud.clouds import put
+from tests.unit.cloud.live_monitors import Live
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, status, stretch
 from tests.unit.cloud.skins import HAND, PATCHES, describe, frame
 
@@ -41,7 +43,10 @@ class Way(httpx.BaseTransport):
     async def _pass(self, request: httpx.Request) -> httpx.Response:
         async with self._stand.client(token="") as client:
             answer = await client.request(
-                request.method, str(request.url), headers=request.headers.multi_items()
+                request.method,
+                str(request.url),
+                headers=request.headers.multi_items(),
+                content=request.read(),
             )
         return httpx.Response(answer.status_code, headers=answer.headers, content=answer.content)
 
@@ -184,3 +189,26 @@ def test_refusal_tells_the_status_and_what_to_do(stand: Stand, way: Way) -> None
 def test_token_never_goes_in_the_clear(url: str) -> None:
     with pytest.raises(QueryError, match="https"):
         eskin.connect(url, "token")
+
+
+def test_monitor_is_defined_and_its_alarms_are_read(stand: Stand, way: Way) -> None:
+    put(stand.cloud.store, stretch(0, [1.0], [1.5]))
+    token = create_token(
+        stand.cloud.store,
+        scopes=[Scope.READ, Scope.OPERATE],
+        name="robot",
+        lifetime=timedelta(hours=1),
+    )
+    stand.clock.now = START
+    with eskin.connect("http://localhost:8080", token, retry_s=0.0, transport=way) as client:
+        made = client.define_monitor("squeeze", f"{CHANNEL} > 2 F", node=NODE, severity="high")
+        assert client.monitors() == [made]
+        live = Live(stand.cloud.store)
+        at = START + DT
+        put(stand.cloud.store, stretch(1, [4.0] * 3, [5.0] * 3, time=(at, at)))
+        live.step()
+        (alarm,) = client.alarms(monitor="squeeze", state="raised")
+        assert (alarm["severity"], alarm["verdict"]) == ("high", "certain")
+        assert client.alarms(state="cleared") == []
+        with pytest.raises(CloudError, match="422"):
+            client.define_monitor("squeeze", f"{CHANNEL} > 2 Pa", node=NODE)
