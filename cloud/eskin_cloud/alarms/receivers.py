@@ -14,7 +14,7 @@ import ssl
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import httpx
-from sqlalchemy import func, insert, select, update
+from sqlalchemy import delete, func, insert, select, update
 
 from eskin.errors import EskinError, SettingsError
 from eskin.wire.timestamp import SECOND, format_timestamp
@@ -28,14 +28,19 @@ from eskin_cloud.store.schema.alarm_tables import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from sqlalchemy import Connection, RowMapping
+
+    from eskin_cloud.settings import AlarmsSection
 
 ALERT_LASTS_NS: Final = 300 * SECOND
 """An Alertmanager clears an alert that it is not given again for so long."""
 REPEAT_NS: Final = 60 * SECOND
 """How often an Alertmanager is given active alerts again."""
+ALERTMANAGER: Final = "alertmanager"
+WEBHOOK: Final = "webhook"
 SITE: Final = "site "
 """Begins the name of the receiver that the gateways of a site are together."""
 _AT_ONCE: Final = 100
@@ -71,6 +76,19 @@ def register_receiver(connection: Connection, name: str, *, since: int | None = 
             last = connection.execute(select(alarm_state.c.last_number)).scalar_one()
         row = {"name": name, "delivered": last, "attempts": 0, "given_up": 0}
         connection.execute(insert(alarm_receivers), row)
+
+
+def receiver_names(settings: AlarmsSection) -> list[str]:
+    """Names of the receivers that settings name."""
+    names = [f"{WEBHOOK} {name}" for name in settings.webhooks]
+    return names if settings.alertmanager is None else [*names, ALERTMANAGER]
+
+
+def forget_receivers(connection: Connection, names: Sequence[str]) -> None:
+    """Forget all receivers but those of some names, and the sites."""
+    r = alarm_receivers.c
+    gone = r.name.not_in(names) & r.name.not_like(f"{SITE}%")
+    connection.execute(delete(alarm_receivers).where(gone))
 
 
 def find_receiver(connection: Connection, name: str) -> RowMapping | None:

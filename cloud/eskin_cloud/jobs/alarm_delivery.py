@@ -12,7 +12,9 @@ import orjson
 
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.alarms.receivers import (
+    ALERTMANAGER,
     REPEAT_NS,
+    WEBHOOK,
     ReceiverError,
     active_alerts,
     find_waiting,
@@ -40,8 +42,6 @@ _LOOK_S: Final = 1.0
 _PAUSE_S: Final = 0.05
 _FIRST_RETRY_S: Final = 1.0
 _MOST_DOUBLINGS: Final = 20
-ALERTMANAGER: Final = "alertmanager"
-WEBHOOK: Final = "webhook"
 
 
 def deliver_alarms(cloud: AppState, stopping: asyncio.Event) -> list[Coroutine[Any, Any, None]]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import StoreError
 from eskin.wire.timestamp import SECOND
+from eskin_cloud.alarms.receivers import forget_receivers, receiver_names
 from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.store.write.alarms import (
     LEASE_NS,
@@ -65,6 +66,10 @@ class _Work:
                 return
             await asyncio.to_thread(evaluator.load)
             await self._advance_timers()
+            if not evaluator.all_monitors:
+                self._cursor = cloud.feed.last
+                await asyncio.sleep(_LONGEST_S)
+                return
             await cloud.feed.wait(self._cursor, _LONGEST_S)
             entries, cursor = await cloud.feed.after(self._cursor, _ENTRIES)
             await self._evaluate(entries, cursor)
@@ -125,7 +130,14 @@ class _Work:
         cloud, now = self._cloud, self._cloud.clock()
         if now < self._lease:
             return True
-        work = partial(take_lease, holder=cloud.evaluator.holder, now=now, alone=self._alone)
+        holder, names = cloud.evaluator.holder, receiver_names(cloud.settings.alarms)
+
+        def work(connection: Connection) -> bool:
+            held = take_lease(connection, holder, now=now, alone=self._alone)
+            if held and not cloud.evaluator.leads:
+                forget_receivers(connection, names)
+            return held
+
         held = await asyncio.wrap_future(cloud.store.write(work))
         cloud.evaluator.leads = held
         if not held:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from eskin_cloud.access import Scope, create_token
-from eskin_cloud.alarms.receivers import find_waiting, note_delivered, register_receiver
+from eskin_cloud.alarms.receivers import (
+    find_waiting,
+    forget_receivers,
+    note_delivered,
+    register_receiver,
+)
 from eskin_cloud.store.write.alarms import advance_alarms, remove_cleared
 
 from tests.unit.cloud.clouds import problem, put
@@ -181,6 +187,10 @@ async def test_receiver_is_given_what_comes_from_then_on(operator: Operator) -> 
     assert [row["number"] for row in waiting.transitions] == [4, 5]
     (said,) = (await operator.stand.get("/api/v1/receivers")).json()["items"]
     assert (said["delivered"], said["waiting"]) == (3, 2)
+    for names, left in ((["webhook ops"], 1), (["alertmanager"], 0)):
+        store.write(partial(forget_receivers, names=names)).result(60)
+        found = (await operator.stand.get("/api/v1/receivers")).json()["items"]
+        assert len(found) == left
 
 
 async def test_cleared_alarms_are_removed_once_all_receivers_have_them(operator: Operator) -> None:
