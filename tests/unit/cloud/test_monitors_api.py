@@ -14,7 +14,9 @@ from eskin_cloud.alarms.receivers import (
     note_delivered,
     register_receiver,
 )
+from eskin_cloud.store.schema.tables import audit_log
 from eskin_cloud.store.write.alarms import advance_alarms, remove_cleared
+from sqlalchemy import select
 
 from tests.unit.cloud.clouds import problem, put
 from tests.unit.cloud.live_monitors import Live
@@ -172,6 +174,25 @@ async def test_silenced_alarm_is_given_once_the_silence_ends(operator: Operator)
     ended = await operator.ask("DELETE", f"{MONITOR}/silence")
     assert ended.json()["silenced_until"] is None
     problem(await operator.ask("PUT", "/api/v1/monitors/none/silence", {"seconds": 1}), 404)
+
+
+async def test_changes_of_monitors_and_alarms_are_in_the_audit_log(operator: Operator) -> None:
+    await operator.ask("PUT", MONITOR, BODY)
+    await operator.ask("PUT", MONITOR, BODY)
+    operator.press(4.0, 4.0)
+    await operator.ask("POST", "/api/v1/alarms/1/acknowledgement")
+    await operator.ask("POST", "/api/v1/alarms/1/acknowledgement")
+    await operator.ask("PUT", f"{MONITOR}/silence", {"seconds": 60})
+    await operator.ask("DELETE", MONITOR)
+    with operator.stand.cloud.store.read() as connection:
+        rows = connection.execute(select(audit_log).order_by(audit_log.c.number)).mappings().all()
+    said = [(row["action"], row["actor"], row["target"]) for row in rows if row["actor"] == "shift"]
+    assert said == [
+        ("monitor defined", "shift", "squeeze"),
+        ("alarm acknowledged", "shift", "1"),
+        ("monitor silenced", "shift", "squeeze"),
+        ("monitor deleted", "shift", "squeeze"),
+    ]
 
 
 async def test_receiver_is_given_what_comes_from_then_on(operator: Operator) -> None:

@@ -183,7 +183,11 @@ def test_client_writes_nothing(gateway: Party, node: Party, client: Party) -> No
 def test_what_is_for_other_clients_comes_from_gateways_alone(
     gateway: Party, node: Party, client: Party
 ) -> None:
-    topics = ["homeassistant/sensor/fingertip/t01-current/config", "eskin/v1/senml/fingertip/x"]
+    topics = [
+        "homeassistant/sensor/fingertip/t01-current/config",
+        "eskin/v1/senml/fingertip/x",
+        "eskin/v1/alarms/squeeze",
+    ]
     for topic in topics:
         node.publish(topic, b"from node")
         client.publish(topic, b"from client")
