@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 import secrets
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from sqlalchemy import select
+from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import EskinError
 from eskin.wire.frames.frame_parts import read_head
@@ -114,7 +116,7 @@ class Evaluator:
         for monitor in found.values():
             for node in monitor.nodes:
                 self._by_node.setdefault(node, []).append(monitor)
-        self._retry = {name: at for name, at in self._retry.items() if name in found}
+        self._retry = {name: at for name, at in self._retry.items() if name in rows}
         self._version = version
 
     def evaluate(
@@ -145,9 +147,9 @@ class Evaluator:
             touched |= {monitor.name: monitor for monitor in monitors}
         self._given = cursor
         for monitor in touched.values():
-            changes += monitor.advance()
+            changes += self._guarded(monitor, monitor.advance)
         changes += self._catch_up()
-        for monitor in self._monitors.values():
+        for monitor in list(self._monitors.values()):
             changes += monitor.note_silence(self._clock(), self._silence)
         changed = {change.monitor for change in changes}
         return changes, self.settled(changed)
@@ -202,17 +204,30 @@ class Evaluator:
             layouts = {name: find_layout(connection, node, name) for name in names}
             _give(node, arrived, layouts, [each for each in monitors if node in each.nodes])
 
-    @staticmethod
-    def _read(connection: Connection, monitor: LiveMonitor, end: int) -> list[AlarmChange]:
-        try:
-            changes = monitor.catch_up(connection, cursor=end)
-        except EskinError as error:
-            if monitor.problem is None:
-                log.warning("monitor waits: monitor=%s reason=%s", monitor.name, error)
-            monitor.problem = str(error)
-            return []
-        monitor.problem = None
+    def _read(self, connection: Connection, monitor: LiveMonitor, end: int) -> list[AlarmChange]:
+        before = monitor.problem
+        changes = self._guarded(monitor, partial(monitor.catch_up, connection, cursor=end))
+        if monitor.problem is not None and monitor.problem != before:
+            log.warning("monitor waits: monitor=%s reason=%s", monitor.name, monitor.problem)
         return changes
+
+    def _guarded(
+        self, monitor: LiveMonitor, work: Callable[[], list[AlarmChange]]
+    ) -> list[AlarmChange]:
+        """Have a monitor evaluate; its errors stop no other one."""
+        try:
+            return work()
+        except SQLAlchemyError:  # of the whole store
+            raise
+        except EskinError as error:
+            monitor.problem = str(error)
+        except Exception as error:  # it is read anew, from what is stored
+            log.exception("monitor failed: monitor=%s", monitor.name)
+            monitor.problem = f"unexpected error: {type(error).__name__}"
+            self._version = -1
+            self._monitors.pop(monitor.name, None)
+            self._retry[monitor.name] = self._clock() + _RETRY_NS
+        return []
 
 
 def _give(

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from eskin.errors import MonitorError
+from eskin.errors import EskinError, MonitorError
 from eskin.interval import Verdict
 from eskin.monitor import Monitor, horizon
 from eskin.monitor.runs import Runs
 from eskin_cloud.alarms.episodes import Edge, Episodes, Stretch
 from eskin_cloud.query.formula_channels import channel_places, parse_formula
 from eskin_cloud.query.neighbourhood import ChannelSource, read_around
-from eskin_cloud.query.stored_verdicts import StoredVerdicts, as_signal
+from eskin_cloud.query.stored_verdicts import MOST_READS, StoredVerdicts, as_signal
 from eskin_cloud.rollup.aggregates import longest_step
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
@@ -204,7 +204,8 @@ class LiveMonitor:
             cursor: The last one that it shows.
 
         Raises:
-            EskinError: A channel is not there, or the formula does not fit it.
+            EskinError: A channel is not there, or the formula does not fit it. Nothing was
+                evaluated.
         """
         self.leave()
         sources = {
@@ -221,8 +222,12 @@ class LiveMonitor:
             changes += self._evaluate_stored(sources, end)
             if 2 * end > self.settled:
                 return changes  # it takes several calls
-        self._seed(sources)
-        self.cursor = cursor
+        try:
+            self._seed(sources)
+        except EskinError as error:  # what was evaluated counts
+            self.problem = str(error)
+            return changes
+        self.cursor, self.problem = cursor, None
         return changes + self.advance()
 
     def note_silence(self, now: int, silence: int) -> list[AlarmChange]:
@@ -237,14 +242,19 @@ class LiveMonitor:
 
     def _evaluate_stored(self, sources: dict[str, ChannelSource], end: int) -> list[AlarmChange]:
         """Evaluate stored samples up to an instant, or as far as one call may."""
-        stored = StoredVerdicts(self.formula, sources, most_reads=_READS)
-        pieces = stored.pieces(Window(self.settled // 2, end))
-        found = [
-            Stretch(max(each.first, self.settled), each.last, each.verdict, each.missing)
-            for each in pieces
-            if each.last >= self.settled
-        ]
-        return self._add(found)
+        window = Window(self.settled // 2, end)
+        for most in (_READS, MOST_READS):
+            stored = StoredVerdicts(self.formula, sources, most_reads=most)
+            found = [
+                Stretch(max(each.first, self.settled), each.last, each.verdict, each.missing)
+                for each in stored.pieces(window)
+                if each.last >= self.settled
+            ]
+            if found:
+                return self._add(found)
+        raise MonitorError(
+            f"{MOST_READS} stretches after {window.start} ns stay open", value=window
+        )
 
     def _seed(self, sources: dict[str, ChannelSource]) -> None:
         units = {name: source.channel["unit"] for name, source in sources.items()}
@@ -261,8 +271,6 @@ class LiveMonitor:
                     value=count,
                 )
             samples = read_around(source, Window(start, channel["t_last"] + 1))
-            if not len(samples):
-                raise MonitorError(f"{'/'.join(self.places[name])} has no intact samples")
             signal = as_signal(samples, channel["unit"])
             online.extend(
                 name,
@@ -273,6 +281,8 @@ class LiveMonitor:
                 signal.period,
                 signal.gap,
             )
+            if not len(samples):
+                raise MonitorError(f"{'/'.join(self.places[name])} has no intact samples")
             self._last[name] = int(samples.first[-1]), int(samples.dt[-1])
         self._online = online
 
@@ -285,10 +295,10 @@ class LiveMonitor:
             return []
         least = max(self._since, self.settled // 2 - LATE_NS)
         begin = max(self._late - self._future, least)
+        stretches: list[Stretch] = []
+        if 2 * begin < self.settled:
+            stretches = self._stretches_around(sources, begin, least)
         self._late = None
-        if 2 * begin >= self.settled:
-            return []
-        stretches = self._stretches_around(sources, begin, least)
         begin = stretches[0].first // 2 if stretches else begin
         edges = self._new_episodes(is_open=False).add(stretches)
         known = find_episodes(connection, self.name, self.revision, 2 * begin)
@@ -368,6 +378,9 @@ class LiveMonitor:
         """An instant before which later samples of a channel change nothing."""
         last = source.channel["t_last"]
         samples = read_around(source, Window(last, last + 1))
+        if not len(samples):
+            channel = source.channel
+            raise MonitorError(f"{channel['node']}/{channel['channel']} has no intact samples")
         return int((samples.first - samples.error)[-1]) - 1
 
 

@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from eskin.errors import StoreError
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.alarms.receivers import forget_receivers, receiver_names
 from eskin_cloud.jobs.periodic import run_periodically
@@ -56,7 +55,7 @@ class _Work:
         """Evaluate what came, or wait for something.
 
         Raises:
-            StoreError: The store cannot be used; what was found is found again.
+            StoreError: The store cannot be used. After any error what was found is found again.
         """
         cloud, evaluator = self._cloud, self._cloud.evaluator
         try:
@@ -74,7 +73,7 @@ class _Work:
             entries, cursor = await cloud.feed.after(self._cursor, _ENTRIES)
             await self._evaluate(entries, cursor)
             self._cursor = cursor
-        except StoreError:
+        except Exception:
             evaluator.forget()
             raise
 

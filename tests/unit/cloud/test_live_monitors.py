@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_cloud.alarms.episodes import Edge, Episodes, Stretch
+from eskin_cloud.alarms.live_monitor import LiveMonitor
 from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.store.read.lookup import find_channel
@@ -299,3 +300,39 @@ def test_one_of_two_clouds_evaluates_and_the_other_takes_over(store: Store, cloc
     put(store, frame(1, [1.0, 1.0, 4.0, 4.0], at=3))
     other.step()
     assert [row["ended"] is None for row in alarms_of(store)] == [False, True]
+
+
+def test_monitor_that_fails_stops_no_other_and_is_read_anew(
+    store: Store, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock.now = START
+    for name in ("broken", "sound"):
+        define(store, f"{CHANNEL} > 2", name=name, since=START)
+    put(store, frame(0, [1.0], at=0))
+    live, advance = Live(store), LiveMonitor.advance
+
+    def fail(monitor: LiveMonitor) -> list[AlarmChange]:
+        if monitor.name == "broken":
+            raise ZeroDivisionError
+        return advance(monitor)
+
+    monkeypatch.setattr(LiveMonitor, "advance", fail)
+    put(store, frame(1, [4.0, 4.0], at=1))
+    live.step()
+    live.step()
+    assert [row["monitor"] for row in alarms_of(store)] == ["sound"]
+    monkeypatch.undo()
+    clock.turn(6.0)
+    live.step()
+    live.step()
+    assert sorted(row["monitor"] for row in alarms_of(store)) == ["broken", "sound"]
+
+
+def test_alarm_of_a_monitor_that_cannot_go_on_is_stored(store: Store, clock: Clock) -> None:
+    clock.now = START
+    define(store, f"{CHANNEL} > 2 and once[0,140s] {CHANNEL} > 0", since=START)
+    live = Live(store)
+    put(store, frame(0, [1.0, 4.0, 4.0, 4.0], at=0))
+    live.step()
+    assert problem_of(live) is not None, "its window holds too many samples"
+    assert len(alarms_of(store)) == 1
