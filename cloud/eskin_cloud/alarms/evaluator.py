@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import secrets
+import time
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -52,18 +53,27 @@ class Evaluator:
         store: Holds definitions, samples and alarms.
         silence: After how many ns without samples missing ones are known.
         clock: Gives UTC ns.
+        monotonic: Gives ns that never run backwards.
 
     Attributes:
         holder: Names this process in the lease.
         leads: Whether this process has the lease: only then it evaluates, and delivers alarms.
     """
 
-    def __init__(self, store: Store, *, silence: int, clock: Callable[[], int]) -> None:
+    def __init__(
+        self,
+        store: Store,
+        *,
+        silence: int,
+        clock: Callable[[], int],
+        monotonic: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
         self.holder = secrets.token_hex(8)
         self.leads = False
         self._store = store
         self._silence = silence
         self._clock = clock
+        self._monotonic = monotonic
         self._version = -1
         self._monitors: dict[str, LiveMonitor] = {}
         self._by_node: dict[str, list[LiveMonitor]] = {}
@@ -174,7 +184,7 @@ class Evaluator:
 
     def _catch_up(self) -> list[AlarmChange]:
         """Read some of the monitors from the store that have to be."""
-        now = self._clock()
+        now = self._monotonic()
         due = [
             monitor
             for monitor in self._monitors.values()
@@ -226,7 +236,7 @@ class Evaluator:
             monitor.problem = f"unexpected error: {type(error).__name__}"
             self._version = -1
             self._monitors.pop(monitor.name, None)
-            self._retry[monitor.name] = self._clock() + _RETRY_NS
+            self._retry[monitor.name] = self._monotonic() + _RETRY_NS
         return []
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import random
+import time
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -89,11 +91,16 @@ class _Receiver:
             await self._write(partial(register_receiver, name=self.name))
             self._registered = True
         waiting = await asyncio.to_thread(self._find)
-        due = None if waiting is None else waiting.row["next_attempt"]
-        if waiting is None or (due is not None and cloud.clock() < due):
+        if waiting is None or self._pauses(waiting.row):
             await asyncio.sleep(_LOOK_S)
         elif not await self._deliver(waiting):
             await cloud.notifier.wait(version, _LOOK_S)
+
+    def _pauses(self, row: RowMapping) -> bool:
+        """Whether the next attempt is later; not if only a clock that has jumped says so."""
+        longest = round(self._cloud.settings.alarms.retry_max_s * SECOND)
+        due, now = row["next_attempt"], self._cloud.clock()
+        return due is not None and now < int(due) <= now + longest
 
     async def _deliver(self, waiting: Waiting) -> bool:
         """Deliver what waits; returns whether there was anything."""
@@ -165,11 +172,11 @@ class _Webhook(_Receiver):
 class _Alertmanager(_Receiver):
     """Is sent all active alerts again and again, and those that have ended once."""
 
-    _sent = 0
+    _sent = -math.inf
 
     async def _deliver(self, waiting: Waiting) -> bool:
         now = self._cloud.clock()
-        if not waiting.transitions and now - self._sent < REPEAT_NS:
+        if not waiting.transitions and time.monotonic() - self._sent < REPEAT_NS / SECOND:
             return False
 
         def find() -> list[dict[str, Any]]:
@@ -182,7 +189,7 @@ class _Alertmanager(_Receiver):
         if error is not None:
             await self._failed(waiting, error)
             return True
-        self._sent = now
+        self._sent = time.monotonic()
         if waiting.row["delivered"] < waiting.last:
             await self._write(partial(note_delivered, name=self.name, number=waiting.last))
         return bool(waiting.transitions)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import time
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 _PAUSE_S: Final = 0.05
 _LONGEST_S: Final = 1.0
 _ENTRIES: Final = 2000
-_NOTE_NS: Final = 60 * SECOND
+_NOTE_S: Final = 60.0
 """How often it is noted how far monitors without a change have been evaluated."""
 
 
@@ -47,9 +49,9 @@ class _Work:
         self._cloud = cloud
         self._alone = isinstance(cloud.store.location, Path)
         self._cursor = cloud.feed.last
-        self._lease = 0
-        self._noted = cloud.clock()
-        self._timers = 0
+        # Moments of the monotonic clock in s: the other one may jump.
+        self._lease = self._timers = -math.inf
+        self._noted = time.monotonic()
 
     async def step(self) -> None:
         """Evaluate what came, or wait for something.
@@ -86,9 +88,9 @@ class _Work:
         changes, settled = await asyncio.to_thread(
             partial(evaluator.evaluate, ours, layouts, cursor=cursor)
         )
-        if cloud.clock() - self._noted >= _NOTE_NS:
-            self._noted, settled = cloud.clock(), evaluator.all_settled
-            before = self._noted - round(cloud.settings.alarms.days * 86_400 * SECOND)
+        if time.monotonic() - self._noted >= _NOTE_S:
+            self._noted, settled = time.monotonic(), evaluator.all_settled
+            before = cloud.clock() - round(cloud.settings.alarms.days * 86_400 * SECOND)
             work = partial(remove_cleared, before=before)
             await asyncio.wrap_future(cloud.store.write(work))
         if changes or settled:
@@ -104,7 +106,7 @@ class _Work:
             return held
 
         if not await asyncio.wrap_future(cloud.store.write(work)):
-            self._lease = 0
+            self._lease = -math.inf
             cloud.evaluator.forget()
         elif changes:
             self._news()
@@ -112,9 +114,9 @@ class _Work:
     async def _advance_timers(self) -> None:
         """Escalate alarms, and give those whose silence has ended."""
         cloud, holder, now = self._cloud, self._cloud.evaluator.holder, self._cloud.clock()
-        if now - self._timers < _LONGEST_S * SECOND:
+        if time.monotonic() - self._timers < _LONGEST_S:
             return
-        self._timers = now
+        self._timers = time.monotonic()
 
         def due() -> bool:
             with cloud.store.read() as connection:
@@ -127,7 +129,7 @@ class _Work:
 
     async def _renew(self) -> bool:
         cloud, now = self._cloud, self._cloud.clock()
-        if now < self._lease:
+        if time.monotonic() < self._lease:
             return True
         holder, names = cloud.evaluator.holder, receiver_names(cloud.settings.alarms)
 
@@ -141,10 +143,10 @@ class _Work:
         cloud.evaluator.leads = held
         if not held:
             cloud.evaluator.forget()
-            self._lease = 0
+            self._lease = -math.inf
             return False
         # Where no other cloud can be, the lease need not be renewed.
-        self._lease = now + (3600 * SECOND if self._alone else LEASE_NS // 3)
+        self._lease = time.monotonic() + (3600.0 if self._alone else LEASE_NS / SECOND / 3)
         return True
 
     def _news(self) -> None:

@@ -52,7 +52,9 @@ class Live:
         self, store: Store, *, evaluator: Evaluator | None = None, silence: int = 15 * SECOND
     ) -> None:
         self.store = store
-        self.evaluator = evaluator or Evaluator(store, silence=silence, clock=store.clock)
+        self.evaluator = evaluator or Evaluator(
+            store, silence=silence, clock=store.clock, monotonic=store.clock
+        )
         lease = partial(take_lease, holder=self.evaluator.holder, now=store.clock(), alone=True)
         assert store.write(lease).result(120)
         with store.read() as connection:
