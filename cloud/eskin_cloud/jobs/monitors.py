@@ -17,7 +17,6 @@ from eskin_cloud.store.write.alarms import (
     advance_alarms,
     apply_changes,
     find_due,
-    remove_cleared,
     take_lease,
 )
 from eskin_cloud.store.write.monitors import settle_monitors
@@ -90,9 +89,6 @@ class _Work:
         )
         if time.monotonic() - self._noted >= _NOTE_S:
             self._noted, settled = time.monotonic(), evaluator.all_settled
-            before = cloud.clock() - round(cloud.settings.alarms.days * 86_400 * SECOND)
-            work = partial(remove_cleared, before=before)
-            await asyncio.wrap_future(cloud.store.write(work))
         if changes or settled:
             await self._write(changes, settled)
 

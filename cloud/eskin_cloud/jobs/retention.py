@@ -30,6 +30,7 @@ from eskin_cloud.store.removal import (
     sweeps_of_erased,
 )
 from eskin_cloud.store.schema.frame_tables import pages
+from eskin_cloud.store.write.alarms import remove_cleared
 from eskin_cloud.store.write.clock_state import load_clock, save_clock
 from eskin_cloud.store.write.removal_counts import RemovalReason, Sweep
 
@@ -110,6 +111,8 @@ async def sweep(cloud: AppState, *, clock: Callable[[], int] | None = None) -> i
             await asyncio.sleep(_PAUSE_S)
     for each in await asyncio.to_thread(_due_patches, cloud, now):
         total += await _sweep_patches(cloud, each)
+    before = now - round(cloud.settings.alarms.days * 86_400 * SECOND)
+    await asyncio.wrap_future(cloud.store.write(partial(remove_cleared, before=before)))
     return total
 
 
