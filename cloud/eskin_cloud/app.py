@@ -23,6 +23,7 @@ from eskin_cloud.api import (
     export,
     frames,
     gateways,
+    gestures,
     health,
     ingest,
     layouts,
@@ -54,7 +55,7 @@ _VERSION: Final = "1"
 def people_application(cloud: AppState) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     app = _application(cloud, "eskin cloud", secure=cloud.secure, refusal=HTTPStatus.UNAUTHORIZED)
-    asked = nodes, gateways, commands, series, frames, contacts, export, events, live
+    asked = nodes, gateways, commands, series, frames, contacts, gestures, export, events, live
     of_monitors = evaluation, monitors, alarms, thresholds, comparison, prediction, models
     for resource in (
         *asked,

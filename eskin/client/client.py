@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Literal, Self
 
 import httpx
 import pyarrow as pa
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from eskin.client.queries import Moment
+    from eskin.gestures import Kind
     from eskin.tube import Tube
 
 _ARROW: Final = "application/vnd.apache.arrow.stream"
@@ -154,6 +155,36 @@ class Client(Queries):
         params |= {"own": "true"} if own else {}
         answer = self._pages.get(f"{API}/nodes/{node}/frames", params, accept=_ARROW)
         return Frames.read(answer.content)
+
+    def gestures(
+        self,
+        node: str,
+        *,
+        kind: Kind | None = None,
+        verdict: Literal["possible", "certain"] | None = None,
+        start: Moment | None = None,
+        end: Moment | None = None,
+    ) -> list[dict[str, Any]]:
+        """Gestures on a node's skin that are certain or possible, in the order of their ends.
+
+        A window that is left out is the last minute of data; the record begins and ends with it.
+
+        Args:
+            node: Such as ``hand``.
+            kind: Only this one.
+            verdict: Only those with this one.
+            start: Included.
+            end: Excluded.
+
+        Raises:
+            QueryError: A moment without a time zone.
+            CloudError: As `nodes`; also where the window is too long, or the node samples no whole
+                skin with contacts on one grid.
+        """
+        params: dict[str, Any] = written_moments(start=start, end=end)
+        params |= {} if kind is None else {"kind": kind}
+        params |= {} if verdict is None else {"verdict": verdict}
+        return list(self._pages.items(f"{API}/nodes/{node}/gestures", params))
 
     def series(
         self,

@@ -187,16 +187,26 @@ class ContactSkin:
                 _put_held(found, place.start, of_patch, patch, spread=spread)
         return found
 
+    @property
+    def least(self) -> float:
+        """The least threshold of all taxels, Pa."""
+        return float(self.threshold.min())
+
+    def levelled(self, bounds: Floats) -> Floats:
+        """Bounds that exceed the least threshold exactly where these exceed their taxel's own.
+
+        Those between the least and a taxel's own become the least.
+
+        Args:
+            bounds: In Pa, shape ``(…, n)``.
+        """
+        least = self.least
+        return np.where((bounds > least) & (bounds <= self.threshold), least, bounds)
+
     def find(self, pressures: Pressures) -> Contacts:
         """The contacts at one instant."""
-        least = float(self.threshold.min())
-        # Where thresholds differ, bounds between the least and a taxel's own become the least, so
-        # that they lie above the one exactly where they lay above the other.
-        lo, hi = (
-            np.where((bound > least) & (bound <= self.threshold), least, bound)
-            for bound in (pressures.lo, pressures.hi)
-        )
-        return find_contacts(lo, hi, self.skin, least)
+        lo, hi = self.levelled(pressures.lo), self.levelled(pressures.hi)
+        return find_contacts(lo, hi, self.skin, self.least)
 
 
 def find_common_end(connection: Connection, shares: Iterable[Share]) -> int | None:

@@ -66,7 +66,7 @@ def describe_contacts(
         "nodes": list(nodes),
         "t": format_timestamp(pressures.t),
         "time_error": pressures.error,
-        "threshold": float(skin.threshold.min()),
+        "threshold": skin.least,
         "unit": UNIT,
         "cores": [
             {

@@ -46,6 +46,7 @@ QUESTIONS = (
     f"/api/v1/nodes/{NODE}/frames",
     f"/api/v1/nodes/{NODE}/frames?quantity=bioelectric&{WINDOW}",
     f"/api/v1/contacts?node={NODE}",
+    f"/api/v1/nodes/{NODE}/gestures",
     f"/api/v1/series/{NODE}/palm-0.pressure",
     f"/api/v1/series/{NODE}/h1.bioelectric",
     f"/api/v1/export?channel={NODE}/palm-0.pressure",

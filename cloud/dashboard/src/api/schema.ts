@@ -157,6 +157,17 @@ export interface GatewayDocument {
   readonly lag: LagDocument | null;
 }
 
+export interface GestureDocument {
+  readonly kind: "tap" | "press" | "hold" | "slide" | "swipe" | "double tap" | "pinch" | "spread" | "rotation";
+  readonly verdict: "possible" | "certain";
+  readonly contacts: readonly number[];
+  readonly begin: SampledMomentDocument;
+  readonly end: SampledMomentDocument;
+  readonly direction: IntervalDocument | null;
+  readonly angle: IntervalDocument | null;
+  readonly scale: IntervalDocument | null;
+}
+
 export interface HealthDocument {
   readonly status?: "ok";
 }
@@ -328,6 +339,11 @@ export interface RegionDocument {
 export interface RemovedDocument {
   readonly messages: number;
   readonly before: string;
+}
+
+export interface SampledMomentDocument {
+  readonly lo: string | null;
+  readonly hi: string | null;
 }
 
 export interface SeamDocument {

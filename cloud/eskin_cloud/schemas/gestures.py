@@ -1,0 +1,57 @@
+"""Gestures on a skin."""
+
+from typing import Literal
+
+from typing_extensions import TypedDict
+
+from eskin.gestures import Gesture, Kind
+from eskin_cloud.schemas.base import IntervalDocument, Moment, interval, moment
+
+
+class SampledMomentDocument(TypedDict):
+    """An enclosure of the moment of a sampled instant; a side that is null is not in the window."""
+
+    lo: Moment | None
+    hi: Moment | None
+
+
+class GestureDocument(TypedDict):
+    """A gesture that is certain or possible.
+
+    ``contacts`` are labels of the contacts of its touches, counted within this answer; none where
+    the touch itself is possible, or where its touches may be one. ``begin`` and ``end`` enclose the
+    moments of its first and its last sampled instant. ``direction`` of a slide or a swipe, and
+    ``angle`` by which two touches turn, are in rad; ``scale`` is the distance of two touches at the
+    end over that at the begin.
+    """
+
+    kind: Kind
+    verdict: Literal["possible", "certain"]
+    contacts: list[int]
+    begin: SampledMomentDocument
+    end: SampledMomentDocument
+    direction: IntervalDocument | None
+    angle: IntervalDocument | None
+    scale: IntervalDocument | None
+
+
+def describe_gesture(gesture: Gesture) -> GestureDocument:
+    """A gesture as an item of the list."""
+    return {
+        "kind": gesture.kind,
+        "verdict": "certain" if gesture.verdict == 2 else "possible",
+        "contacts": list(gesture.contacts),
+        "begin": _enclosure(gesture.begin),
+        "end": _enclosure(gesture.end),
+        "direction": _bounds(gesture.direction),
+        "angle": _bounds(gesture.angle),
+        "scale": _bounds(gesture.scale),
+    }
+
+
+def _enclosure(moments: tuple[int | None, int | None]) -> SampledMomentDocument:
+    return {"lo": moment(moments[0]), "hi": moment(moments[1])}
+
+
+def _bounds(bounds: tuple[float, float] | None) -> IntervalDocument | None:
+    return None if bounds is None else interval(*bounds)
