@@ -195,8 +195,8 @@ class _Rows(NamedTuple):
         first, last = clip(run.t, run.dt, rows, window)
         mask = Sampling(rows, columns, run.first_row, run.strides).mask
         whole = cls(
-            number, run.boot, run.ticks, run.t, run.error, run.dt,
-            np.where(mask, run.lo, -np.inf), np.where(mask, run.hi, np.inf), np.any(mask, axis=1),
+            number, run.boot, run.ticks, run.t, run.error, run.dt, run.lo, run.hi,
+            np.any(mask, axis=1),
         )  # fmt: skip
         return whole.part(first, max(first, last + 1))
 

@@ -33,6 +33,8 @@ PERIOD: Final = 80 * MILLI
 """So that the default templates are to it what those of `worlds` are to 10 ns."""
 PITCH_UM: Final = 7500
 JITTER: Final = 5 * MILLI
+HIGHER: Final = 3.0
+"""A patch's threshold is so many times that of the patch before."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def make_layout(
         patches.append(
             Patch(
                 f"p{k}", "pressure", "Pa", tuple(f"t{n:02d}" for n in range(own.start, own.stop)),
-                64.0, neighbours=tuple(inside.get((k, k), ())), threshold=THRESHOLD,
+                64.0, neighbours=tuple(inside.get((k, k), ())), threshold=HIGHER**k * THRESHOLD,
                 cell_area=(k + 1) * 4e-6, positions=tuple(map(tuple, axes[:, own].tolist())),
                 skew=tuple(skew[own]) if any(skew[own]) else (),
             )
@@ -103,9 +105,7 @@ def draw_record(random: np.random.Generator, *, whole: bool = False) -> Record:
     skew = np.zeros(size, int)
     if not whole and random.random() < 0.6:
         skew = random.integers(0, 41, size) * MILLI
-    columns = int(drawn.skin.positions[:, 0].max()) + 1
-    cut = columns * int(random.integers(1, size // columns)) if size > columns else 0
-    sizes = [size] if not cut or random.random() < 0.4 else [cut, size - cut]
+    sizes = _draw_sizes(random, drawn.skin)
     layout, patches = make_layout(drawn.skin, sizes, skew.tolist())
     skin = ContactSkin.of(DescribedLayout.of(layout, patches))
     assert skin is not None
@@ -123,7 +123,8 @@ def draw_record(random: np.random.Generator, *, whole: bool = False) -> Record:
     vague = random.random(shape) < doubt
     sampled = np.arange(len(pressed))[:, np.newaxis] % (1 << strides) == 0
     known = np.zeros(shape, np.bool_)
-    frames = []
+    sent = np.zeros((len(pressed), len(sizes)), np.bool_)
+    frames: list[Frame] = []
     lost = 0.0 if whole else float(random.choice([0.0, 0.15, 0.3]))
     begins = np.cumsum([0, *sizes])
     for rows, boot in _stretches(random, len(pressed), restarts=not whole):
@@ -133,11 +134,13 @@ def draw_record(random: np.random.Generator, *, whole: bool = False) -> Record:
             if random.random() < lost or not sampled[rows, own].any():
                 continue
             known[rows, own] = sampled[rows, own]
+            sent[rows, page] = True
             lo = np.where(true[rows, own] & ~vague[rows, own], 1500.0, 0.0)
             hi = np.where(true[rows, own] | vague[rows, own], 2000.0, 500.0)
+            values = Interval(HIGHER**page * lo, HIGHER**page * hi)
             first, count = rows.start, rows.stop - rows.start
             packed = PatchSamples.pack(
-                Interval(lo, hi), 64.0, patch=page, grid=0, first_row=first,
+                values, 64.0, patch=page, grid=0, first_row=first,
                 strides=bytes(strides[own].tolist()) if strides[own].any() else b"",
             )  # fmt: skip
             grid = Grid(0, PERIOD, first, count, 1.0)
@@ -147,9 +150,9 @@ def draw_record(random: np.random.Generator, *, whole: bool = False) -> Record:
             frames.append(
                 Frame(position, layout.content_hash, page, PERIOD * first, time, (grid,), (packed,))
             )
-    # Rows at which nothing is sampled are no instants, and what no frame holds is no record.
-    instants = np.flatnonzero(sampled.any(axis=1))
-    held = np.flatnonzero(known[instants].any(axis=1))
+    # Rows at which nothing was sampled, as all frames say, are no instants.
+    instants = np.flatnonzero(sampled.any(axis=1) | ~sent.all(axis=1))
+    held = np.flatnonzero(sent[instants].any(axis=1))
     inside = instants[held[0] : held[-1] + 1] if held.size else instants[:0]
     certain, possible = true & known & ~vague, true | vague | ~known
     world = StoredWorld(
@@ -162,6 +165,13 @@ def draw_record(random: np.random.Generator, *, whole: bool = False) -> Record:
         [(int(moment), int(moment)) for moment in moments[inside]],
     )
     return Record(layout, tuple(patches), frames, world)
+
+
+def _draw_sizes(random: np.random.Generator, skin: Skin) -> list[int]:
+    """How many taxels a skin's patches have: all in one, or some rows in the first of two."""
+    size, columns = len(skin), int(skin.positions[:, 0].max()) + 1
+    cut = columns * int(random.integers(1, size // columns)) if size > columns else 0
+    return [size] if not cut or random.random() < 0.4 else [cut, size - cut]
 
 
 def _stretches(
