@@ -127,7 +127,7 @@ def draw_record(random: np.random.Generator, *, whole: bool = False) -> Record:
     frames: list[Frame] = []
     lost = 0.0 if whole else float(random.choice([0.0, 0.15, 0.3]))
     begins = np.cumsum([0, *sizes])
-    for rows, boot in _stretches(random, len(pressed), restarts=not whole):
+    for rows, boot, ticks in _stretches(random, len(pressed), restarts=not whole):
         early, late = (int(each) * MILLI for each in random.integers(0, 31, 2))
         for page, columns in enumerate(sizes):
             own = slice(int(begins[page]), int(begins[page]) + columns)
@@ -148,7 +148,7 @@ def draw_record(random: np.random.Generator, *, whole: bool = False) -> Record:
             time = stated - JITTER - early, stated + JITTER + late
             position = Position(boot, len(frames))
             frames.append(
-                Frame(position, layout.content_hash, page, PERIOD * first, time, (grid,), (packed,))
+                Frame(position, layout.content_hash, page, ticks, time, (grid,), (packed,))
             )
     # Rows at which nothing was sampled, as all frames say, are no instants.
     instants = np.flatnonzero(sampled.any(axis=1) | ~sent.all(axis=1))
@@ -176,13 +176,17 @@ def _draw_sizes(random: np.random.Generator, skin: Skin) -> list[int]:
 
 def _stretches(
     random: np.random.Generator, count: int, *, restarts: bool
-) -> Iterator[tuple[slice, int]]:
-    """Rows of neighbouring frames, with the node's start: it loses rows where it starts again."""
-    at, boot = 0, 1
+) -> Iterator[tuple[slice, int, int]]:
+    """Rows of neighbouring frames, the node's start, and its clock.
+
+    It loses rows where it starts again, and its clock goes on as if they had not been.
+    """
+    at, boot, ticks = 0, 1, 0
     while at < count:
         end = min(at + int(random.integers(1, 6)), count)
         if restarts and random.random() < 0.1:
             boot += 1
         else:
-            yield slice(at, end), boot
+            yield slice(at, end), boot, ticks
+            ticks += (end - at) * PERIOD
         at = end

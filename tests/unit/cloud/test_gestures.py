@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from eskin.contacts import Skin
 from eskin.gestures import Gestures, find_gestures
+from eskin.gestures.templates import TOUCH_KINDS
 from eskin.interval import Interval
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
 from eskin.wire.messages import Position
@@ -64,6 +65,20 @@ def test_no_certain_answer_is_wrong_and_no_gesture_is_missing(store: Store, seed
     if seed % 4 == 0:
         compact_all(store)
         assert find(store) == found
+
+
+@settings(max_examples=examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=SEEDS, shift=st.integers(0, PERIOD))
+def test_answers_do_not_depend_on_what_is_read_at_once(store: Store, seed: int, shift: int) -> None:
+    record = draw_record(np.random.default_rng(seed))
+    assume(record.frames)
+    keep(store, record)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(gestures, "_FIRST_SPAN", 10**11)
+        expected = find(store)
+        patched.setattr(gestures, "_FIRST_SPAN", 10**9 + shift)
+        patched.setattr(gestures, "_AT_ONCE", 1)
+        assert find(store) == expected
 
 
 @settings(max_examples=examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -188,6 +203,19 @@ async def test_lost_frame_makes_what_it_may_have_held_possible(stand: Stand) -> 
     for each in strays:
         assert lost[0] <= parse_timestamp(each["begin"]["lo"])
         assert parse_timestamp(each["end"]["hi"]) <= lost[1]
+
+
+async def test_touch_may_lie_within_a_gap_though_all_is_pressed_around_it(stand: Stand) -> None:
+    layout, patches = skin_of()
+    describe(stand.cloud.store, layout, *patches)
+    frames = say(layout, {k: set(range(24)) for k in range(40)})
+    put(stand.cloud.store, *(each for each in frames if each.position.sequence != 2))
+    items = [each for each in await ask(stand) if not each["contacts"]]
+    strays = [each for each in items if each["kind"] in TOUCH_KINDS]
+    assert "tap" in {each["kind"] for each in strays}
+    for each in strays:
+        assert parse_timestamp(each["begin"]["lo"]) == START + 9 * 20 * MILLI
+        assert parse_timestamp(each["end"]["hi"]) == START + 15 * 20 * MILLI + MILLI
 
 
 async def test_row_at_which_nothing_is_sampled_is_no_instant(stand: Stand) -> None:
