@@ -35,11 +35,11 @@ class GesturesQuery(WindowQuery):
 def get_gestures(
     cloud: CloudState, _: Reader, node: str, query: Annotated[GesturesQuery, Query()]
 ) -> Response:
-    """Find the gestures on a skin that one node samples, in the order of their ends.
+    """Find the gestures on a node's skin.
 
-    The record begins and ends with the window: a touch that it cuts has possible gestures only.
-    They are read by the node's latest layout. Biometric patches are not read: they may be touched
-    or not.
+    One node must sample all of it. Gestures come in the order of their ends. The record begins and
+    ends with the window: what a touch that it cuts makes is possible at most. The node's latest
+    layout counts. Biometric patches are not read: they may be touched or not.
     """
     with cloud.store.read() as connection:
         skin = GestureSkin(connection, node)

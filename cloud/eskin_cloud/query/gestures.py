@@ -18,7 +18,7 @@ from eskin.wire.frames import Sampling
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.query.contacts import UNIT, ContactSkin
 from eskin_cloud.store.descriptions import find_layout, find_shares
-from eskin_cloud.store.read.lookup import find_node
+from eskin_cloud.store.read.lookup import UnknownChannelError, find_node
 from eskin_cloud.store.read.patch_runs import find_last, first_start, read_described_runs
 from eskin_cloud.store.read.window import Window, clip
 
@@ -60,8 +60,8 @@ class GestureSkin:
         last: Time of its last sample, UTC ns; ``None`` if there is none.
 
     Raises:
-        UnknownChannelError: The node is unknown.
-        QueryError: Several nodes sample its skin, or it has no taxels with contacts.
+        UnknownChannelError: The node is unknown, or no taxel of its skin has contacts.
+        QueryError: Several nodes sample its skin.
         UnknownDescriptionError: A layout is damaged in the store.
         DamagedRowError: The node's row is damaged.
     """
@@ -71,7 +71,7 @@ class GestureSkin:
         described = None if name is None else find_layout(connection, node, name)
         skin = None if described is None else ContactSkin.of(described)
         if described is None or skin is None:
-            raise QueryError(
+            raise UnknownChannelError(
                 "node",
                 f"{node} has no patch in {UNIT} with a threshold, areas and positions, "
                 f"so there are no gestures on its skin; {_SEE}",

@@ -73,7 +73,7 @@ def test_known_places_are_answered_as_described(stand: Stand) -> None:
             raw["paths"][known] = item
     schema = schemathesis.openapi.from_dict(raw)
     schema.app = app
-    assert validate(schema, headers) == 16
+    assert validate(schema, headers) == 17
 
 
 def test_gateways_listener_describes_what_gateways_post_and_nothing_else(stand: Stand) -> None:

@@ -277,7 +277,7 @@ async def test_what_cannot_be_answered_is_refused(
     assert "docs/gestures.md" in said
     describe(stand.cloud.store, HAND, *PATCHES, node="bare")
     put(stand.cloud.store, frame(0), node="bare")
-    assert "no patch in Pa" in await refused("bare")
+    assert "no patch in Pa" in await refused("bare", 404)
     layout, patches = skin_of()
     describe(stand.cloud.store, layout, *patches)
     put(stand.cloud.store, *say(layout, TAP))
