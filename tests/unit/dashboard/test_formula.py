@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from math import ceil, floor
 from typing import TYPE_CHECKING
+from urllib.parse import quote, urlencode
 
 import numpy as np
+import pytest
 
 from eskin.wire.timestamp import parse_timestamp
 from tests.support.processes import wait_until
-from tests.unit.dashboard.browsing import history
+from tests.unit.dashboard.browsing import CHART, history
 from tests.unit.dashboard.pixels import CERTAIN, read_plot
 
 if TYPE_CHECKING:
@@ -18,6 +21,23 @@ if TYPE_CHECKING:
 SECOND = 1_000_000_000
 CHANNEL = "palm/t01.energy"
 FORMULA = "once[0,50ms] t01.energy > 6 pJ"
+LOOKS = """
+(strip) => {
+  const canvas = strip.querySelector("canvas");
+  const { width, height } = canvas;
+  const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+  const painted = (x, y) => data[4 * (y * width + x) + 3] > 200;
+  const look = (x) => {
+    const rows = Array.from({ length: height }, (_, y) => painted(x, y)).filter(Boolean).length;
+    const outlined = painted(x, 0) && painted(x, height - 1);
+    if (rows === height) return "certain";
+    if (outlined) return "possible";
+    return rows > 0 && painted(x, height - 1) && !painted(x, 0) ? "impossible" : "other";
+  };
+  return [{ ...strip.dataset }, Array.from({ length: width }, (_, x) => look(x))];
+}
+"""
+"""What each pixel column of a strip shows, by its shape alone."""
 
 
 def test_formula_is_marked_and_summed_up(
@@ -64,3 +84,75 @@ def test_formula_that_is_refused_says_where(live_visit: Visit, live_recorded: in
     live_visit.page.get_by_test_id("formula").fill(FORMULA)
     live_visit.page.get_by_test_id("formula-ask").click()
     live_visit.page.get_by_test_id("formula-certain").wait_for()
+
+
+def open_formula(visit: Visit, start: int, end: int) -> dict[str, str]:
+    """Open a window of the channel with the formula asked, until its strip is painted."""
+    question = urlencode({"formula": FORMULA}, quote_via=quote)
+    visit.open(f"{history(CHANNEL, start, end)}&{question}")
+    facts = visit.wait_for_chart(mode="history")
+    visit.page.locator(f'[data-testid=verdict-strip][data-start="{start}"]').wait_for()
+    visit.wait_for_answers()
+    return facts
+
+
+def test_strip_under_the_chart_shows_all_verdicts(
+    demo: RunningDemo, live_visit: Visit, live_recorded: int
+) -> None:
+    start, end = live_recorded - 3 * SECOND, live_recorded
+    facts = open_formula(live_visit, start, end)
+    strip = live_visit.page.get_by_test_id("verdict-strip")
+    said, looks = strip.evaluate(LOOKS)
+    assert [int(said["start"]), int(said["end"])] == [start, end]
+    chart, box = live_visit.page.locator(CHART).bounding_box(), strip.bounding_box()
+    assert chart is not None
+    assert box is not None
+    assert box["x"] == pytest.approx(chart["x"] + float(facts["plotLeft"]), abs=0.6)
+    assert box["width"] == pytest.approx(float(facts["plotWidth"]), abs=0.6)
+    items = demo.get("/monitors/evaluation", formula=FORMULA, node="palm", start=start, end=end)
+    touched: list[set[str]] = [set() for _ in looks]
+    for item in items["items"]:
+        assert not item["missing"]
+        first, last = (
+            (parse_timestamp(item[edge]) - start) * len(looks) / (end - start)
+            for edge in ("start", "end")
+        )
+        for column in range(max(0, floor(first - 1e-6)), min(len(looks), ceil(last + 1e-6))):
+            touched[column].add(item["verdict"])
+    assert {"certain", "possible", "impossible"} <= set().union(*touched)
+    shown = ["possible" if len(each) > 1 else each.pop() for each in touched]
+    assert looks == shown
+
+
+def test_strip_says_why_by_mouse_and_by_key(
+    demo: RunningDemo, live_visit: Visit, live_recorded: int
+) -> None:
+    window = {"start": live_recorded - 3 * SECOND, "end": live_recorded}
+    asked = {"formula": FORMULA, "node": "palm"}
+    items = demo.get("/monitors/evaluation", **asked, **window, verdict="possible")["items"]
+    spans = [(parse_timestamp(item["start"]), parse_timestamp(item["end"])) for item in items]
+    first, last = max(spans, key=lambda span: span[1] - span[0])
+    start, end = 2 * first - last, 2 * last - first
+    open_formula(live_visit, start, end)
+    strip = live_visit.page.get_by_test_id("verdict-strip")
+    assert "possible for " in (strip.get_attribute("aria-label") or "")
+    box = strip.bounding_box()
+    assert box is not None
+    tip = live_visit.page.locator(".verdict-strip [data-testid=tooltip]")
+    strip.hover(position={"x": box["width"] / 2, "y": 5})
+    tip.locator("strong").get_by_text("possible", exact=True).wait_for()
+    assert "width of the interval" in tip.inner_text()
+    assert "coverage" in tip.inner_text()
+    strip.hover(position={"x": 3, "y": 5})
+    items = demo.get("/monitors/evaluation", **asked, start=start, end=end)["items"]
+    tip.locator("strong").get_by_text(items[0]["verdict"], exact=True).wait_for()
+    assert " or before" in tip.inner_text()
+    assert "because" not in tip.inner_text()
+    live_visit.page.mouse.move(0, 0)
+    tip.wait_for(state="hidden")
+    strip.focus()
+    for item in items[:2]:
+        live_visit.page.keyboard.press("ArrowRight")
+        tip.locator("strong").get_by_text(item["verdict"], exact=True).wait_for()
+    live_visit.page.keyboard.press("Escape")
+    tip.wait_for(state="hidden")

@@ -17,6 +17,7 @@ import {
 } from "./segments";
 import { Tooltip } from "./tooltip";
 import { calmRange, finiteExtentOf, type ValueRange } from "./value-range";
+import type { PlotPlace } from "./verdict-strip";
 
 export interface ChartOptions {
   readonly root: HTMLElement;
@@ -108,6 +109,12 @@ export class BandChart {
   /** The width of the plot area in CSS pixels; it asks nothing of the page, which would lay it out anew. */
   get width(): number {
     return Math.max(1, this.plot.bbox.width / uPlot.pxRatio);
+  }
+
+  /** Where the plot lies; it asks nothing of the page, either. */
+  get place(): PlotPlace {
+    const { left, width } = this.plot.bbox;
+    return { left: Math.round(left), width: Math.round(width), ratio: uPlot.pxRatio };
   }
 
   /** Whether the pointer or the focus is in the chart. */

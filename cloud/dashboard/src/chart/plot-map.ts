@@ -9,7 +9,7 @@ export interface PlotMap {
 }
 
 /** Shields floor and ceil from the last bits of the arithmetic; it only ever widens. */
-const SLACK = 1e-6;
+export const SLACK = 1e-6;
 
 export function xPixel(map: PlotMap, x: number): number {
   return ((x - map.xMin) / (map.xMax - map.xMin)) * map.width;

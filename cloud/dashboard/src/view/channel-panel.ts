@@ -4,6 +4,8 @@ import { LatestRequest } from "../api/latest-request";
 import { type Answers, BandChart, NO_ANSWERS } from "../chart/band-chart";
 import type { PeakMark } from "../chart/peaks";
 import { describeHull } from "../chart/reading";
+import type { VerdictStretch } from "../chart/verdict-stretches";
+import { VerdictStrip } from "../chart/verdict-strip";
 import { formatCoverage, formatInterval } from "../interval/format";
 import { Backfill } from "../live/backfill";
 import { ChannelData } from "../live/channel-data";
@@ -77,6 +79,7 @@ export class ChannelPanel {
   readonly data: ChannelData;
   answers: Answers = NO_ANSWERS;
   private readonly chart: BandChart;
+  private readonly strip: VerdictStrip;
   private readonly chartRoot: HTMLElement;
   private readonly value = element("span", { class: "value", "data-testid": "channel-value" });
   private readonly notices = new ChannelNotices();
@@ -107,7 +110,8 @@ export class ChannelPanel {
       },
       onFailure: (error) => this.fail(error),
     });
-    this.root = element("section", { class: "panel", "data-testid": "channel", "data-channel": channel.id }, panelHead({ context, node, channel, alone: options.alone, value: this.value }), element("div", { class: "chart-frame" }, this.chartRoot, this.notices.root));
+    this.strip = new VerdictStrip(context.timeline, context.palette);
+    this.root = element("section", { class: "panel", "data-testid": "channel", "data-channel": channel.id }, panelHead({ context, node, channel, alone: options.alone, value: this.value }), element("div", { class: "chart-frame" }, this.chartRoot, this.notices.root), this.strip.root);
     this.chart = new BandChart({
       root: this.chartRoot,
       timeline: context.timeline,
@@ -163,6 +167,12 @@ export class ChannelPanel {
     this.touch();
   }
 
+  /** Shows the verdicts of a formula under the chart; none hide them. */
+  showVerdicts(stretches: readonly VerdictStretch[]): void {
+    this.strip.take(stretches);
+    this.dirty = true;
+  }
+
   /** Marks have changed: paint at the next frame. */
   touch(): void {
     this.dirty = true;
@@ -194,6 +204,7 @@ export class ChannelPanel {
 
   repaint(): void {
     this.chart.repaint();
+    this.strip.repaint();
   }
 
   /** How many pixels of the page the chart is wide. */
@@ -321,6 +332,7 @@ export class ChannelPanel {
   private draw(range: Range, settled: boolean): void {
     const { peaks, gaps, rolling, history } = this.data;
     this.chart.show(this.view.kind === "live" ? rolling : history, { ...this.answers, peaks, gaps }, range, settled);
+    this.strip.show(range, this.chart.place);
   }
 
   private readOut(at: number, x1: number): void {

@@ -65,7 +65,13 @@ export class ChannelQuestions {
         points: () => panel.width,
         onAnswer: (predicted, segments) => this.mark({ predicted, segments }),
       }),
-      formula: new FormulaForm({ ...common, onSegments: (segments) => this.mark({ segments }) }),
+      formula: new FormulaForm({
+        ...common,
+        onStretches: (stretches) => {
+          this.mark({ segments: stretches.filter(({ verdict, missing }) => verdict !== "impossible" && !missing) });
+          panel.showVerdicts(stretches);
+        },
+      }),
     };
     this.root.append(this.forms.threshold.root, this.forms.model.root, this.forms.formula.root);
     this.apply(context.route().question);

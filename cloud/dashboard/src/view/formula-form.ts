@@ -1,6 +1,6 @@
 import type { WindowedFormula } from "../api/client";
 import { isAbort, messageOf } from "../api/error";
-import { readSegment, type Segment } from "../chart/segments";
+import { readStretches, type VerdictStretch } from "../chart/verdict-stretches";
 import type { FormulaQuestion } from "../state/route";
 import type { Range } from "../state/window";
 import { WatchForm } from "./alarm-board";
@@ -13,7 +13,8 @@ export interface FormulaFormOptions {
   readonly node: string;
   readonly channel: string;
   readonly range: () => Range | null;
-  readonly onSegments: (segments: readonly Segment[]) => void;
+  /** Takes the verdicts of the window, in order of time; none where there is no answer. */
+  readonly onStretches: (stretches: readonly VerdictStretch[]) => void;
 }
 
 const INTRODUCTION = "Certain: it holds for all values and moments that the samples leave open. Possible: for some.";
@@ -59,7 +60,7 @@ export class FormulaForm {
     } else this.clock.stop();
     if (same) return;
     this.asking?.abort();
-    this.options.onSegments([]);
+    this.options.onStretches([]);
     if (question === null) this.answer.textContent = INTRODUCTION;
   }
 
@@ -84,7 +85,7 @@ export class FormulaForm {
   }
 
   private async ask(question: FormulaQuestion, range: Range): Promise<void> {
-    const { context, node, onSegments } = this.options;
+    const { context, node, onStretches } = this.options;
     const { client, timeline } = context;
     this.asking?.abort();
     const asking = new AbortController();
@@ -93,13 +94,12 @@ export class FormulaForm {
     const query: WindowedFormula = { formula: question.formula, node, start: timeline.toInstant(range.x0), end: timeline.toInstant(Math.ceil(range.x1)) };
     try {
       const [stretches, time] = await Promise.all([client.verdicts(query, signal), client.verdictTime(query, signal)]);
-      const held = stretches.items.filter(({ verdict, missing }) => verdict !== "impossible" && !missing);
-      onSegments(held.map((item) => readSegment(item, timeline)));
+      onStretches(readStretches(stretches.items, timeline));
       this.answer.replaceChildren(...totalsAnswer(time, range, { wording: WORDING, complete: stretches.complete }));
     } catch (error) {
       if (isAbort(error)) return;
       // Marks of another window or formula are no answer to this question.
-      onSegments([]);
+      onStretches([]);
       this.answer.replaceChildren(element("strong", { class: "bad" }, "No answer"), `: ${messageOf(error)}`);
     } finally {
       if (this.asking === asking) this.clock.answered();
