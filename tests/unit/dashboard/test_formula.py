@@ -13,6 +13,7 @@ from eskin.wire.timestamp import parse_timestamp
 from tests.support.processes import wait_until
 from tests.unit.dashboard.browsing import CHART, history
 from tests.unit.dashboard.pixels import CERTAIN, read_plot
+from tests.unit.dashboard.spoken import listen, nameless
 
 if TYPE_CHECKING:
     from tests.support.demos import RunningDemo
@@ -156,3 +157,40 @@ def test_strip_says_why_by_mouse_and_by_key(
         tip.locator("strong").get_by_text(item["verdict"], exact=True).wait_for()
     live_visit.page.keyboard.press("Escape")
     tip.wait_for(state="hidden")
+
+
+def test_formula_is_completed_by_key_and_by_mouse(live_visit: Visit, live_recorded: int) -> None:
+    page = live_visit.page
+    live_visit.open(history(CHANNEL, live_recorded - 3 * SECOND, live_recorded))
+    live_visit.wait_for_chart(mode="history")
+    page.get_by_text("Ask with a formula").click()
+    field, options = page.get_by_test_id("formula"), page.get_by_test_id("completions")
+    with page.expect_response(lambda answer: answer.url.endswith("/nodes/palm/channels")):
+        field.focus()
+    field.press_sequentially("onc")
+    options.wait_for()
+    assert field.get_attribute("aria-expanded") == "true"
+    assert field.get_attribute("role") == "combobox"
+    active = page.locator(f"#{field.get_attribute('aria-activedescendant')}")
+    assert active.get_attribute("aria-selected") == "true"
+    page.keyboard.press("Tab")
+    assert field.input_value() == "once[0,"
+    options.wait_for(state="hidden")
+    field.press_sequentially("50m")
+    page.keyboard.press("Enter")
+    field.press_sequentially("] t01.")
+    options.get_by_role("option").get_by_text("t01.energy", exact=True).click()
+    field.press_sequentially(" > 6 ")
+    assert options.get_by_role("option").all_inner_texts()[:2] == ["J\nunit", "mJ\nunit"]
+    assert field.get_attribute("aria-activedescendant") is None
+    for key in ("ArrowDown", "ArrowDown", "ArrowUp", "ArrowUp", "Escape"):
+        page.keyboard.press(key)
+    options.wait_for(state="hidden")
+    page.keyboard.press("ArrowDown")
+    field.press_sequentially("p")
+    page.keyboard.press("Enter")
+    assert field.input_value() == FORMULA
+    assert "formula=" not in live_visit.evaluate("location.hash")
+    page.keyboard.press("Enter")
+    page.get_by_test_id("formula-certain").wait_for()
+    assert nameless(listen(live_visit)) == {}

@@ -1,11 +1,14 @@
 import type { WindowedFormula } from "../api/client";
+import type { ChannelItem } from "../api/contract";
 import { isAbort, messageOf } from "../api/error";
 import { readStretches, type VerdictStretch } from "../chart/verdict-stretches";
 import type { FormulaQuestion } from "../state/route";
 import type { Range } from "../state/window";
 import { WatchForm } from "./alarm-board";
+import { CompletionList } from "./completion-list";
 import type { Context } from "./context";
 import { button, element } from "./element";
+import { offerAt } from "./formula-completion";
 import { RequestTimer, totalsAnswer, type Wording } from "./question-parts";
 
 export interface FormulaFormOptions {
@@ -33,12 +36,17 @@ export class FormulaForm {
   private readonly clock = new RequestTimer();
   private asking: AbortController | null = null;
   private applied: FormulaQuestion | null = null;
+  private readonly loading = new AbortController();
+  /** Of the node, for completions; as long as they are not there, only operators are offered. */
+  private channels: readonly ChannelItem[] | null = null;
 
   constructor(private readonly options: FormulaFormOptions) {
     this.text.placeholder = `once[0,200ms] ${options.channel} > 1`;
+    const completions = new CompletionList(this.text, (text, caret) => offerAt(text, caret, this.channels ?? []));
+    this.text.addEventListener("focus", () => void this.load());
     const ask = element("button", { type: "submit", class: "plain", "data-testid": "formula-ask" }, "Ask");
     const clear = button("Clear", { class: "plain quiet" }, () => this.go(null));
-    const form = element("form", { class: "formula-form", "aria-label": "formula over channels" }, element("div", { class: "fields" }, this.text, ask, clear));
+    const form = element("form", { class: "formula-form", "aria-label": "formula over channels" }, element("div", { class: "fields" }, completions.root, ask, clear));
     const watch = new WatchForm({ client: options.context.client, node: options.node, formula: () => this.text.value.trim() });
     this.root = element("details", { class: "compare", "data-testid": "formulas", "aria-label": "formulas" }, element("summary", {}, "Ask with a formula"), form, this.answer, watch.root);
     form.addEventListener("submit", (event) => {
@@ -75,6 +83,19 @@ export class FormulaForm {
 
   destroy(): void {
     this.asking?.abort();
+    this.loading.abort();
+  }
+
+  /** Loads the node's channels once. */
+  private async load(): Promise<void> {
+    if (this.channels !== null) return;
+    this.channels = [];
+    try {
+      this.channels = await this.options.context.client.channels(this.options.node, this.loading.signal);
+    } catch {
+      // The next focus tries again; the field works without.
+      this.channels = null;
+    }
   }
 
   private go(question: FormulaQuestion | null): void {
