@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 NAME = "always-on"
 FORMULA = "t01.energy > 0 pJ"
+SECOND = 1_000_000_000
 
 
 @pytest.fixture
@@ -38,11 +39,22 @@ def test_alarm_is_defined_shown_acknowledged_and_deleted(
     page.get_by_text("Ask with a formula").click()
     page.get_by_test_id("formula").fill(FORMULA)
     page.get_by_test_id("watch-name").fill("Always on")
-    page.get_by_test_id("watch").click()
-    page.get_by_test_id("watch-answer").get_by_text("is no name").wait_for()
+    watch, answer = page.get_by_test_id("watch"), page.get_by_test_id("watch-answer")
+    watch.click()
+    certain = page.get_by_test_id("checked-certain")
+    certain.wait_for()
+    assert int(certain.get_attribute("data-ns") or 0) > SECOND
+    assert "In the last hour it held" in answer.inner_text()
+    assert without_monitors.get("/monitors").json()["items"] == []
+    page.get_by_test_id("formula").press_sequentially(" ")  # another text was not checked
+    assert watch.inner_text() == "Raise an alarm"
+    watch.click()
+    watch.get_by_text("Raise it").wait_for()
+    watch.click()
+    answer.get_by_text("is no name").wait_for()
     live_visit.troubles.clear()  # the browser itself complains of the refusal
     page.get_by_test_id("watch-name").fill(NAME)
-    page.get_by_test_id("watch").click()
+    watch.click()
     alarm = page.locator(f'[data-testid="alarm"][data-monitor="{NAME}"]')
     alarm.wait_for()
     alarm.get_by_test_id("acknowledge").click()

@@ -2,8 +2,9 @@ import type { Client, MonitorDefinition } from "../api/client";
 import type { AlarmItem, MonitorItem } from "../api/contract";
 import { isAbort, messageOf } from "../api/error";
 import { type Route, printRoute } from "../state/route";
-import { parseInstant, printClock, printDay } from "../time/instant";
+import { type Instant, parseInstant, printClock, printDay } from "../time/instant";
 import { button, element } from "./element";
+import { totalsAnswer, type Wording } from "./question-parts";
 import { verdictSymbol } from "./symbol";
 
 const AROUND = 10_000_000_000n;
@@ -128,35 +129,86 @@ export interface WatchFormOptions {
   readonly client: Client;
   readonly node: string;
   readonly formula: () => string;
+  /** Where what is stored of the channel ends; null before there is any. */
+  readonly latest: () => Instant | null;
 }
 
-/** Defines a monitor of the formula that is asked. */
+const HOUR = 3_600_000_000_000n;
+const CHECK_MS = 30_000;
+const CHECKED: Wording = {
+  state: "In the last hour it held",
+  never: "Impossible",
+  because: () => "it held nowhere in the last hour",
+  name: "checked",
+};
+
+/** Defines a monitor of the formula that is written, once its last hour was shown. */
 export class WatchForm {
   readonly root: HTMLElement;
   private readonly name = element("input", { type: "text", placeholder: "name", "aria-label": "name of the monitor", autocomplete: "off", spellcheck: "false", "data-testid": "watch-name" });
   private readonly level = element("select", { "aria-label": "what raises an alarm" }, element("option", { value: "certain" }, "when certain"), element("option", { value: "possible" }, "when possible"));
+  private readonly watch = element("button", { type: "submit", class: "plain", "data-testid": "watch" }, "Raise an alarm");
   private readonly answer = element("p", { class: "answer", role: "status", "data-testid": "watch-answer" });
+  /** The formula whose last hour was shown: the next press defines a monitor of it. */
+  private checked: string | null = null;
+  private busy = false;
 
   constructor(private readonly options: WatchFormOptions) {
-    const watch = element("button", { type: "submit", class: "plain", "data-testid": "watch" }, "Raise an alarm");
-    const form = element("form", { class: "formula-form", "aria-label": "monitor" }, element("div", { class: "fields" }, this.name, this.level, watch));
+    const form = element("form", { class: "formula-form", "aria-label": "monitor" }, element("div", { class: "fields" }, this.name, this.level, this.watch));
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      void this.define();
+      void this.press();
     });
     this.root = element("div", { class: "watch" }, form, this.answer);
   }
 
-  private async define(): Promise<void> {
-    const { client, node, formula } = this.options;
-    const name = this.name.value.trim();
-    const definition: MonitorDefinition = { formula: formula(), node, raise_on: this.level.value };
-    if (name === "" || definition.formula === "") {
+  /** Call when another formula is written: it was not checked. */
+  reset(): void {
+    if (this.checked === null) return;
+    this.await(null);
+    this.answer.textContent = "";
+  }
+
+  private await(formula: string | null): void {
+    this.checked = formula;
+    this.watch.textContent = formula === null ? "Raise an alarm" : "Raise it";
+  }
+
+  private async press(): Promise<void> {
+    const [name, formula] = [this.name.value.trim(), this.options.formula()];
+    if (name === "" || formula === "") {
       this.answer.textContent = "Write a formula above, and a name for the monitor.";
       return;
     }
+    if (this.busy) return;
+    this.busy = true;
+    if (this.checked === formula) await this.define(name, formula);
+    else await this.check(formula);
+    this.busy = false;
+  }
+
+  /** Shows the last hour that is stored; where it cannot be shown, why, as the formula may be right nevertheless. */
+  private async check(formula: string): Promise<void> {
+    const { client, node, latest } = this.options;
+    const [end, next] = [latest(), ' Press "Raise it" to define the monitor.'];
+    this.answer.textContent = "Checking the last hour…";
+    try {
+      if (end === null) throw new Error("nothing is stored yet");
+      const range = { x0: 0, x1: Number(HOUR) };
+      const found = await client.verdictTime({ formula, node, start: end - HOUR, end }, AbortSignal.timeout(CHECK_MS));
+      this.answer.replaceChildren(...totalsAnswer(found, range, { wording: CHECKED, complete: true }), next);
+    } catch (error) {
+      this.answer.replaceChildren(element("strong", { class: "bad" }, "Not checked"), `: ${messageOf(error)}${next}`);
+    }
+    this.await(formula);
+  }
+
+  private async define(name: string, formula: string): Promise<void> {
+    const { client, node } = this.options;
+    const definition: MonitorDefinition = { formula, node, raise_on: this.level.value };
     try {
       await client.defineMonitor(name, definition);
+      this.await(null);
       this.answer.textContent = `${name} is evaluated from now on. The page of all nodes lists the monitors.`;
     } catch (error) {
       this.answer.replaceChildren(element("strong", { class: "bad" }, "Not defined"), `: ${messageOf(error)}`);

@@ -67,6 +67,7 @@ export class ChannelQuestions {
       }),
       formula: new FormulaForm({
         ...common,
+        latest: () => (panel.data.extent === null ? null : context.timeline.toInstant(panel.data.extent.x1)),
         onStretches: (stretches) => {
           this.mark({ segments: stretches.filter(({ verdict, missing }) => verdict !== "impossible" && !missing) });
           panel.showVerdicts(stretches);

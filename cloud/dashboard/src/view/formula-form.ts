@@ -4,6 +4,7 @@ import { isAbort, messageOf } from "../api/error";
 import { readStretches, type VerdictStretch } from "../chart/verdict-stretches";
 import type { FormulaQuestion } from "../state/route";
 import type { Range } from "../state/window";
+import type { Instant } from "../time/instant";
 import { WatchForm } from "./alarm-board";
 import { CompletionList } from "./completion-list";
 import type { Context } from "./context";
@@ -16,6 +17,8 @@ export interface FormulaFormOptions {
   readonly node: string;
   readonly channel: string;
   readonly range: () => Range | null;
+  /** Where what is stored of the channel ends; null before there is any. */
+  readonly latest: () => Instant | null;
   /** Takes the verdicts of the window, in order of time; none where there is no answer. */
   readonly onStretches: (stretches: readonly VerdictStretch[]) => void;
 }
@@ -47,7 +50,8 @@ export class FormulaForm {
     const ask = element("button", { type: "submit", class: "plain", "data-testid": "formula-ask" }, "Ask");
     const clear = button("Clear", { class: "plain quiet" }, () => this.go(null));
     const form = element("form", { class: "formula-form", "aria-label": "formula over channels" }, element("div", { class: "fields" }, completions.root, ask, clear));
-    const watch = new WatchForm({ client: options.context.client, node: options.node, formula: () => this.text.value.trim() });
+    const watch = new WatchForm({ client: options.context.client, node: options.node, formula: () => this.text.value.trim(), latest: options.latest });
+    this.text.addEventListener("input", () => watch.reset());
     this.root = element("details", { class: "compare", "data-testid": "formulas", "aria-label": "formulas" }, element("summary", {}, "Ask with a formula"), form, this.answer, watch.root);
     form.addEventListener("submit", (event) => {
       event.preventDefault();
