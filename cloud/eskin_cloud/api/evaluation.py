@@ -16,7 +16,7 @@ from eskin_cloud.api.window_params import PagedWindowQuery, WindowQuery
 from eskin_cloud.query.formula_channels import channel_places, parse_formula
 from eskin_cloud.query.stored_verdicts import StoredPiece
 from eskin_cloud.schemas.base import PageDocument
-from eskin_cloud.schemas.monitors import TotalsDocument, VerdictDocument
+from eskin_cloud.schemas.monitors import FormulaTotalsDocument, VerdictDocument
 
 router = APIRouter(tags=["monitors"])
 
@@ -79,7 +79,7 @@ def get_evaluation(
 @router.get("/monitors/evaluation/time", responses=REFUSALS_OF_PLACE)
 def get_evaluation_time(
     cloud: CloudState, access: Reader, query: Annotated[FormulaQuery, Query()]
-) -> TotalsDocument:
-    """Measure for how long and how often a formula holds."""
+) -> FormulaTotalsDocument:
+    """Measure for how long and how often a formula holds, and how often verdicts are false."""
     formula = query.parsed()
     return total_time(cloud, access, formula, query.places(formula), query)

@@ -16,7 +16,7 @@ from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.query.verdict_totals import total_verdicts
 from eskin_cloud.rollup.hulls import widest_window
 from eskin_cloud.schemas.base import page
-from eskin_cloud.schemas.monitors import describe_totals, describe_verdict
+from eskin_cloud.schemas.monitors import FormulaTotalsDocument, describe_totals, describe_verdict
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window, make_window, parse_window
 
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from eskin_cloud.api.window_params import PagedWindowQuery, WindowQuery
     from eskin_cloud.app_state import AppState
     from eskin_cloud.query.stored_verdicts import StoredPiece
-    from eskin_cloud.schemas.monitors import TotalsDocument
     from eskin_cloud.store.read.lookup import Channel
 
     Places = Mapping[str, tuple[str, str]]
@@ -86,7 +85,7 @@ def total_time(
     formula: Formula,
     places: Places,
     query: WindowQuery,
-) -> TotalsDocument:
+) -> FormulaTotalsDocument:
     """For how long, and how often, a formula holds in a window; arguments as `list_verdicts`.
 
     Raises:
@@ -100,7 +99,8 @@ def total_time(
             found = total_verdicts(verdicts.pieces(window))
     if verdicts.reads > _MOST_READS:
         raise QueryError("start, end", "too many stretches are open; choose a shorter window")
-    return describe_totals(found, window, verdicts.coverage)
+    totals = describe_totals(found, window, verdicts.coverage)
+    return FormulaTotalsDocument(**totals.model_dump(), false_a_year=verdicts.false_a_year)
 
 
 def _may_hold(piece: StoredPiece) -> bool:

@@ -15,10 +15,12 @@ import numpy as np
 from eskin.errors import MonitorError, QueryError
 from eskin.interval import Verdict
 from eskin.monitor import Because, Signal, check, evaluate
+from eskin.monitor.checks import channel_horizons
 from eskin.monitor.formula import MAX_BOUND
 from eskin.monitor.prediction import deviation
 from eskin.monitor.signal import MAX_MOMENT
 from eskin.union_bound import union_coverage
+from eskin_cloud.query.false_verdicts import SampledChannel, false_a_year
 from eskin_cloud.query.neighbourhood import read_around
 from eskin_cloud.rollup.aggregates import longest_step
 from eskin_cloud.rollup.hulls import read_hulls
@@ -91,6 +93,8 @@ class StoredVerdicts:
         reads: How many stretches were evaluated so far.
         coverage: Probability with which all verdicts of the window are right, at least: the union
             bound over its samples, and over those within the horizon.
+        false_a_year: How many verdicts a year are false, as an expected number at most, if one is
+            taken at each sample of each channel, as often as those of the window come.
         reach: How many ns before and after an instant count for its verdict.
 
     Raises:
@@ -117,6 +121,7 @@ class StoredVerdicts:
         self.reach = past or 0, future or 0
         self.reads = 0
         self.coverage = 1.0
+        self.false_a_year = 0.0
 
     def pieces(self, window: Window) -> Iterator[StoredPiece]:
         """Verdicts of a window in order of time, until too many stretches were evaluated.
@@ -199,6 +204,10 @@ class StoredVerdicts:
             missed.append(union_coverage(pieces.coverage.min(initial=1.0), n=int(pieces.n.sum())))
         if self.reads == 1:
             self.coverage = union_coverage(*missed)
+            if self.coverage < 1.0:
+                self.false_a_year = self._false_a_year(
+                    {name: each for name, (each, _) in read.items()}
+                )
         try:
             for name, (pieces, whole) in read.items():
                 unit, within = self._sources[name].channel["unit"], None if whole else around
@@ -210,6 +219,25 @@ class StoredVerdicts:
             return evaluate(self._formula, signals), exact
         except MonitorError as error:
             raise QueryError("formula", str(error)) from error
+
+    def _false_a_year(self, read: Mapping[str, Aggregates]) -> float:
+        found = []
+        for name, (past, future) in channel_horizons(self._formula).items():
+            measured = self._formula.deviations.get(name)
+            pieces = read[name if measured is None else measured.source]
+            if len(pieces) == 0:
+                continue
+            within = (pieces.last - pieces.first) // np.maximum(pieces.n - 1, 1)
+            step = np.where(pieces.n > 1, np.minimum(pieces.dt, within), pieces.dt)
+            found.append(
+                SampledChannel(
+                    step=max(int(step.min()), 1),
+                    error=int(pieces.error.max()),
+                    coverage=float(pieces.coverage.min()),
+                    reach=(past or 0) + (future or 0),
+                )
+            )
+        return false_a_year(found)
 
     def _read(self, source: ChannelSource, around: Window, most: int) -> tuple[Aggregates, bool]:
         """A channel in and around a window, and whether it is read as single samples."""

@@ -50,6 +50,17 @@ class TotalsDocument(BaseModel):
     coverage: float
 
 
+class FormulaTotalsDocument(TotalsDocument):
+    """For how long, and how often, a formula holds, and how often it is wrong.
+
+    ``false_a_year`` is the expected number of false verdicts a year, at most, if one is taken at
+    each sample of each of its channels, as often as those of the window come; 0 where all errors
+    are bounded.
+    """
+
+    false_a_year: float
+
+
 def describe_verdict(piece: StoredPiece) -> VerdictDocument:
     """One stretch."""
     verdict: Literal["certain", "possible", "impossible"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import ceil, floor
 from typing import TYPE_CHECKING
 from urllib.parse import quote, urlencode
@@ -56,7 +57,13 @@ def test_formula_is_marked_and_summed_up(
         total.wait_for()
         shown.append(int(total.get_attribute("data-ns") or -1))
     asked = {"formula": FORMULA, "node": "palm", "start": start, "end": end}
-    time = demo.get("/monitors/evaluation/time", **asked)["time_s"]
+    found = demo.get("/monitors/evaluation/time", **asked)
+    (most,) = re.findall(
+        r"a year: at most ([\d,.]+), with one verdict at each sample",
+        live_visit.page.get_by_test_id("formula-false").inner_text(),
+    )
+    assert 0 < found["false_a_year"] <= float(most.replace(",", "")) < 1.1 * found["false_a_year"]
+    time = found["time_s"]
     assert 0 < time["lo"] < time["hi"] < 3
     assert shown == [round(time["lo"] * SECOND), round(time["hi"] * SECOND)]
     items = demo.get("/monitors/evaluation", **asked, verdict="certain")["items"]

@@ -1,6 +1,6 @@
 import type { Instant } from "../time/instant";
 import type {
-  AlarmItem, ChannelItem, ContactsItem, EventItem, GatewayItem, LayoutItem, ModelItem, MonitorItem, NodeItem, NodeState, Page, PredictionAnswer,
+  AlarmItem, ChannelItem, ContactsItem, EventItem, FormulaTotalsAnswer, GatewayItem, LayoutItem, ModelItem, MonitorItem, NodeItem, NodeState, Page, PredictionAnswer,
   SeriesAnswer, StorageAnswer, TotalsAnswer, VerdictItem,
 } from "./contract";
 import { ApiError, isAbort } from "./error";
@@ -159,8 +159,8 @@ export class Client {
     return this.all("/monitors/evaluation", { ...query }, signal);
   }
 
-  /** For how long a formula holds in a window. */
-  verdictTime(query: WindowedFormula, signal: AbortSignal): Promise<TotalsAnswer> {
+  /** For how long a formula holds in a window, and how often verdicts are false. */
+  verdictTime(query: WindowedFormula, signal: AbortSignal): Promise<FormulaTotalsAnswer> {
     return this.get(address("/monitors/evaluation/time", { ...query }), signal);
   }
 

@@ -1,5 +1,5 @@
 import type {
-  AlarmDocument, ChannelDocument, ContactsDocument, CoreDocument, EnergyDocument, EventDocument, FaultDocument, GatewayDocument, LagDocument,
+  AlarmDocument, ChannelDocument, ContactsDocument, CoreDocument, EnergyDocument, EventDocument, FaultDocument, FormulaTotalsDocument, GatewayDocument, LagDocument,
   LayoutDocument, ModelDocument, MonitorDocument, NodeDocument, ParameterDocument, PredictionDocument, SeriesDocument, StateDocument, StorageDocument,
   TotalsDocument, VerdictDocument,
 } from "./schema";
@@ -29,6 +29,7 @@ export type ContactsItem = ContactsDocument;
 export type CoreItem = CoreDocument;
 export type VerdictItem = VerdictDocument;
 export type TotalsAnswer = TotalsDocument;
+export type FormulaTotalsAnswer = FormulaTotalsDocument;
 export type AlarmItem = AlarmDocument;
 export type MonitorItem = MonitorDocument;
 

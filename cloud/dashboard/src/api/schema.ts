@@ -142,6 +142,16 @@ export interface FaultDocument {
   readonly stuck: "certain" | "possible" | "impossible";
 }
 
+export interface FormulaTotalsDocument {
+  readonly start: string;
+  readonly end: string;
+  readonly time_s: IntervalDocument;
+  readonly unknown_s: number;
+  readonly entries: CountDocument;
+  readonly coverage: number;
+  readonly false_a_year: number;
+}
+
 export interface GatewayDocument {
   readonly id: string;
   readonly site: string;

@@ -10,7 +10,7 @@ import { CompletionList } from "./completion-list";
 import type { Context } from "./context";
 import { button, element } from "./element";
 import { offerAt } from "./formula-completion";
-import { RequestTimer, totalsAnswer, type Wording } from "./question-parts";
+import { falseVerdicts, RequestTimer, totalsAnswer, type Wording } from "./question-parts";
 
 export interface FormulaFormOptions {
   readonly context: Context;
@@ -120,7 +120,7 @@ export class FormulaForm {
     try {
       const [stretches, time] = await Promise.all([client.verdicts(query, signal), client.verdictTime(query, signal)]);
       onStretches(readStretches(stretches.items, timeline));
-      this.answer.replaceChildren(...totalsAnswer(time, range, { wording: WORDING, complete: stretches.complete }));
+      this.answer.replaceChildren(...totalsAnswer(time, range, { wording: WORDING, complete: stretches.complete }), " ", element("span", { "data-testid": "formula-false" }, falseVerdicts(time.false_a_year)));
     } catch (error) {
       if (isAbort(error)) return;
       // Marks of another window or formula are no answer to this question.

@@ -1,4 +1,5 @@
 import type { TotalsAnswer } from "../api/contract";
+import { decimalExponent, roundToUnits } from "../interval/decimal";
 import { formatCount } from "../interval/format";
 import type { View } from "../state/route";
 import type { Range } from "../state/window";
@@ -103,4 +104,13 @@ export function totalsAnswer(
     `, of ${window}; it began ${times} ${times === "1" ? "time" : "times"}.`,
     complete ? "" : element("span", { class: "warn" }, " Too many segments to show all: zoom in."),
   ];
+}
+
+/** How many verdicts a year are false, as an expected number at most, which is rounded up. */
+export function falseVerdicts(perYear: number): string {
+  if (perYear === 0) return "False verdicts expected a year: none, as all errors are bounded.";
+  const place = decimalExponent(perYear) - 1;
+  const most = Number(`${roundToUnits(perYear, place, "up")}e${place}`);
+  const text = most.toLocaleString("en", { maximumSignificantDigits: 2 });
+  return `False verdicts expected a year: at most ${text}, with one verdict at each sample.`;
 }
