@@ -42,6 +42,8 @@ log = logging.getLogger(__name__)
 
 _LOOK_S: Final = 1.0
 _PAUSE_S: Final = 0.05
+_NOTED_AT_ONCE: Final = 10
+"""Changes that are delivered before it is noted: so many may come again after a kill."""
 _FIRST_RETRY_S: Final = 1.0
 _MOST_DOUBLINGS: Final = 20
 
@@ -115,9 +117,8 @@ class _Receiver:
             return str(error) or "it did not answer in time"
         return None
 
-    async def _failed(self, waiting: Waiting, error: str) -> None:
+    async def _failed(self, error: str, *, attempts: int) -> None:
         settings, now = self._cloud.settings.alarms, self._cloud.clock()
-        attempts = waiting.row["attempts"]
         pause = _FIRST_RETRY_S * 2.0 ** min(attempts, _MOST_DOUBLINGS)
         pause = min(pause, settings.retry_max_s) * random.uniform(0.8, 1.0)  # noqa: S311 - no secret
         if attempts == 0:
@@ -143,26 +144,40 @@ class _Webhook(_Receiver):
         self._secret = secret
 
     async def _deliver(self, waiting: Waiting) -> bool:
-        if not waiting.transitions:
-            return False
-        transition = waiting.transitions[0]
-        cloud, number = self._cloud, transition["number"]
-        body = transition["document"].encode()
-        key = f"eskin-{transition['alarm']}-{number}"
-        headers = webhook_headers(key, body, self._secret, now=cloud.clock())
-        error = await self._post(body, headers)
-        if error is None:
-            await self._write(partial(note_delivered, name=self.name, number=number))
-        elif self._gives_up(transition):
-            log.error(
-                "alarm was not delivered: receiver=%s transition=%d reason=%s",
-                *(self.name, number, error),
-            )
-            cloud.metrics.alarms_given_up.labels(self.name).inc()
-            await self._write(partial(note_delivered, name=self.name, number=number, given_up=True))
+        taken = None
+        for transition in waiting.transitions[:_NOTED_AT_ONCE]:
+            error = await self._send(transition)
+            if error is not None:
+                break
+            taken = transition["number"]
         else:
-            await self._failed(waiting, error)
-        return True
+            transition, error = None, None
+        if taken is not None:
+            await self._write(partial(note_delivered, name=self.name, number=taken))
+        if transition is not None and error is not None:
+            await self._refused(waiting, transition, error, fresh=taken is not None)
+        return bool(waiting.transitions)
+
+    async def _send(self, transition: RowMapping) -> str | None:
+        """Send a change; returns why that failed."""
+        body = transition["document"].encode()
+        key = f"eskin-{transition['alarm']}-{transition['number']}"
+        headers = webhook_headers(key, body, self._secret, now=self._cloud.clock())
+        return await self._post(body, headers)
+
+    async def _refused(
+        self, waiting: Waiting, transition: RowMapping, error: str, *, fresh: bool
+    ) -> None:
+        if not self._gives_up(transition):
+            await self._failed(error, attempts=0 if fresh else waiting.row["attempts"])
+            return
+        number = transition["number"]
+        log.error(
+            "alarm was not delivered: receiver=%s transition=%d reason=%s",
+            *(self.name, number, error),
+        )
+        self._cloud.metrics.alarms_given_up.labels(self.name).inc()
+        await self._write(partial(note_delivered, name=self.name, number=number, given_up=True))
 
     def _gives_up(self, transition: RowMapping) -> bool:
         longest = round(self._cloud.settings.alarms.give_up_h * 3600 * SECOND)
@@ -187,7 +202,7 @@ class _Alertmanager(_Receiver):
         headers = {"content-type": "application/json"}
         error = await self._post(orjson.dumps(alerts), headers) if alerts else None
         if error is not None:
-            await self._failed(waiting, error)
+            await self._failed(error, attempts=waiting.row["attempts"])
             return True
         self._sent = time.monotonic()
         if waiting.row["delivered"] < waiting.last:
