@@ -80,6 +80,6 @@ def get_evaluation(
 def get_evaluation_time(
     cloud: CloudState, access: Reader, query: Annotated[FormulaQuery, Query()]
 ) -> FormulaTotalsDocument:
-    """Measure for how long and how often a formula holds, and how often verdicts are false."""
+    """Measure for how long, and how often, a formula holds."""
     formula = query.parsed()
     return total_time(cloud, access, formula, query.places(formula), query)
