@@ -4,7 +4,7 @@ import asyncio
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Path, Query
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from sqlalchemy import Connection
 
 from eskin.wire.messages.cbor_map import MOST_COUNT
@@ -19,7 +19,7 @@ from eskin_cloud.schemas.alarms import (
     describe_receiver,
     describe_transition,
 )
-from eskin_cloud.schemas.base import NoQuery, PageDocument
+from eskin_cloud.schemas.base import NoQuery, PageDocument, PageQuery
 from eskin_cloud.store.read.lookup import UnknownChannelError
 from eskin_cloud.store.write.alarms import (
     acknowledge_alarm,
@@ -35,17 +35,13 @@ router = APIRouter(tags=["alarms"])
 AlarmId = Annotated[int, Path(ge=1, le=MOST_COUNT)]
 
 
-class AlarmsQuery(BaseModel):
+class AlarmsQuery(PageQuery):
     """Which alarms are listed."""
-
-    model_config = ConfigDict(extra="forbid")
 
     monitor: str | None = Field(default=None, max_length=63, description="of this monitor only")
     state: Literal["raised", "cleared"] | None = Field(
         default=None, description="only those that are raised now, or that are cleared"
     )
-    limit: int = Field(default=100, ge=1, le=1000, description="alarms at once")
-    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
 
 
 @router.get("/alarms", responses=REFUSALS)

@@ -22,7 +22,7 @@ from eskin_cloud.app_state import AppState
 from eskin_cloud.query.cursors import read_texts, write_cursor
 from eskin_cloud.query.formula_channels import channel_places, parse_formula
 from eskin_cloud.schemas.alarms import LiveVerdictDocument, MonitorDocument
-from eskin_cloud.schemas.base import NoQuery, PageDocument, moment
+from eskin_cloud.schemas.base import NoQuery, PageDocument, PageQuery, moment
 from eskin_cloud.store.read.lookup import UnknownChannelError, find_channel
 from eskin_cloud.store.write.alarms import (
     DEFINED,
@@ -139,18 +139,9 @@ class SilenceBody(BaseModel):
     seconds: float = Field(gt=0, le=31_536_000, description="from now on")
 
 
-class MonitorsQuery(BaseModel):
-    """Which page of the monitors."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    limit: int = Field(default=100, ge=1, le=1000, description="monitors at once")
-    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
-
-
 @router.get("/monitors", responses=REFUSALS)
 def get_monitors(
-    cloud: CloudState, _: Reader, query: Annotated[MonitorsQuery, Query()]
+    cloud: CloudState, _: Reader, query: Annotated[PageQuery, Query()]
 ) -> PageDocument[MonitorDocument]:
     """List the monitors that are evaluated live, by name."""
     after = "" if query.cursor is None else read_texts(query.cursor, 1)[0]

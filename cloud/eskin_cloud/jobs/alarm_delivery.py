@@ -7,6 +7,7 @@ import logging
 import math
 import random
 import time
+from abc import ABC, abstractmethod
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -70,7 +71,7 @@ def deliver_alarms(cloud: AppState, stopping: asyncio.Event) -> list[Coroutine[A
     ]
 
 
-class _Receiver:
+class _Receiver(ABC):
     def __init__(self, cloud: AppState, name: str, url: str) -> None:
         self.name = name
         self._cloud = cloud
@@ -104,9 +105,9 @@ class _Receiver:
         due, now = row["next_attempt"], self._cloud.clock()
         return due is not None and now < int(due) <= now + longest
 
+    @abstractmethod
     async def _deliver(self, waiting: Waiting) -> bool:
         """Deliver what waits; returns whether there was anything."""
-        raise NotImplementedError
 
     async def _post(self, body: bytes, headers: dict[str, str]) -> str | None:
         """Post; returns why it failed."""

@@ -59,6 +59,15 @@ class NoQuery(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
+class PageQuery(BaseModel):
+    """Which page of a list."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    limit: int = Field(default=100, ge=1, le=1000, description="items at once")
+    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+
+
 class IntervalDocument(TypedDict):
     """An interval; a side that is null is unbounded."""
 
