@@ -130,7 +130,8 @@ def test_alarms_are_the_episodes_of_the_whole_record(
     raise_on, missing = raising
     pause_ns = clear_after * DT
     define(
-        *(store, formula),
+        store,
+        formula,
         since=START,
         raise_on=raise_on,
         missing=missing,
