@@ -443,8 +443,6 @@ class NodeSettings(Settings):
             raise ValueError("give either [[taxel]] tables or a [skin] with its scenario")
         if self.skin.present and self.fleet.count:
             raise ValueError("a fleet's nodes have [[taxel]] tables; a skin is one node's")
-        if self.monitor and (self.skin.present or self.fleet.count):
-            raise ValueError("[[monitor]] is of a single node with [[taxel]] tables")
         names = self.skin.controllers
         if names and self.node.name not in names:
             raise ValueError(f"skin.controllers = {names} does not name '{self.node.name}'")

@@ -12,8 +12,11 @@ from eskin_sensor_node.columns.inversion import PadColumnsInversion, surrounding
 from eskin_sensor_node.columns.self_test import ColumnsSelfTest
 from eskin_sensor_node.columns.sensing import SensingColumns
 from eskin_sensor_node.columns.stretch import PatchColumns, Stretch
+from eskin_sensor_node.columns.taxel import ColumnTaxel
+from eskin_sensor_node.firmware.schedule import Frame
 from eskin_sensor_node.firmware.selftest import CERTAIN, IMPOSSIBLE
-from eskin_sensor_node.machine.data_sheet import coverage
+from eskin_sensor_node.machine.compilation import compiled_inversion
+from eskin_sensor_node.machine.data_sheet import coverage, data_sheet
 from eskin_sensor_node.timebase import BILLION
 from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 
@@ -25,6 +28,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin_sensor_node.columns.plan import SkinPlan
     from eskin_sensor_node.columns.sensing import Sensed
+    from eskin_sensor_node.firmware.taxel.taxel import Taxel
     from eskin_sensor_node.kinds.skin_section import SkinSection
     from eskin_sensor_node.machine.clock import Clock
 
@@ -62,6 +66,11 @@ class PadColumns:
         columns: Names of the taxels that this node samples, in the order of its columns.
         period: From row to row, ns.
         broken: Which columns are certainly broken: they are reported as unknown.
+        neighbours: Columns of each column's neighbours: `NO_NEIGHBOUR` where there is none,
+            ``len(columns)`` where another node samples it.
+        units: UCUM code of each quantity that its patches state.
+        coverage: Probability that a sample's interval encloses the truth, at least.
+        taxels: See `SkinColumns`.
     """
 
     def __init__(
@@ -73,7 +82,8 @@ class PadColumns:
         self._own = [(number, len(plan.tiles[number])) for number in plan.own]
         self._taxels = np.concatenate([plan.tiles[number] for number in plan.own])
         self.columns = [skin.names[number] for number in self._taxels.tolist()]
-        self._neighbours = _local(skin.neighbours[self._taxels], self._taxels, len(skin))
+        self.neighbours = _local(skin.neighbours[self._taxels], self._taxels, len(skin))
+        self.units = {patch.quantity: patch.unit for patch in plan.patches}
         self._clock, self._boot = clock, boot
         self._shared = bool(section.controllers)
         self._sensing = SensingColumns(
@@ -84,16 +94,38 @@ class PadColumns:
             places=self.columns,
         )
         self._inversion = PadColumnsInversion(taxel, section.companions)
-        inside = np.where(self._neighbours < len(self.columns), self._neighbours, NO_NEIGHBOUR)
+        inside = np.where(self.neighbours < len(self.columns), self.neighbours, NO_NEIGHBOUR)
         self._self_test = ColumnsSelfTest(skin.positions[self._taxels], inside)
         self._faults = np.full(len(self.columns), -1)
         self._surround()
-        self._coverage = coverage(
+        self.coverage = coverage(
             taxel, section.companions, [(taxel, {})] * skin.neighbours.shape[1]
         )
         self._stretch, self._most_rows = section.stretch, section.rows
         self._begin = self._row = 0
+        self._section = section
+        self._calibrated: dict[int, Taxel] = {}
+        self._latest: tuple[tuple[int, int, int], Sensed] | None = None
         self.sample_every(section.period)
+        self.taxels = {
+            name: ColumnTaxel(self, number, section) for number, name in enumerate(self.columns)
+        }
+
+    def calibrated(self, neighbours: int) -> Taxel:
+        """The firmware's calibration of a pad among so many neighbours."""
+        if neighbours not in self._calibrated:
+            taxel = self._section.taxel
+            sheet = data_sheet(taxel, self._section.companions)
+            self._calibrated[neighbours] = taxel.firmware(sheet, compiled_inversion())
+            self._calibrated[neighbours].surround(neighbours)
+        return self._calibrated[neighbours]
+
+    @property
+    def frame(self) -> Frame:
+        """See `SkinColumns`."""
+        return Frame(
+            self._row, self._begin, 0, self._rows, self.period, self.next_due, closes=False
+        )
 
     @property
     def next_start(self) -> int:
@@ -145,7 +177,7 @@ class PadColumns:
     def _sample(self) -> Stretch:
         """Take the next stretch."""
         begin, rows, first_row = self._begin, self._rows, self._row
-        sensed = self.sense(begin + self.period * np.arange(rows, dtype=np.int64))
+        sensed = self.sensed
         self._inversion.measure(sensed.readings[0].codes)
         self._self_test.take(*self._inversion.capacitance)
         self._inversion.separate(self._groups)
@@ -154,7 +186,7 @@ class PadColumns:
         if np.any(broken):
             lows[broken], highs[broken] = -np.inf, np.inf
         self._pass(rows)
-        grid = Grid(0, self.period, first_row, rows, self._coverage)
+        grid = Grid(0, self.period, first_row, rows, self.coverage)
         cells = [values.ravel()[self._places] for values in (lows, highs, sensed.truth["pressure"])]
         return Stretch(begin, self._begin, (grid,), tuple(self._patches(cells, rows)))
 
@@ -169,6 +201,15 @@ class PadColumns:
     def sense(self, moments: NDArray[np.int64]) -> Sensed:
         """Codes of all columns at moments on the node's clock, ns, and the truth behind them."""
         return self._sensing.sense(self._boot, moments, self._seconds(moments)[None])
+
+    @property
+    def sensed(self) -> Sensed:
+        """Codes of the stretch that is not complete, and the truth behind them."""
+        key = self._begin, self.period, self._rows
+        if self._latest is None or self._latest[0] != key:
+            moments = self._begin + self.period * np.arange(self._rows, dtype=np.int64)
+            self._latest = key, self.sense(moments)
+        return self._latest[1]
 
     def examine(self) -> list[Fault]:
         """End a window of the self-test; gives the taxels that may be broken.
@@ -189,7 +230,7 @@ class PadColumns:
         return [Fault(self.columns[k], int(found[0, k]), int(found[1, k])) for k in doubtful]
 
     def _surround(self) -> None:
-        self._groups = surroundings(self._neighbours, ~self.broken)
+        self._groups = surroundings(self.neighbours, ~self.broken)
 
     def _seconds(self, moments: NDArray[np.int64]) -> Floats:
         """True seconds since the scenario began."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from eskin.interval import Floats
     from eskin.wire.frames import Grid, Layout, Patch
+    from eskin_sensor_node.columns.taxel import ColumnTaxel
+    from eskin_sensor_node.firmware.schedule import Frame
 
 
 class PatchColumns(NamedTuple):
@@ -63,6 +65,16 @@ class SkinColumns(Protocol):
     @property
     def period(self) -> int:
         """From row to row, ns."""
+        ...
+
+    @property
+    def frame(self) -> Frame:
+        """When the samples of the stretch that is not complete are taken."""
+        ...
+
+    @property
+    def taxels(self) -> Mapping[str, ColumnTaxel]:
+        """Those that the node samples, by their names; monitors read them one by one."""
         ...
 
     @property

@@ -41,6 +41,7 @@ class ControlUnit:
         broken: Whether the taxel is certainly stuck or dead: it reports no derived quantity then.
         ranging: Converts again what saturates, while it is adaptive.
         omitted_samples: Samples left out for this reason, until the caller reports them.
+        around: Those of its neighbours in the skin that the node has.
         known_neighbours: How many were measured at the instants of its last frame.
     """
 
@@ -68,7 +69,7 @@ class ControlUnit:
         self.known_neighbours = 0
         self.broken = False
         self.omitted_samples = 0
-        self._around: Sequence[ControlUnit] = ()
+        self.around: Sequence[ControlUnit] = ()
         self._frame: Frame | None = None
         self._adjustable: list[Codes] = []
         self.ranging = Autoranging(taxel, self.adaptation, repeats)
@@ -109,7 +110,7 @@ class ControlUnit:
 
     def surround(self, around: "Sequence[ControlUnit]", neighbours: int) -> None:
         """Sit among so many neighbours in the skin, some of which are measured by the node."""
-        self._around = around
+        self.around = around
         self._taxel.surround(neighbours)
 
     def repeat(self, readings: "Readings", i: int, k: int, hold: "Hold") -> None:
@@ -136,7 +137,7 @@ class ControlUnit:
         """Subtract the crosstalk of neighbours that are measured at the same instants."""
         if self._frame is None:
             return
-        around = [unit.felt() for unit in self._around if unit.measures(self._frame)]
+        around = [unit.felt() for unit in self.around if unit.measures(self._frame)]
         self.known_neighbours = len(around)
         self._taxel.separate(self._frame.n, self._bounds, around)
 

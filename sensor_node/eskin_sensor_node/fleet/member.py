@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from eskin.errors import CommandError
 from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.timebase import BILLION
@@ -121,8 +120,6 @@ class MemberControls:
 
     def apply(self, name: str, arguments: Arguments) -> State:
         """As `eskin_sensor_node.node.controls.NodeControls.apply`."""
-        if name == "monitor":
-            raise CommandError("command", name, "calibrate, set, reset; a fleet runs no monitors")
         node = self._shard.singles.get(self._row) or self._shard.make_single(self._row)
         state = NodeControls(node).apply(name, arguments)
         self._shard.part(self._row, node)

@@ -86,6 +86,7 @@ class SingleNode(Node):
             self._outbox.message_writer,
             since=since,
         )
+        self.reflexes.skip(self._clock.ticks())
         for taxel_number in cohort.key.order:
             self.sampling.arm(taxel_number, self.taxels[taxel_number].next)
 
@@ -97,9 +98,11 @@ class SingleNode(Node):
     def key(self) -> Key | None:
         """What a cohort that it can join has in common; ``None``: it must sample alone.
 
-        What follows its own measurements cannot join: adaptive control, and the reports of a
-        broken taxel. Nor has it a clock of its own after a reset.
+        What follows its own measurements cannot join: monitors, adaptive control, and the reports
+        of a broken taxel. Nor has it a clock of its own after a reset.
         """
+        if self.reflexes.definitions:
+            return None
         units = [taxel.control_unit for taxel in self.taxels]
         if self.machine.booted or self.machine.starting or self.states.state != states.SLEEP:
             return None
@@ -141,9 +144,11 @@ def _standing(taxel: EmulatedTaxel, design: TaxelSection) -> TaxelState:
 def reason_to_sample_alone(settings: NodeSettings) -> str | None:
     """What in a design cannot be calculated in columns; ``None`` where all can.
 
-    Energy, adaptive control and the comparison of neighbours follow what each node measures; a
-    recording has gaps of its own.
+    Energy, monitors, adaptive control and the comparison of neighbours follow what each node
+    measures; a recording has gaps of its own.
     """
+    if settings.monitor:
+        return "monitor"
     if settings.energy.on:
         return "energy"
     for taxel in settings.taxel:

@@ -94,7 +94,13 @@ _SEALED: Final = 2
 """How often a message is enciphered: in its envelope, and in TLS."""
 
 
-def inversion(chain: str, n: int, neighbours: int, new: Mapping[str, int]) -> Cycles:
+def inversion(
+    chain: str,
+    n: int,
+    neighbours: int,
+    new: Mapping[str, int],
+    prices: Mapping[str, Cycles] = PRICES,
+) -> Cycles:
     """Of the inversion of a frame.
 
     Args:
@@ -102,11 +108,12 @@ def inversion(chain: str, n: int, neighbours: int, new: Mapping[str, int]) -> Cy
         n: Samples.
         neighbours: How many were measured at the same instants.
         new: Of each sensor that is read along, its chain, and how many codes were new.
+        prices: Of the processor.
     """
-    total = PRICES[chain].plus(PRICES["neighbour"].times(neighbours))
-    total = total.plus(PRICES["remembered"].times(len(new))).times(n)
+    total = prices[chain].plus(prices["neighbour"].times(neighbours))
+    total = total.plus(prices["remembered"].times(len(new))).times(n)
     for sensor, times in new.items():
-        total = total.plus(PRICES[f"new_{sensor}"].times(times))
+        total = total.plus(prices[f"new_{sensor}"].times(times))
     return total
 
 
@@ -179,11 +186,7 @@ def stretch(
         sizes: Bytes of each frame, without its envelope.
     """
     prices = PROCESSORS[processor]
-    sample = prices[chain].plus(prices["neighbour"].times(neighbours))
-    sample = sample.plus(prices["remembered"].times(len(along)))
-    inverted = sample.times(taxels * rows)
-    for sensor in along:
-        inverted = inverted.plus(prices[f"new_{sensor}"].times(rows))
+    inverted = inversion(chain, taxels * rows, neighbours, dict.fromkeys(along, rows), prices)
     written = prices["encode_frame"].times(taxels * rows)
     for size in sizes:
         sealed = prices["seal_byte"].times(size + ENVELOPE).plus(prices["seal_message"])

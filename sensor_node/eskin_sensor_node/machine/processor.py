@@ -117,6 +117,12 @@ def _sampled(settings: NodeSettings, taxel: TaxelSection) -> tuple[int, float]:
     return min(schedule.capacity, schedule.burst), schedule.burst * BILLION / schedule.pause
 
 
+def capacity(settings: NodeSettings) -> int:
+    """Cycles a second that a node has; only a skin uses more than one core."""
+    machine = settings.machine
+    return machine.clock_hz * (machine.cores if settings.skin.present else 1)
+
+
 def require_speed(settings: NodeSettings, around: Mapping[int, int]) -> None:
     """Check that the processor can keep up with the node.
 
@@ -125,7 +131,7 @@ def require_speed(settings: NodeSettings, around: Mapping[int, int]) -> None:
     """
     machine = settings.machine
     load, clock = processor_load(settings, around), machine.clock_hz
-    if load.total <= clock * (machine.cores if settings.skin.present else 1):
+    if load.total <= capacity(settings):
         return
     parts = ", ".join(f"{name} {cycles}" for name, cycles in load.parts().items())
     if settings.skin.present:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import logging
 from typing import TYPE_CHECKING, Final
 
-from eskin.errors import CommandError, MonitorError
+from eskin.errors import CommandError
 from eskin.wire.frames.sample_codec import MOST_STRIDE
-from eskin.wire.messages.command_schema import MONITOR_PLACE, NEVER, WHOLE_NODE, Mode, place_of
-from eskin_sensor_node.node.reflexes import Definition
+from eskin.wire.messages.command_schema import WHOLE_NODE, Mode, place_of
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
@@ -17,8 +15,6 @@ if TYPE_CHECKING:
     from eskin.wire.messages.command_schema import Arguments, State, Value
     from eskin_sensor_node.node.node import Node
     from eskin_sensor_node.node.taxel import EmulatedTaxel
-
-log = logging.getLogger(__name__)
 
 _OF_TAXEL: Final = ("adaptive", "gain", "smoothing", "rate", "mode")
 
@@ -49,7 +45,9 @@ class NodeControls:
             MonitorError: The monitor cannot be used.
         """
         if name == "monitor":
-            return self._set_monitor(arguments)
+            with self._node.between_frames():
+                self._node.reflexes.apply(arguments)
+            return self._state()
         taxels = self._chosen(place_of(arguments))
         if "rate" in arguments:
             for taxel in taxels:
@@ -65,15 +63,6 @@ class NodeControls:
                     _set(taxel, arguments)
             if name == "reset":
                 self._node.reflexes.reset()
-        return self._state()
-
-    def _set_monitor(self, arguments: Arguments) -> State:
-        name, reflexes = str(arguments["monitor"]), self._node.reflexes
-        with self._node.between_frames():
-            if arguments["on"] == NEVER:
-                reflexes.remove(name)
-            else:
-                reflexes.define(name, _definition(arguments))
         return self._state()
 
     def _require_powers(self, periods: Mapping[EmulatedTaxel, int]) -> None:
@@ -112,7 +101,7 @@ class NodeControls:
             The node's state.
         """
         with self._node.between_frames():
-            self._restore_monitors(state)
+            self._node.reflexes.restore(state)
             for place, settings in state.items():
                 taxel = self._taxels.get(place.partition(".")[0])
                 if taxel is not None:
@@ -123,21 +112,6 @@ class NodeControls:
                 except CommandError:
                     taxel.sample_every(taxel.control_unit.designed.dt)
         return self._state()
-
-    def _restore_monitors(self, state: State) -> None:
-        reflexes = self._node.reflexes
-        for place, settings in state.items():
-            name = place.removeprefix(MONITOR_PLACE)
-            if name == place:
-                continue
-            if settings.get("on") == NEVER:
-                if name in reflexes.definitions:
-                    reflexes.remove(name)
-                continue
-            try:
-                reflexes.define(name, _definition(settings))
-            except (KeyError, MonitorError) as error:
-                log.warning("monitor left out: name=%s reason=%s", name, error)
 
     def _chosen(self, place: str) -> list[EmulatedTaxel]:
         if place == WHOLE_NODE:
@@ -165,16 +139,7 @@ class NodeControls:
             for channel in unit.units:
                 if channel.threshold > 0.0:
                     state[channel.name] = {"threshold": channel.threshold}
-        reflexes = self._node.reflexes
-        for monitor, each in reflexes.definitions.items():
-            state[MONITOR_PLACE + monitor] = dict(each._asdict())
-        for monitor in reflexes.removed:
-            state[MONITOR_PLACE + monitor] = {"on": NEVER}
-        return state
-
-
-def _definition(settings: Mapping[str, Value]) -> Definition:
-    return Definition(str(settings["formula"]), str(settings["on"]), str(settings["output"]))
+        return state | self._node.reflexes.state
 
 
 def _set(taxel: EmulatedTaxel, arguments: Arguments) -> None:

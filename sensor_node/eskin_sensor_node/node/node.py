@@ -177,7 +177,7 @@ class Node(BaseNode):
         self._sampling_group.boot()
         self.reflexes = NodeReflexes(
             self._settings,
-            self.taxels,
+            {taxel.name: taxel for taxel in self.taxels},
             machine=self.machine,
             sampling=self.sampling,
             clock=self._clock.known,

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+import logging
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from eskin.errors import MonitorError, SettingsError
 from eskin.monitor.program import threshold
 from eskin.union_bound import union_coverage
+from eskin.wire.messages.command_schema import MONITOR_PLACE, NEVER
 from eskin_sensor_node.firmware import monitor as engine
 from eskin_sensor_node.firmware.expression import Comparison, Meter
 from eskin_sensor_node.firmware.reflex import Reflex, ReflexUnit, code_ranges
-from eskin_sensor_node.kinds.neighbours import measured_around, patches
+from eskin_sensor_node.kinds.neighbours import measured_around
 from eskin_sensor_node.machine.budget import ram_budget
 from eskin_sensor_node.machine.ledger import CONVERSION_NS
 from eskin_sensor_node.machine.monitor_program import MonitorProgram, difference
-from eskin_sensor_node.machine.prices import BILLION, PRICES, Cycles, inversion
-from eskin_sensor_node.machine.processor import processor_load
+from eskin_sensor_node.machine.prices import BILLION, PROCESSORS, Cycles, inversion
+from eskin_sensor_node.machine.processor import capacity, processor_load
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,14 +25,17 @@ if TYPE_CHECKING:
 
     from eskin.monitor import Atom
     from eskin.monitor.program import Threshold
+    from eskin.wire.messages.command_schema import Arguments, State, Value
     from eskin_sensor_node.firmware.assembler import Assembler
     from eskin_sensor_node.firmware.clock import Clock
     from eskin_sensor_node.firmware.expression import Expression
     from eskin_sensor_node.firmware.schedule import Frame
+    from eskin_sensor_node.firmware.taxel.taxel import Taxel
     from eskin_sensor_node.machine.machine import Machine
     from eskin_sensor_node.machine.sampling import Sampling
-    from eskin_sensor_node.node.taxel import EmulatedTaxel
     from eskin_sensor_node.settings import NodeSettings
+
+log = logging.getLogger(__name__)
 
 NO_OUTPUT: Final = "none"
 MOST_MONITORS: Final = 16
@@ -39,6 +44,79 @@ MOST_WORK_NS: Final = 1_000_000
 _METER: Final = 512
 """Bytes of a taxel that is measured at each sample: bounds, codes, and objects."""
 VERDICTS: Final = {"possible": engine.POSSIBLE, "certain": engine.CERTAIN}
+
+
+class MonitoredTaxel(Protocol):
+    """A taxel whose samples monitors read one by one: emulated by itself, or a column of a skin."""
+
+    @property
+    def name(self) -> str:
+        """The taxel's."""
+        ...
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """UCUM code of each quantity that it states."""
+        ...
+
+    @property
+    def around(self) -> Sequence[str]:
+        """Names of its neighbours in the skin that the node samples at the same instants."""
+        ...
+
+    @property
+    def calibrated(self) -> Taxel:
+        """Its calibration, as it is adjusted at present."""
+        ...
+
+    @property
+    def adjustment(self) -> tuple[float, int, int]:
+        """What its thresholds depend on: gain, step of the trimmer, plates."""
+        ...
+
+    @property
+    def period(self) -> int:
+        """From sample to sample, ns."""
+        ...
+
+    @property
+    def next(self) -> Frame:
+        """The samples of the stretch that is not complete."""
+        ...
+
+    @property
+    def inputs(self) -> int:
+        """Of the converter, each of them read at each sample."""
+        ...
+
+    @property
+    def coverage(self) -> float:
+        """Probability that its intervals hold the truth."""
+        ...
+
+    @property
+    def chain(self) -> str:
+        """Whose price its inversion has."""
+        ...
+
+    @property
+    def broken(self) -> bool:
+        """Whether it is certainly broken."""
+        ...
+
+    @property
+    def reads_intervals(self) -> bool:
+        """Whether its world is a recording, known as intervals and not at each moment."""
+        ...
+
+    def converted(self, frame: Frame, k: int) -> Sequence[Sequence[int]]:
+        """Codes of its inputs at one sample of a frame; see `EmulatedTaxel.converted`."""
+        ...
+
+    @property
+    def along(self) -> Sequence[str]:
+        """Chains of the sensors that it reads along."""
+        ...
 
 
 class Definition(NamedTuple):
@@ -54,12 +132,21 @@ class Definition(NamedTuple):
     on: str = "possible"
     output: str = NO_OUTPUT
 
+    @classmethod
+    def of(cls, settings: Mapping[str, Value]) -> Definition:
+        """Of a command's arguments, or of a reported place.
+
+        Raises:
+            KeyError: A part is missing.
+        """
+        return cls(str(settings["formula"]), str(settings["on"]), str(settings["output"]))
+
 
 class _Compiled(NamedTuple):
     """An atom that integer thresholds decide."""
 
     atom: engine.Threshold
-    taxel: EmulatedTaxel
+    taxel: MonitoredTaxel
     quantity: int
     threshold: Threshold
 
@@ -89,7 +176,7 @@ class NodeReflexes:
 
     Args:
         settings: The node's.
-        taxels: Its taxels, booted.
+        taxels: Its taxels, booted, by their names.
         machine: What it runs on.
         sampling: Its sampling interrupts.
         clock: What it knows of time.
@@ -102,7 +189,7 @@ class NodeReflexes:
     def __init__(
         self,
         settings: NodeSettings,
-        taxels: Sequence[EmulatedTaxel],
+        taxels: Mapping[str, MonitoredTaxel],
         *,
         machine: Machine,
         sampling: Sampling,
@@ -110,38 +197,69 @@ class NodeReflexes:
         assembler: Assembler,
     ) -> None:
         self._settings = settings
-        self._taxels = {taxel.name: taxel for taxel in taxels}
+        self._taxels = taxels
         self._units = {
-            f"{taxel.name}.{quantity}": unit
-            for taxel in taxels
-            for quantity, unit in taxel.calibrated.quantities
+            f"{name}.{quantity}": unit
+            for name, taxel in taxels.items()
+            for quantity, unit in taxel.units.items()
         }
         self._machine, self._sampling = machine, sampling
+        self._prices = PROCESSORS[settings.machine.processor]
         self._unit = ReflexUnit(clock, assembler, self._drive)
         self._timer = machine.interrupt(self._decide)
         self._drift = round(settings.clock.drift_ppm * 1e3)
         self._sources: dict[str, engine.Source] = {}
         self._meters: dict[str, Meter] = {}
-        self._around = {
-            settings.taxel[number].id: [settings.taxel[k].id for k in patch.around]
-            for number, patch in patches(settings.taxel).items()
-        }
-        self._adjusted: dict[str, tuple[float, int, int, int]] = {}
+        self._adjusted: dict[str, tuple[tuple[float, int, int], int]] = {}
         self._defined: dict[str, _Defined] = {}
-        self._due: list[tuple[EmulatedTaxel, Frame, int]] = []
+        self._due: list[tuple[MonitoredTaxel, Frame, int]] = []
         self._last = -1
         self._done = 0
         self.reset()
 
     @property
-    def removed(self) -> list[str]:
-        """Monitors of the settings that a command removed."""
-        return [each.name for each in self._settings.monitor if each.name not in self._defined]
-
-    @property
     def definitions(self) -> dict[str, Definition]:
         """All monitors."""
         return {name: each.definition for name, each in self._defined.items()}
+
+    @property
+    def state(self) -> State:
+        """The places that report them, and those of the settings that a command removed."""
+        removed = [each.name for each in self._settings.monitor if each.name not in self._defined]
+        found: State = {
+            MONITOR_PLACE + name: dict(each._asdict()) for name, each in self.definitions.items()
+        }
+        return found | {MONITOR_PLACE + name: {"on": NEVER} for name in removed}
+
+    def apply(self, arguments: Arguments) -> None:
+        """Apply the command ``monitor``, whole or not at all.
+
+        Args:
+            arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
+
+        Raises:
+            MonitorError: The monitor cannot be used, or there is none to remove.
+        """
+        name = str(arguments["monitor"])
+        if arguments["on"] == NEVER:
+            self.remove(name)
+        else:
+            self.define(name, Definition.of(arguments))
+
+    def restore(self, state: State) -> None:
+        """Restore the last reported state at boot, leaving out what no longer fits."""
+        for place, settings in state.items():
+            name = place.removeprefix(MONITOR_PLACE)
+            if name == place:
+                continue
+            if settings.get("on") == NEVER:
+                if name in self._defined:
+                    self.remove(name)
+                continue
+            try:
+                self.define(name, Definition.of(settings))
+            except (KeyError, MonitorError) as error:
+                log.warning("monitor left out: name=%s reason=%s", name, error)
 
     def reset(self) -> None:
         """Go back to the monitors of the settings.
@@ -181,6 +299,8 @@ class NodeReflexes:
                 name, monitor, VERDICTS[definition.on], output, self._coverage(made), made.meters
             )
         )
+        if not self._defined:
+            self.skip(self._machine.now - self._machine.booted)
         self._defined[name] = made
         self.arm()
 
@@ -218,6 +338,10 @@ class NodeReflexes:
         converted = CONVERSION_NS * sum(taxel.inputs for taxel, _, _ in self._due)
         self._machine.arm(self._timer, self._machine.booted + first + converted)
 
+    def skip(self, ticks: int) -> None:
+        """Decide at no instant before a moment."""
+        self._last = max(self._last, ticks - 1)
+
     def stop(self) -> None:
         """Await nothing."""
         self._timer.stop()
@@ -229,7 +353,7 @@ class NodeReflexes:
         samples = []
         for taxel, own, number in self._due:
             readings, source = taxel.converted(own, number), self._sources[taxel.name]
-            source.broken = taxel.control_unit.broken
+            source.broken = taxel.broken
             if readings:
                 samples.append((source, readings))
         before = self._unit.work
@@ -270,7 +394,7 @@ class NodeReflexes:
             name, _, quantity = channel.rpartition(".")
             read.append(name)
             meter = meters[name] = self._meter(name)
-            around = {each: self._meter(each) for each in self._around.get(name, ())}
+            around = {each: self._meter(each) for each in self._taxels[name].around}
             meter.is_read, meter.around = True, [*around.values()]
             meters.update(around)
             return meter.quantity(self._quantity(self._taxels[name], quantity))
@@ -286,7 +410,7 @@ class NodeReflexes:
     def _source(self, name: str) -> engine.Source:
         if name not in self._sources:
             taxel = self._taxels[name]
-            self._sources[name] = engine.Source(taxel.control_unit.schedule.dt, self._drift)
+            self._sources[name] = engine.Source(taxel.period, self._drift)
             self._adjusted[name] = _adjustment(taxel)
         return self._sources[name]
 
@@ -296,7 +420,7 @@ class NodeReflexes:
         return self._meters[name]
 
     @staticmethod
-    def _quantity(taxel: EmulatedTaxel, quantity: str) -> int:
+    def _quantity(taxel: MonitoredTaxel, quantity: str) -> int:
         return [each for each, _ in taxel.calibrated.quantities].index(quantity)
 
     def _adjust(self) -> None:
@@ -306,7 +430,7 @@ class NodeReflexes:
             if self._adjusted[name] == found:
                 continue
             self._adjusted[name] = found
-            self._sources[name].sample_every(taxel.control_unit.schedule.dt)
+            self._sources[name].sample_every(taxel.period)
             for defined in self._defined.values():
                 for each in defined.compiled:
                     if each.taxel is taxel:
@@ -319,7 +443,7 @@ class NodeReflexes:
         )
         compared.atom.set(*ranges)
         tried = 2 * (2 + taxel.calibrated.last.bit_length())
-        self._machine.ledger.charge_work(inversion(taxel.chain, tried, 0, {}))
+        self._machine.ledger.charge_work(inversion(taxel.chain, tried, 0, {}, self._prices))
 
     def _coverage(self, defined: _Defined) -> float:
         """Probability that all samples hold which a verdict is made of."""
@@ -327,7 +451,7 @@ class NodeReflexes:
             *(
                 union_coverage(
                     self._taxels[name].coverage,
-                    n=defined.program.reach // self._taxels[name].control_unit.schedule.dt + 2,
+                    n=defined.program.reach // self._taxels[name].period + 2,
                 )
                 for name in defined.taxels
             )
@@ -341,7 +465,7 @@ class NodeReflexes:
         for name in names:
             if self._taxels[name].reads_intervals:
                 raise MonitorError(f"{name} plays a recording; a node's monitors read others")
-        dt = min(self._taxels[name].control_unit.schedule.dt for name in names)
+        dt = min(self._taxels[name].period for name in names)
         meters = {id(meter) for each in defined.values() for meter in each.meters}
         size = sum(each.program.memory(dt) for each in defined.values()) + _METER * len(meters)
         free = machine.ram_bytes - ram_budget(self._settings).total
@@ -363,10 +487,10 @@ class NodeReflexes:
             )
         needed = processor_load(self._settings, measured_around(self._settings.taxel)).total
         needed += cycles.most * BILLION // dt
-        if needed > machine.clock_hz:
+        if needed > capacity(self._settings):
             raise MonitorError(
                 f"with the monitors the node needs up to {needed} cycles a second, and has "
-                f"{machine.clock_hz}; use fewer operators or a lower rate",
+                f"{capacity(self._settings)}; use fewer operators or a lower rate",
                 value=needed,
             )
 
@@ -374,15 +498,19 @@ class NodeReflexes:
         self, defined: Mapping[str, _Defined], runs: int, names: AbstractSet[str]
     ) -> Cycles:
         """Of all monitors at an instant, at most where some taxels were sampled."""
-        total = PRICES["monitor_run"].times(runs)
+        total = self._prices["monitor_run"].times(runs)
         for each in defined.values():
-            total = total.plus(PRICES["interval_product"].times(each.program.operations))
+            total = total.plus(self._prices["interval_product"].times(each.program.operations))
         measured = {
             name for name, meter in self._meters.items() if name in names and _uses(defined, meter)
         }
+        calibrations = set()
         for name in measured:
             taxel = self._taxels[name]
-            total = total.plus(taxel.sample_cycles(len(self._around.get(name, ()))))
+            # Codes that are read along may be new, once for each calibration.
+            new = dict.fromkeys(taxel.along, int(id(taxel.calibrated) not in calibrations))
+            calibrations.add(id(taxel.calibrated))
+            total = total.plus(inversion(taxel.chain, 1, len(taxel.around), new, self._prices))
         return total
 
 
@@ -390,8 +518,6 @@ def _uses(defined: Mapping[str, _Defined], meter: Meter) -> bool:
     return any(meter in each.meters for each in defined.values())
 
 
-def _adjustment(taxel: EmulatedTaxel) -> tuple[float, int, int, int]:
+def _adjustment(taxel: MonitoredTaxel) -> tuple[tuple[float, int, int], int]:
     """What thresholds depend on, and the period."""
-    unit: Any = taxel.control_unit
-    chosen = unit.adaptation
-    return chosen.gain, chosen.trim, chosen.plate, unit.schedule.dt
+    return taxel.adjustment, taxel.period

@@ -285,6 +285,32 @@ class EmulatedTaxel:
         return self.control_unit.name
 
     @property
+    def units(self) -> Mapping[str, str]:
+        """UCUM code of each quantity that it states."""
+        return self._taxel.units
+
+    @property
+    def around(self) -> list[str]:
+        """Names of its neighbours in the skin that the node has."""
+        return [unit.name for unit in self.control_unit.around]
+
+    @property
+    def adjustment(self) -> tuple[float, int, int]:
+        """Gain, step of the trimmer, plates."""
+        chosen = self.control_unit.adaptation
+        return chosen.gain, chosen.trim, chosen.plate
+
+    @property
+    def period(self) -> int:
+        """From sample to sample, ns."""
+        return self.control_unit.schedule.dt
+
+    @property
+    def broken(self) -> bool:
+        """Whether it is certainly broken."""
+        return self.control_unit.broken
+
+    @property
     def inputs(self) -> int:
         """Of the converter, each of them read at each sample."""
         return len(self._calibrated.inputs)
@@ -292,9 +318,8 @@ class EmulatedTaxel:
     def cycles(self, n: int) -> Cycles:
         """What the n samples of its latest frame take: inversion, and each channel's passes."""
         before, self._inverted = self._inverted, list(self._calibrated.inverted)
-        chains = [each.taxel.chain for each in self._companions.values()]
         counts = [now - then for then, now in zip(before, self._inverted, strict=True)]
-        new = dict(zip(chains, counts, strict=True))
+        new = dict(zip(self.along, counts, strict=True))
         measured = n + self.reader.repeats.samples
         unit = self.control_unit
         total = inversion(self._taxel.chain, measured, unit.known_neighbours, new)
@@ -327,10 +352,10 @@ class EmulatedTaxel:
         """Whether its world is a recording, known as intervals and not at each moment."""
         return self._taxel.kind.startswith("recorded")
 
-    def sample_cycles(self, neighbours: int) -> Cycles:
-        """What it takes to measure one sample at most: all codes read along are new."""
-        chains = {each.taxel.chain: 1 for each in self._companions.values()}
-        return inversion(self._taxel.chain, 1, neighbours, chains)
+    @property
+    def along(self) -> list[str]:
+        """Chains of the sensors that it reads along."""
+        return [each.taxel.chain for each in self._companions.values()]
 
     def converted(self, frame: Frame, k: int) -> list[list[int]]:
         """What its converter gives for one sample of a frame, which the firmware has to come.

@@ -23,7 +23,8 @@ class SkinControls:
     """Sets a node between two stretches; safe for several threads.
 
     ``set rate`` changes the period of all taxels. ``set mode=peaks`` stops sampling: the node sends
-    no frames, and states a gap when ``set mode=samples`` resumes it. ``reset`` restores the design.
+    no frames, and states a gap when ``set mode=samples`` resumes it. ``monitor`` defines or removes
+    a monitor. ``reset`` restores the design.
 
     Args:
         node: The node.
@@ -38,7 +39,7 @@ class SkinControls:
         """Apply a command, whole or not at all.
 
         Args:
-            name: ``calibrate``, ``set`` or ``reset``.
+            name: ``calibrate``, ``set``, ``reset`` or ``monitor``.
             arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
 
         Returns:
@@ -46,11 +47,14 @@ class SkinControls:
 
         Raises:
             CommandError: The node does not have that command, setting or place.
+            MonitorError: The monitor cannot be used.
         """
         if name == "calibrate":
             raise CommandError("command", name, "set or reset: a skin keeps no baseline")
         if name == "monitor":
-            raise CommandError("command", name, "calibrate, set, reset; a skin runs no monitors")
+            with self._node.between_frames():
+                self._node.reflexes.apply(arguments)
+            return self._state()
         place = place_of(arguments)
         if place != WHOLE_NODE:
             raise CommandError("taxel", place, "none: all taxels of a skin are sampled together")
@@ -64,6 +68,8 @@ class SkinControls:
             raise CommandError("rate", arguments["rate"], f"at most {most:g}")
         if name == "reset":
             arguments = {"rate": BILLION / self._designed, "mode": Mode.SAMPLES}
+            with self._node.between_frames():
+                self._node.reflexes.reset()
         self._set(arguments)
         return self._state()
 
@@ -83,6 +89,8 @@ class SkinControls:
         if "rate" in settings and self._is_allowed(settings["rate"]):
             wanted["rate"] = settings["rate"]
         self._set(wanted)
+        with self._node.between_frames():
+            self._node.reflexes.restore(state)
         return self._state()
 
     def _set(self, arguments: Arguments) -> None:
@@ -99,7 +107,8 @@ class SkinControls:
 
     def _state(self) -> State:
         rate = BILLION / self._node.columns.period
-        return {WHOLE_NODE: {"rate": rate, "mode": str(self._mode)}}
+        whole: State = {WHOLE_NODE: {"rate": rate, "mode": str(self._mode)}}
+        return whole | self._node.reflexes.state
 
     def _is_allowed(self, rate: Value) -> bool:
         return _FASTER * _period(rate) >= self._designed

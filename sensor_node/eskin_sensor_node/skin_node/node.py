@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Final
 from eskin.interval import Verdict
 from eskin.wire.messages import Position
 from eskin_sensor_node.firmware import states
+from eskin_sensor_node.firmware.assembler import Assembler
 from eskin_sensor_node.firmware.gap_reasons import DEAD, STUCK, reason_text
 from eskin_sensor_node.firmware.schedule import Frame
-from eskin_sensor_node.machine.machine import NEVER
-from eskin_sensor_node.machine.prices import NONE
+from eskin_sensor_node.machine.prices import NONE, message
 from eskin_sensor_node.machine.prices import stretch as price_stretch
+from eskin_sensor_node.machine.sampling import WHOLE_FRAME, Sampling
 from eskin_sensor_node.node.base import BaseNode
 from eskin_sensor_node.node.ground_truth import TrueFrame
+from eskin_sensor_node.node.reflexes import NodeReflexes
 from eskin_sensor_node.node.self_test import SELF_TEST_WINDOW
 from eskin_sensor_node.skin_node.frames import FrameWriter
 
@@ -44,6 +46,7 @@ class SkinNode(BaseNode):
 
     Attributes:
         columns: The taxels.
+        reflexes: Its monitors.
     """
 
     def __init__(
@@ -70,18 +73,29 @@ class SkinNode(BaseNode):
         self._tested = 0
         self._rows_untested = 0
         self._broken: frozenset[str] = frozenset()
-        self._timer = self.machine.interrupt(self._sample)
+        self._assembler = Assembler(self._clock.known, self._outbox.message_writer)
+        self._sampling = Sampling(self.machine, [self._sample], WHOLE_FRAME)
+        self.reflexes = NodeReflexes(
+            self._settings,
+            self.columns.taxels,
+            machine=self.machine,
+            sampling=self._sampling,
+            clock=self._clock.known,
+            assembler=self._assembler,
+        )
         self._arm()
 
     @property
     def _sampling_due(self) -> int:
-        return self._timer.time if self._timer.running else NEVER
+        return self._sampling.due
 
     def _arm_sampling(self) -> None:
-        self.machine.arm(self._timer, self.machine.booted + self.columns.next_due)
+        self._sampling.arm(0, self.columns.frame)
+        self.reflexes.arm()
 
     def _stop_sampling(self) -> None:
-        self._timer.stop()
+        self._sampling.stop()
+        self.reflexes.stop()
 
     def _next_start(self) -> tuple[int, int]:
         return self.columns.next_start, self.columns.next_start
@@ -90,8 +104,11 @@ class SkinNode(BaseNode):
         return self.columns.skip(ticks)
 
     def _skip(self, batch: Batch, ticks: int) -> int:
-        del batch
+        batch.take(self._assembler.flush())
         return self.columns.skip(ticks)
+
+    def _undecided(self) -> Sequence[Record]:
+        return self._assembler.flush()
 
     def _set_shedding(self, stage: int) -> None:
         """Only deep sleep saves energy here: it searches no peaks."""
@@ -99,12 +116,15 @@ class SkinNode(BaseNode):
     def _sample(self) -> None:
         """Handle the interrupt at the end of a stretch."""
         self.states.take(states.DUE, self._ticks)
-        self.machine.ledger.charge_interrupt()
+        self._sampling.complete(0)
         stretches = self._work_off(lambda: list(self.columns.advance(self._ticks)))
         if stretches is None:
             return
         for stretch in stretches:
             self._finish(stretch)
+        for record in self._assembler.flush():
+            self.machine.ledger.charge_message(message(len(record.body)), len(record.body))
+            self._batch.take([record])
         self._arm()
 
     def _finish(self, stretch: Stretch) -> None:

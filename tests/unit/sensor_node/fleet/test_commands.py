@@ -30,6 +30,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from eskin.wire.messages.command_schema import Arguments
+
+MONITOR: Arguments = {
+    "formula": "once[0,50ms] t01.capacitance > 50 pF",
+    "on": "possible",
+    "output": "stop",
+}
 COMMANDS: list[list[tuple[float, str, dict[str, Any]]]] = [
     [(1.3, "set", {"threshold": 2e-12, "channel": "t01.capacitance"})],
     [(1.3, "set", {"gain": 1.5}), (2.9, "reset", {})],
@@ -37,6 +44,7 @@ COMMANDS: list[list[tuple[float, str, dict[str, Any]]]] = [
     [(0.7, "set", {"rate": 25.0, "taxel": "t01"}), (2.2, "set", {"mode": "peaks"})],
     [(1.3, "calibrate", {}), (1.5, "set", {"mode": "adaptive"})],
     [(2.3, "set", {"adaptive": "on"})],
+    [(1.3, "monitor", {"monitor": "squeeze"} | MONITOR), (2.9, "set", {"gain": 1.5})],
 ]
 
 
@@ -132,6 +140,27 @@ def test_state_is_restored_and_the_design_needs_no_single_node(
     bench.run_to(2.0)
 
 
+def test_member_runs_a_monitor_alone_and_joins_its_cohort_without_it(
+    make: Callable[..., Bench],
+) -> None:
+    bench = make()
+    controls = MemberControls(bench.shard, 1)
+    bench.run_to(1.3)
+    state = controls.apply("monitor", {"monitor": "squeeze", **MONITOR})
+    assert state["monitor:squeeze"] == MONITOR
+    bench.run_to(6.1)
+    assert list(bench.shard.singles) == [1]
+    stated = [v for s in statements_of(body for _, body in bench.said(1)) for v in s.verdicts]
+    assert {each.monitor for each in stated} == {"squeeze"}
+    assert bench.shard.singles[1].machine.outputs.edges
+    # Again with an empty RAM, as after a start of the fleet.
+    bench.shard = bench.build()
+    assert MemberControls(bench.shard, 1).restore(state) == state
+    assert MemberControls(bench.shard, 1).apply("monitor", {"monitor": "squeeze", "on": "never"})
+    bench.run_to(12.1)
+    assert not bench.shard.singles
+
+
 def test_status_of_a_member_with_a_supply_encloses_its_true_energy(
     make: Callable[..., Bench],
 ) -> None:
@@ -221,6 +250,7 @@ def test_open_line_is_reported_as_by_a_single_node(
         ({}, None),
         ({"energy": {"on": True}}, "energy"),
         ({"taxel": [table("capacitive", adaptive=True)]}, "taxel.t01.adaptive"),
+        ({"monitor": [{"name": "squeeze"} | MONITOR]}, "monitor"),
     ],
 )
 def test_designs_that_columns_cannot_bear_run_alone(

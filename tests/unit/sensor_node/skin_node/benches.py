@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from eskin_sensor_node.columns.stretch import PatchColumns, Stretch
 from eskin_sensor_node.firmware.message_writer import FRAME, STATEMENTS
+from eskin_sensor_node.firmware.schedule import Frame as Sampled
 from eskin_sensor_node.machine.node_layout import describe
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth, TrueFrame
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from eskin_sensor_node.columns.taxel import ColumnTaxel
     from eskin_sensor_node.firmware.chip import StoredMessage
 
     from eskin.wire.messages import Position
@@ -40,6 +42,8 @@ class TinyColumns:
 
     layout = LAYOUT
     patches = PATCHES
+    taxels: ClassVar[dict[str, ColumnTaxel]] = {}
+    """None of them can be read one by one."""
 
     def __init__(self, boot: int) -> None:
         self.period = PERIOD
@@ -56,6 +60,12 @@ class TinyColumns:
     @property
     def next_due(self) -> int:
         return self.next_start + self.rows * self.period
+
+    @property
+    def frame(self) -> Sampled:
+        return Sampled(
+            self.row, self.next_start, 0, self.rows, self.period, self.next_due, closes=False
+        )
 
     def sample_every(self, period: int) -> None:
         self.period = period
