@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from eskin.client.client import Client, connect
+from eskin.client.release import verify_release
 
-__all__ = ["Client", "connect"]
+__all__ = ["Client", "connect", "verify_release"]

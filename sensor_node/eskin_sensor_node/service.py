@@ -11,6 +11,8 @@ import numpy as np
 
 from eskin.identity import Identity
 from eskin.runtime.memory import freeze_gc
+from eskin.wire.envelope import sign
+from eskin.wire.topics import Stream, node_topic
 from eskin_sensor_node.link.publisher import Publisher
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.node_layout import plan_layout
@@ -107,6 +109,14 @@ def serve(settings: NodeSettings, flash: Flash, truth: GroundTruth, stop: thread
     )
     commander.start()
     node.at_start = commander.start
+    node.gesture_key.report = commander.report
+    topic = node_topic(own.name, Stream.COMMANDS)
+
+    def sign_release(plaintext: bytes) -> bytes:
+        # Read for each one, so that a renewed key signs.
+        return sign(plaintext, own=Identity.load(settings.identity.directory), topic=topic)
+
+    node.gesture_key.sign = sign_release
 
     def take_command(signed: bytes) -> None:
         with node.paused():

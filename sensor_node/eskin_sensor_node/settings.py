@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from math import log2
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Final, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -18,6 +20,8 @@ from eskin_sensor_node.profile import Profile, profile_names
 from eskin_sensor_node.world.scenario import read_scenario
 from eskin_sensor_node.world.scenario.fit import Played, Staged
 
+_LEAST_BITS: Final = 12
+"""Of a gesture key's entropy."""
 _TOLERANCE = "relative; the true one lies anywhere inside"
 
 
@@ -376,6 +380,55 @@ class MonitorSection(Section):
     )
 
 
+class GestureKeySection(Section):
+    """A sequence of gestures that lets the node sign a challenge; see docs/gesture-key.md."""
+
+    gestures: tuple[str, ...] = Field(
+        default=(),
+        max_length=16,
+        description="names of the monitors that can be entered; empty: the node has no such key",
+    )
+    sequence: tuple[str, ...] = Field(
+        default=(),
+        max_length=7,
+        description="those that unlock, in order; none follows itself",
+    )
+    timeout_s: float = Field(
+        default=30.0, gt=0, le=3600, description="seconds for an entry, from the challenge on"
+    )
+    attempts: int = Field(
+        default=5, ge=1, le=100, description="wrong entries in a row after which it locks"
+    )
+    lockout_s: float = Field(
+        default=600.0,
+        ge=1,
+        le=31_536_000,
+        description="seconds for which it is locked then, and after each further one",
+    )
+
+    @property
+    def entropy(self) -> float:
+        """Bits of a sequence that is drawn at random."""
+        k, n = len(self.gestures), len(self.sequence)
+        return log2(k) + (n - 1) * log2(k - 1) if k > 1 and n else 0.0
+
+    @model_validator(mode="after")
+    def _can_be_entered(self) -> Self:
+        if len(set(self.gestures)) < len(self.gestures):
+            raise ValueError("gestures names a monitor twice")
+        unknown = sorted(set(self.sequence) - set(self.gestures))
+        if unknown:
+            raise ValueError(f"sequence has {', '.join(unknown)}, which gestures does not name")
+        if any(first == second for first, second in pairwise(self.sequence)):
+            raise ValueError("a gesture of the sequence follows itself; put another one between")
+        if self.gestures and self.entropy < _LEAST_BITS:
+            raise ValueError(
+                f"{len(self.sequence)} of {len(self.gestures)} gestures have {self.entropy:.1f} "
+                f"bits, and {_LEAST_BITS} are needed; use a longer sequence or more gestures"
+            )
+        return self
+
+
 class NodeRenewalSection(RenewalSection):
     """As in every tier, but less often: there may be many nodes."""
 
@@ -402,6 +455,7 @@ class NodeSettings(Settings):
     renewal: NodeRenewalSection = NodeRenewalSection()
     log: LogSection = LogSection()
     skin: SkinSection = SkinSection()
+    gesture_key: GestureKeySection = GestureKeySection()
     monitor: tuple[MonitorSection, ...] = Field(
         default=(), max_length=16, description="the monitors; a command adds and removes others"
     )
@@ -443,6 +497,11 @@ class NodeSettings(Settings):
             raise ValueError("give either [[taxel]] tables or a [skin] with its scenario")
         if self.skin.present and self.fleet.count:
             raise ValueError("a fleet's nodes have [[taxel]] tables; a skin is one node's")
+        key = self.gesture_key.gestures
+        if key and self.fleet.count:
+            raise ValueError("[gesture_key] is of a single node, not of a fleet")
+        for name in sorted(set(key) - {each.name for each in self.monitor}):
+            raise ValueError(f"gesture_key.gestures names {name}; give it as a [[monitor]]")
         names = self.skin.controllers
         if names and self.node.name not in names:
             raise ValueError(f"skin.controllers = {names} does not name '{self.node.name}'")

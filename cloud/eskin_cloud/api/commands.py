@@ -66,6 +66,9 @@ class ArgumentsBody(BaseModel):
     output: Literal["none", "stop", "out1", "out2", "out3"] | None = Field(
         default=None, description="what the node drives while it is"
     )
+    nonce: str | None = Field(
+        default=None, description="what the node signs once its gesture key is entered"
+    )
 
 
 class CommandBody(BaseModel):
@@ -73,7 +76,9 @@ class CommandBody(BaseModel):
 
     model_config = _STRICT
 
-    name: Literal["calibrate", "set", "reset", "monitor"] = Field(description="what to do")
+    name: Literal["calibrate", "set", "reset", "monitor", "challenge"] = Field(
+        description="what to do"
+    )
     arguments: ArgumentsBody = ArgumentsBody()
     expires_s: float = Field(
         default=3600.0,

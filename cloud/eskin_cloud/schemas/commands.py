@@ -19,7 +19,7 @@ class CommandDocument(BaseModel):
 
     id: int
     node: str
-    name: Literal["calibrate", "set", "reset", "monitor"]
+    name: Literal["calibrate", "set", "reset", "monitor", "challenge"]
     arguments: dict[str, float | str]
     state: Literal["pending", "delivered", "done", "refused", "expired"]
     reason: str | None

@@ -88,7 +88,7 @@ class Verifier:
         leaf = self._chains.verify(_chain(header), self._kind)
         if common_name(leaf) != self._name:
             raise UntrustedCertificateError(
-                f"signed by {common_name(leaf)!r}; only {self._name!r} may command"
+                f"signed by {common_name(leaf)!r}; only {self._name!r} may sign here"
             )
         half = SIGNATURE_BYTES // 2
         encoded = encode_dss_signature(

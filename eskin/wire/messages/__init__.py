@@ -10,6 +10,7 @@ from eskin.wire.messages.cbor_map import Fields, load
 from eskin.wire.messages.command import Command
 from eskin.wire.messages.command_schema import CommandName, Mode
 from eskin.wire.messages.header import Kind, Position
+from eskin.wire.messages.release import Release
 from eskin.wire.messages.result import Outcome, Result
 from eskin.wire.messages.status import (
     Energy,
@@ -29,6 +30,7 @@ __all__ = [
     "Mode",
     "Outcome",
     "Position",
+    "Release",
     "ResetCause",
     "Result",
     "Shedding",

@@ -226,8 +226,8 @@ def _are_keys(value: dict[Any, object]) -> bool:
 T = TypeVar("T")
 
 _LONGEST_KEY = 63
-_LONGEST_TEXT = 1000
-"""Such as a monitor's formula (`command_schema.MOST_FORMULA`)."""
+_LONGEST_TEXT = 4000
+"""Such as the signature of a gesture key, with its certificates."""
 
 
 def sort_texts(values: Mapping[str, T]) -> dict[str, T]:

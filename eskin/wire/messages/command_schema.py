@@ -26,6 +26,10 @@ WHOLE_NODE: Final = "*"
 TAXEL: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
 MONITOR_PLACE: Final = "monitor:"
 """What a monitor's place begins with; its name follows."""
+KEY_PLACE: Final = "key:gesture"
+"""The place of a node's gesture key."""
+NONCE: Final = re.compile(r"[0-9a-f]{32}")
+"""A challenge's nonce: 16 bytes in hexadecimal."""
 MOST_FORMULA: Final = 1000
 """Characters of a monitor's formula."""
 
@@ -37,6 +41,7 @@ class CommandName(StrEnum):
     SET = "set"
     RESET = "reset"
     MONITOR = "monitor"
+    CHALLENGE = "challenge"
 
 
 class Mode(StrEnum):
@@ -97,6 +102,7 @@ _ALLOWED: Final = {
     CommandName.SET: (*SETTINGS, "taxel", "channel"),
     CommandName.RESET: (),
     CommandName.MONITOR: ("monitor", *MONITOR_SETTINGS),
+    CommandName.CHALLENGE: ("nonce",),
 }
 
 
@@ -109,6 +115,7 @@ def check_arguments(name: CommandName, arguments: Mapping[str, object]) -> Argum
     - ``reset``: nothing.
     - ``monitor``: a ``monitor``, and its ``formula``, with ``on`` (by default ``possible``) and
       ``output`` (by default ``none``); without a formula, ``on`` is ``never``: it is removed.
+    - ``challenge``: a ``nonce``, which the node signs once its gesture key is entered.
 
     Returns:
         The arguments, their numbers as floats.
@@ -123,6 +130,8 @@ def check_arguments(name: CommandName, arguments: Mapping[str, object]) -> Argum
     checked = {field: _check(field, value) for field, value in arguments.items()}
     if name is CommandName.SET:
         _require_fitting(checked)
+    if name is CommandName.CHALLENGE and not checked:
+        raise CommandError("nonce", None, "16 bytes in hexadecimal, new for each challenge")
     if name is CommandName.MONITOR:
         if "monitor" not in checked:
             raise CommandError("monitor", None, "the name of a monitor, such as grip")
@@ -149,7 +158,10 @@ def is_place(text: str) -> bool:
     """Whether a text is a place."""
     if text.startswith(MONITOR_PLACE):
         return TAXEL.fullmatch(text.removeprefix(MONITOR_PLACE)) is not None
-    return text == WHOLE_NODE or (TAXEL.fullmatch(text) or CHANNEL.fullmatch(text)) is not None
+    return (
+        text in (WHOLE_NODE, KEY_PLACE)
+        or (TAXEL.fullmatch(text) or CHANNEL.fullmatch(text)) is not None
+    )
 
 
 def _check(field: str, value: object) -> Value:
@@ -159,6 +171,10 @@ def _check(field: str, value: object) -> Value:
         if value not in _CHOICES[field]:
             raise CommandError(field, value, ", ".join(_CHOICES[field]))
         return str(value)
+    if field == "nonce":
+        if not isinstance(value, str) or NONCE.fullmatch(value) is None:
+            raise CommandError(field, value, "16 bytes as 32 hexadecimal digits, a to f")
+        return value
     if field == "formula":
         if not isinstance(value, str) or not value.isprintable() or not value.strip():
             raise CommandError(field, value, "a text on one line")

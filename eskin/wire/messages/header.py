@@ -27,6 +27,7 @@ class Kind(IntEnum):
     ENCRYPTED = 7
     ACKNOWLEDGEMENT = 8
     COMMAND = 9
+    RELEASE = 10
 
 
 class Position(NamedTuple):

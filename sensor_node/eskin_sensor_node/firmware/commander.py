@@ -25,6 +25,10 @@ if TYPE_CHECKING:
         def restore(self, state: State) -> State:
             """Restore the reported state, as far as it fits; gives the state."""
 
+        @property
+        def state(self) -> State:
+            """The state."""
+
 
 DONE = 0
 REFUSED = 1
@@ -77,6 +81,11 @@ class Commander:
             self._last = fields[5], fields[6], fields.get(7)
             state = fields[8]
         self._state = self._controls.restore(state)
+        self._record(time)
+
+    def report(self, time: "Time") -> None:
+        """Report a state that changed by itself, with the last command's result again."""
+        self._state = self._controls.state
         self._record(time)
 
     def take(self, plaintext: bytes, time: "Time") -> "tuple[int, str, int] | None":

@@ -2,6 +2,7 @@
 
 from array import array
 
+from eskin_sensor_node.firmware.gesture_lock import WAITING
 from eskin_sensor_node.firmware.monitor import IMPOSSIBLE, NEVER
 
 TYPE_CHECKING = False
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.assembler import Assembler
     from eskin_sensor_node.firmware.clock import Clock
     from eskin_sensor_node.firmware.expression import Meter
+    from eskin_sensor_node.firmware.gesture_lock import GestureLock
     from eskin_sensor_node.firmware.monitor import Codes, Monitor, Readings, Source
     from eskin_sensor_node.firmware.taxel.taxel import Taxel
 
@@ -25,6 +27,7 @@ class Reflex:
         output: Name of the output; empty for none.
         coverage: Probability that a verdict holds, at least.
         meters: What measures for its atoms.
+        secret: Whether its verdicts are not stated.
 
     Attributes:
         is_on: Whether its verdict asks for the output.
@@ -38,6 +41,8 @@ class Reflex:
         output: str,
         coverage: float,
         meters: "Sequence[Meter]" = (),
+        *,
+        secret: bool = False,
     ) -> None:
         self.name = name
         self.monitor = monitor
@@ -45,6 +50,7 @@ class Reflex:
         self.output = output
         self.coverage = coverage
         self.meters = meters
+        self.secret = secret
         self.is_on = False
         self._stated = -1
 
@@ -61,7 +67,7 @@ class Reflex:
         """Decide at an instant, and state a verdict that differs from the one before."""
         verdict = self.monitor.step(now)
         self.is_on = verdict >= self.on > IMPOSSIBLE
-        if verdict != self._stated:
+        if verdict != self._stated and not self.secret:
             self._stated = verdict
             time = clock.enclosure(now)
             assembler.state_verdict(self.name, time, verdict, self.monitor.because, self.coverage)
@@ -74,17 +80,23 @@ class ReflexUnit:
         clock: What the node knows of time.
         assembler: Takes verdicts.
         drive: Sets an output, by its name.
+        lock: Takes the verdicts of its gestures; ``None``: there is none.
 
     Attributes:
         reflexes: By their names.
     """
 
     def __init__(
-        self, clock: "Clock", assembler: "Assembler", drive: "Callable[[str, bool], None]"
+        self,
+        clock: "Clock",
+        assembler: "Assembler",
+        drive: "Callable[[str, bool], None]",
+        lock: "GestureLock | None" = None,
     ) -> None:
         self._clock = clock
         self._assembler = assembler
         self._drive = drive
+        self._lock = lock
         self.reflexes: dict[str, Reflex] = {}
         self._meters: list[Meter] = []
         self._levels: dict[str, bool] = {}
@@ -119,6 +131,10 @@ class ReflexUnit:
                 reflex.decide(now, self._clock, self._assembler)
         for source, _ in samples:
             source.fresh = False
+        lock = self._lock
+        if lock is not None and lock.outcome == WAITING:
+            verdicts = {name: self.reflexes[name].monitor.verdict for name in lock.gestures}
+            lock.take(now, verdicts)
         self._drive_outputs()
 
     def _changed(self) -> None:

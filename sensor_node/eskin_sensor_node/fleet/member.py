@@ -125,6 +125,12 @@ class MemberControls:
         self._shard.part(self._row, node)
         return state
 
+    @property
+    def state(self) -> State:
+        """The member's state."""
+        node = self._shard.singles.get(self._row)
+        return self._shard.designed if node is None else NodeControls(node).state
+
     def restore(self, state: State) -> State:
         """As `node.controls.NodeControls.restore`; as designed, it stays in its cohort."""
         designed, node = self._shard.designed, self._shard.singles.get(self._row)

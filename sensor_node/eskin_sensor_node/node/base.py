@@ -16,6 +16,7 @@ from eskin_sensor_node.firmware.gap_reasons import ASLEEP, OVERRUN, RESET, TEXTS
 from eskin_sensor_node.firmware.states import StateMachine
 from eskin_sensor_node.machine.machine import Machine
 from eskin_sensor_node.machine.prices import message
+from eskin_sensor_node.node.gesture_key import GestureKey
 from eskin_sensor_node.node.power_manager import PowerManager
 from eskin_sensor_node.timebase import BILLION
 
@@ -72,6 +73,7 @@ class BaseNode(ABC):
     Attributes:
         machine: What the firmware runs on.
         states: The firmware's state machine.
+        gesture_key: What signs challenges.
         energy: Its power manager; ``None``: the supply never ends.
         at_start: Called after each start of the firmware but the first.
     """
@@ -95,6 +97,11 @@ class BaseNode(ABC):
         self.machine = Machine(
             timeout=round(settings.machine.watchdog_s * BILLION),
             clock_hz=settings.machine.clock_hz,
+        )
+        self.gesture_key = GestureKey(
+            settings.gesture_key,
+            settings.node.name,
+            lambda: clock.known.enclosure(self._ticks),
         )
         self.at_start: Callable[[], None] | None = None
         self.energy = (
@@ -138,6 +145,7 @@ class BaseNode(ABC):
                         self._truth.store({name: self._true}, {name: self._outbox.settled})
                     if self.energy is not None:
                         self.energy.keep()
+                self.gesture_key.settle(self._ticks)
             self.machine.events.pass_to(time)
 
     @contextmanager
@@ -171,6 +179,15 @@ class BaseNode(ABC):
                 yield records
                 batch.take(records)
             self._arm()
+
+    def challenge(self, nonce: str) -> None:
+        """Await the gestures of the node's key, to sign a nonce.
+
+        Raises:
+            CommandError: It has no key, or is locked.
+        """
+        with self._working:
+            self.gesture_key.challenge(nonce, self._ticks)
 
     def record_status(self) -> Position:
         """Put a status into flash.
@@ -265,6 +282,7 @@ class BaseNode(ABC):
         if self.energy is not None:
             self.energy.boot()
         self.states = StateMachine()
+        self.gesture_key.boot()
         self._boot_sampling()
         self.states.take(states.STARTED, 0)
 

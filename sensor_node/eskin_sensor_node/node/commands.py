@@ -35,7 +35,7 @@ class TypedControls(Protocol):
         """Apply a command, whole or not at all.
 
         Args:
-            name: ``calibrate``, ``set``, ``reset`` or ``monitor``.
+            name: ``calibrate``, ``set``, ``reset``, ``monitor`` or ``challenge``.
             arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
 
         Returns:
@@ -54,6 +54,10 @@ class TypedControls(Protocol):
         Returns:
             The node's state.
         """
+
+    @property
+    def state(self) -> State:
+        """The node's state."""
 
 
 class CommandReceiver:
@@ -97,6 +101,16 @@ class CommandReceiver:
             raise FlashError(
                 f"the stored result of the last command cannot be read: {error}"
             ) from error
+
+    def report(self) -> None:
+        """Store a state that changed by itself, and report it.
+
+        Raises:
+            FlashError: It could not be stored.
+        """
+        if not self._started:
+            self._start()
+        self._firmware.report(self._enclosure())
 
     def take(self, signed: bytes) -> None:
         """Execute a command that was sealed to this node.
@@ -157,6 +171,11 @@ class _Checked:
     def restore(self, state: Any) -> State:
         """Restore the last reported state."""
         return self._controls.restore(state)
+
+    @property
+    def state(self) -> State:
+        """The state."""
+        return self._controls.state
 
 
 def _printable(text: str) -> str:

@@ -34,7 +34,7 @@ class NodeControls:
         """Apply a command, whole or not at all.
 
         Args:
-            name: ``calibrate``, ``set``, ``reset`` or ``monitor``.
+            name: ``calibrate``, ``set``, ``reset``, ``monitor`` or ``challenge``.
             arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
 
         Returns:
@@ -47,7 +47,10 @@ class NodeControls:
         if name == "monitor":
             with self._node.between_frames():
                 self._node.reflexes.apply(arguments)
-            return self._state()
+            return self.state
+        if name == "challenge":
+            self._node.challenge(str(arguments["nonce"]))
+            return self.state
         taxels = self._chosen(place_of(arguments))
         if "rate" in arguments:
             for taxel in taxels:
@@ -63,7 +66,7 @@ class NodeControls:
                     _set(taxel, arguments)
             if name == "reset":
                 self._node.reflexes.reset()
-        return self._state()
+        return self.state
 
     def _require_powers(self, periods: Mapping[EmulatedTaxel, int]) -> None:
         """Check that taxels of a patch can be sampled on one grid.
@@ -111,7 +114,7 @@ class NodeControls:
                     self._require_powers({taxel: taxel.control_unit.schedule.dt})
                 except CommandError:
                     taxel.sample_every(taxel.control_unit.designed.dt)
-        return self._state()
+        return self.state
 
     def _chosen(self, place: str) -> list[EmulatedTaxel]:
         if place == WHOLE_NODE:
@@ -125,7 +128,9 @@ class NodeControls:
             raise CommandError("channel", place, ", ".join(channels))
         return [taxel]
 
-    def _state(self) -> State:
+    @property
+    def state(self) -> State:
+        """The node's state."""
         state: State = {}
         for name, taxel in self._taxels.items():
             unit = taxel.control_unit

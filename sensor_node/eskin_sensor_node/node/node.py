@@ -182,6 +182,7 @@ class Node(BaseNode):
             sampling=self.sampling,
             clock=self._clock.known,
             assembler=self._assembler,
+            gesture_key=self.gesture_key,
         )
         self._self_test = NodeSelfTest(
             self._settings.taxel, self.taxels, self._clock.known, self._outbox.message_writer

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 from eskin.errors import MonitorError, SettingsError
 from eskin.monitor.program import threshold
 from eskin.union_bound import union_coverage
-from eskin.wire.messages.command_schema import MONITOR_PLACE, NEVER
+from eskin.wire.messages.command_schema import KEY_PLACE, MONITOR_PLACE, NEVER
 from eskin_sensor_node.firmware import monitor as engine
 from eskin_sensor_node.firmware.expression import Comparison, Meter
 from eskin_sensor_node.firmware.reflex import Reflex, ReflexUnit, code_ranges
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.taxel.taxel import Taxel
     from eskin_sensor_node.machine.machine import Machine
     from eskin_sensor_node.machine.sampling import Sampling
+    from eskin_sensor_node.node.gesture_key import GestureKey
     from eskin_sensor_node.settings import NodeSettings
 
 log = logging.getLogger(__name__)
@@ -181,6 +182,7 @@ class NodeReflexes:
         sampling: Its sampling interrupts.
         clock: What it knows of time.
         assembler: Takes verdicts.
+        gesture_key: Takes those of its gestures.
 
     Raises:
         SettingsError: A monitor of the settings cannot be used.
@@ -195,6 +197,7 @@ class NodeReflexes:
         sampling: Sampling,
         clock: Clock,
         assembler: Assembler,
+        gesture_key: GestureKey,
     ) -> None:
         self._settings = settings
         self._taxels = taxels
@@ -205,7 +208,8 @@ class NodeReflexes:
         }
         self._machine, self._sampling = machine, sampling
         self._prices = PROCESSORS[settings.machine.processor]
-        self._unit = ReflexUnit(clock, assembler, self._drive)
+        self._key = gesture_key
+        self._unit = ReflexUnit(clock, assembler, self._drive, gesture_key.lock)
         self._timer = machine.interrupt(self._decide)
         self._drift = round(settings.clock.drift_ppm * 1e3)
         self._sources: dict[str, engine.Source] = {}
@@ -229,7 +233,8 @@ class NodeReflexes:
         found: State = {
             MONITOR_PLACE + name: dict(each._asdict()) for name, each in self.definitions.items()
         }
-        return found | {MONITOR_PLACE + name: {"on": NEVER} for name in removed}
+        found |= {MONITOR_PLACE + name: {"on": NEVER} for name in removed}
+        return found | ({KEY_PLACE: self._key.state} if self._key.gestures else {})
 
     def apply(self, arguments: Arguments) -> None:
         """Apply the command ``monitor``, whole or not at all.
@@ -241,6 +246,8 @@ class NodeReflexes:
             MonitorError: The monitor cannot be used, or there is none to remove.
         """
         name = str(arguments["monitor"])
+        if name in self._key.gestures:
+            raise MonitorError(f"{name} is a gesture of the key; the node's file defines it")
         if arguments["on"] == NEVER:
             self.remove(name)
         else:
@@ -248,9 +255,10 @@ class NodeReflexes:
 
     def restore(self, state: State) -> None:
         """Restore the last reported state at boot, leaving out what no longer fits."""
+        self._key.restore(state.get(KEY_PLACE, {}), self._machine.now - self._machine.booted)
         for place, settings in state.items():
             name = place.removeprefix(MONITOR_PLACE)
-            if name == place:
+            if name == place or name in self._key.gestures:
                 continue
             if settings.get("on") == NEVER:
                 if name in self._defined:
@@ -296,7 +304,13 @@ class NodeReflexes:
         output = "" if definition.output == NO_OUTPUT else definition.output
         self._unit.define(
             Reflex(
-                name, monitor, VERDICTS[definition.on], output, self._coverage(made), made.meters
+                name,
+                monitor,
+                VERDICTS[definition.on],
+                output,
+                self._coverage(made),
+                made.meters,
+                secret=name in self._key.gestures,
             )
         )
         if not self._defined:

@@ -39,7 +39,7 @@ class SkinControls:
         """Apply a command, whole or not at all.
 
         Args:
-            name: ``calibrate``, ``set``, ``reset`` or ``monitor``.
+            name: ``calibrate``, ``set``, ``reset``, ``monitor`` or ``challenge``.
             arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
 
         Returns:
@@ -54,7 +54,10 @@ class SkinControls:
         if name == "monitor":
             with self._node.between_frames():
                 self._node.reflexes.apply(arguments)
-            return self._state()
+            return self.state
+        if name == "challenge":
+            self._node.challenge(str(arguments["nonce"]))
+            return self.state
         place = place_of(arguments)
         if place != WHOLE_NODE:
             raise CommandError("taxel", place, "none: all taxels of a skin are sampled together")
@@ -71,7 +74,7 @@ class SkinControls:
             with self._node.between_frames():
                 self._node.reflexes.reset()
         self._set(arguments)
-        return self._state()
+        return self.state
 
     def restore(self, state: State) -> State:
         """Restore the last reported state at boot, leaving out what no longer fits.
@@ -91,7 +94,7 @@ class SkinControls:
         self._set(wanted)
         with self._node.between_frames():
             self._node.reflexes.restore(state)
-        return self._state()
+        return self.state
 
     def _set(self, arguments: Arguments) -> None:
         node = self._node
@@ -105,7 +108,9 @@ class SkinControls:
         elif node.states.cause == states.ORDERED:
             node.resume()
 
-    def _state(self) -> State:
+    @property
+    def state(self) -> State:
+        """The node's state."""
         rate = BILLION / self._node.columns.period
         whole: State = {WHOLE_NODE: {"rate": rate, "mode": str(self._mode)}}
         return whole | self._node.reflexes.state

@@ -82,6 +82,7 @@ class SkinNode(BaseNode):
             sampling=self._sampling,
             clock=self._clock.known,
             assembler=self._assembler,
+            gesture_key=self.gesture_key,
         )
         self._arm()
 

@@ -185,7 +185,7 @@ def test_other_signers_are_refused(
     forged = {
         "wrong": rig.signed(7, arguments, topic=palm),
         "it is for palm": rig.signed(7, arguments, node="palm"),
-        "only 'server.cloud' may command": rig.signed(7, arguments, own=broker),
+        "only 'server.cloud' may sign here": rig.signed(7, arguments, own=broker),
         "is a site, not a server": rig.signed(7, arguments, own=identities.site),
         "signature of": bytes(mutant),
         "no CBOR": b"",

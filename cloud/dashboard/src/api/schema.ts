@@ -74,7 +74,7 @@ export interface ClockDocument {
 export interface CommandDocument {
   readonly id: number;
   readonly node: string;
-  readonly name: "calibrate" | "set" | "reset" | "monitor";
+  readonly name: "calibrate" | "set" | "reset" | "monitor" | "challenge";
   readonly arguments: Readonly<Record<string, number | string>>;
   readonly state: "pending" | "delivered" | "done" | "refused" | "expired";
   readonly reason: string | null;

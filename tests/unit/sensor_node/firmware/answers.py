@@ -29,6 +29,12 @@ class Answers:
         self._answers.append({"asked": asked, "state": described_settings(state)})
         return state
 
+    @property
+    def state(self) -> State:
+        state: State = self._controls.state
+        self._answers.append({"asked": ["state", {}], "state": described_settings(state)})
+        return state
+
     def restore(self, state: Any) -> State:
         asked = ["restore", described_settings(state)]
         now: State = self._controls.restore(state)
