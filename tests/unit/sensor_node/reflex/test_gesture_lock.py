@@ -15,7 +15,7 @@ from eskin_sensor_node.firmware.gesture_lock import (
     GestureLock,
 )
 from eskin_sensor_node.firmware.monitor import CERTAIN, IMPOSSIBLE, POSSIBLE
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 if TYPE_CHECKING:
@@ -52,22 +52,34 @@ def enter(made: GestureLock, begin: int, verdicts: Sequence[dict[str, int]]) -> 
     return None
 
 
-@given(TRUTHS, st.data())
-def test_what_unlocks_is_the_true_word(truths: list[frozenset[str]], data: st.DataObject) -> None:
-    widened = data.draw(
-        st.lists(
-            st.fixed_dictionaries(dict.fromkeys(GESTURES, st.sampled_from([False] * 9 + [True]))),
-            min_size=len(truths),
-            max_size=len(truths),
-        )
-    )
-    verdicts = [
-        {
-            name: POSSIBLE if open_[name] else CERTAIN if name in truth else IMPOSSIBLE
-            for name in GESTURES
-        }
-        for truth, open_ in zip(truths, widened, strict=True)
-    ]
+OPEN = st.sampled_from([(True, True)] * 4 + [(False, False), (True, False)])
+"""Whether a gesture is true, and whether that is known for certain."""
+EXTRA = st.none() | st.tuples(st.sampled_from(GESTURES), st.integers(1, 2), OPEN)
+
+
+@settings(max_examples=300)
+@given(
+    st.lists(EXTRA, min_size=3, max_size=3),
+    st.lists(OPEN, min_size=3, max_size=3),
+)
+def test_what_unlocks_is_the_true_word(
+    between: list[tuple[str, int, tuple[bool, bool]] | None], known: list[tuple[bool, bool]]
+) -> None:
+    """The sequence is entered with something else between, and each part may be open."""
+    truths: list[frozenset[str]] = []
+    verdicts: list[dict[str, int]] = []
+
+    def add(name: str, n: int, found: tuple[bool, bool]) -> None:
+        is_true, is_known = found
+        rest = dict.fromkeys(GESTURES, IMPOSSIBLE)
+        verdict = POSSIBLE if not is_known else CERTAIN if is_true else IMPOSSIBLE
+        truths.extend([frozenset(), *[frozenset([name] if is_true else [])] * n])
+        verdicts.extend([rest, *[rest | {name: verdict}] * n])
+
+    for letter, own, extra in zip(SEQUENCE, known, between, strict=True):
+        if extra is not None:
+            add(*extra)
+        add(letter, 1, own)
     made = lock()
     made.challenge(0)
     end = enter(made, 0, verdicts)
