@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from contextlib import contextmanager
 from datetime import timedelta
+from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -23,6 +25,8 @@ from eskin_sensor_node.link.publisher import Publisher
 from eskin_sensor_node.machine.radio import Radio
 from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.factory import build_outbox
+from eskin_sensor_node.node.ground_truth import GroundTruth
+from eskin_sensor_node.service import serve
 from eskin_sensor_node.settings import BrokerSection as NodeBroker
 from eskin_sensor_node.settings import IdentitySection as NodeIdentity
 from eskin_sensor_node.settings import RadioSection
@@ -33,12 +37,16 @@ from tests.support.brokers import Mosquitto
 from tests.support.processes import accepts, wait_until
 from tests.unit.cloud.service import Service
 from tests.unit.sensor_node.controls import SimpleControls
+from tests.unit.sensor_node.designs import settings as node_settings
 from tests.unit.sensor_node.flashes import open_flash
 from tests.unit.sensor_node.stores import DESCRIBED
 from tests.unit.sensor_node.traffic import Traffic
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
+
+    from eskin_sensor_node.settings import NodeSettings
 
     from tests.support.identities import Identities
 
@@ -94,6 +102,23 @@ class ObedientNode:
         with self.outbox.batch() as batch:
             usage = self.outbox.usage()
             batch.take([self.outbox.message_writer.status((now, now), "p", "d", 1, usage, 1)])
+
+
+@contextmanager
+def emulated(node: NodeSettings) -> Iterator[None]:
+    """A whole emulated node, as a process runs it."""
+    stop = Event()
+    truth = GroundTruth(node.truth.path, limit=node.truth.limit_bytes)
+    flash = open_flash(node.flash.path, epoch=None, node=node.node.name)
+    thread = Thread(target=serve, args=(node, flash, truth, stop))
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+        flash.close()
+        truth.close()
 
 
 class Chain:
@@ -165,6 +190,21 @@ class Chain:
         known = self._identities.node
         own = known if name == known.name else self._identities.make(IdentityKind.NODE, name)
         return ObedientNode(self._folder, own, self._identities.site, self.broker.node_port)
+
+    def emulated_node(self, name: str, **sections: Any) -> NodeSettings:
+        """Settings of a whole node, with an identity of its own."""
+        own = self._identities.make(IdentityKind.NODE, name)
+        site = self._folder / f"{name}-site.pem"
+        site.write_bytes(pem([self._identities.site.certificate]))
+        folder = self._folder / name
+        folder.mkdir()
+        return node_settings(
+            folder,
+            node={"name": name},
+            identity={"directory": own.directory, "site": site},
+            broker={"port": self.broker.node_port},
+            **sections,
+        )
 
     def ask(self, name: str, *, node: str = "fingertip", expires: float = 600, **what: Any) -> int:
         """Give a command."""

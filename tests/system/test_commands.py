@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from secrets import token_hex
+from typing import TYPE_CHECKING, Any
 
 import paho.mqtt.client as paho
 import pytest
 from paho.mqtt.enums import CallbackAPIVersion
 
+from eskin.client import verify_release
 from eskin.identity import IdentityKind, client_context
 from eskin.identity.identity import ROOT_FILE
+from eskin.wire.messages.command_schema import KEY_PLACE
 from eskin.wire.topics import Stream, node_topic
 from tests.support.processes import wait_until
-from tests.system.commands import Chain
+from tests.system.commands import Chain, emulated
+from tests.unit.sensor_node.reflex.test_gesture_key import RIGHT, key_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,6 +30,33 @@ TOPIC = node_topic("fingertip", Stream.COMMANDS)
 def chain(tmp_path_factory: pytest.TempPathFactory, identities: Identities) -> Iterator[Chain]:
     with Chain(tmp_path_factory.mktemp("chain"), identities) as running:
         yield running
+
+
+def test_node_signs_a_challenge_once_its_gestures_were_entered(
+    chain: Chain, identities: Identities
+) -> None:
+    node = chain.emulated_node("lid", **key_of(RIGHT, attempts=100))
+
+    def key() -> Any:
+        state = chain.client.get("/api/v1/nodes/lid/state").json()
+        return (state.get("reported") or {}).get(KEY_PLACE, {})
+
+    with emulated(node):
+        chain.wait_for_node("lid")
+        for _ in range(10):
+            nonce = token_hex(16)
+            number = chain.ask("challenge", node="lid", nonce=nonce)
+            chain.wait_for(number, "done", node="lid")
+            wait_until(lambda: key()["outcome"] in {"released", "wrong"}, "it is judged")
+            if key()["outcome"] == "released":
+                break
+    # The scenario repeats: an entry is right if the challenge came before it presses.
+    found = key()
+    root = identities.node.directory / ROOT_FILE
+    assert (found["outcome"], found["nonce"]) == ("released", nonce)
+    assert verify_release(found["signature"], node="lid", nonce=nonce, root=root).node == "lid"
+    events = chain.client.get("/api/v1/events", params={"kind": "verdict", "node": "lid"}).json()
+    assert events["items"] == []
 
 
 def test_command_is_done_and_the_state_tells(chain: Chain) -> None:
