@@ -28,7 +28,7 @@ from eskin.monitor.formula import (
     Until,
 )
 from eskin.monitor.prediction import deviation
-from eskin.monitor.runs import END, Runs, at_least
+from eskin.monitor.runs import END, Runs, at_least, union
 from eskin.monitor.signal import Signal, held_samples
 from eskin.monitor.verdicts import Verdicts
 
@@ -133,6 +133,38 @@ class Evaluation:
             before = int(np.searchsorted(latest, begin, side="left"))
             until = int(np.searchsorted(earliest, end, side="right"))
             found += weight * max(until - before, 0)
+        return found
+
+    def in_question(self, name: str) -> tuple[Ticks, Ticks]:
+        """Ticks whose verdicts each sample of a channel may change if more is known of it.
+
+        Returns:
+            The first and the last tick for each sample of the signal; ``first > last`` for one that
+            holds nowhere, or only where comparisons are decided.
+        """
+        held, size = self.held[name], len(self.signals[name])
+        first, last = np.full(size, END), np.full(size, -END)
+        past, future = channel_horizons(self.formula)[name]
+        opened = [
+            self._open[atom].eventually(delay, delay)
+            for atom in self._atoms
+            for each, delay in atom.variables
+            if each == name
+        ]
+        asked = np.flatnonzero(union(opened).overlaps(held.first, held.last))
+        sample = held.index[asked]
+        # Just before it begins, and just after it ends, ``rise`` and ``fall`` look at it.
+        first[sample] = -END if future is None else held.first[asked] - 2 * future - 1
+        last[sample] = END if past is None else held.last[asked] + 2 * past + 1
+        return first, last
+
+    @cached_property
+    def _open(self) -> dict[Atom, Runs]:
+        """Where each comparison is possible."""
+        found = {}
+        for atom, each in self._atoms.items():
+            certain, possible = _verdict(each)
+            found[atom] = possible & ~certain
         return found
 
     @cached_property

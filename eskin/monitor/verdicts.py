@@ -147,6 +147,14 @@ class Verdicts:
                 found[k] |= cause
         return found
 
+    def in_question(self, name: str) -> tuple[Ticks, Ticks]:
+        """The first and the last tick whose verdict each sample of a channel may change.
+
+        If more were known of it, that is: its value, its moment, or the samples for which it
+        stands. ``first > last`` for one that changes nothing.
+        """
+        return self._evaluation.in_question(name)
+
     def most_changes(self, first: int, last: int) -> int | None:
         """How often its truth may change from just before a run of ticks until just after it.
 
@@ -159,18 +167,24 @@ class Verdicts:
 
         It is 1 - Σ(1 - c) over the distinct samples that may hold within the formula's horizon.
         """
-        ours = self._evaluation
-        missed = []
+        signals, missed = self._evaluation.signals, []
+        for name, seen in self.samples_seen(t).items():
+            missed += [signals[name].coverage] * seen.size
+        if all(coverage == 1.0 for coverage in missed):
+            return 1.0
+        return union_coverage(*missed)
+
+    def samples_seen(self, t: int) -> dict[str, NDArray[np.intp]]:
+        """The samples of each channel that may hold within the horizon of an instant in ns."""
+        found = {}
         for name, (past, future) in channel_horizons(self.formula).items():
-            held = ours.held[name]
+            held = self._evaluation.held[name]
             first = -END if past is None else 2 * (t - past) - 1
             last = END if future is None else 2 * (t + future)
             begin = int(np.searchsorted(held.last, first, side="left"))
             end = int(np.searchsorted(held.first, last, side="right"))
-            missed += [ours.signals[name].coverage] * max(end - begin, 0)
-        if all(coverage == 1.0 for coverage in missed):
-            return 1.0
-        return union_coverage(*missed)
+            found[name] = held.index[begin:end]
+        return found
 
     def robustness(self, t: int) -> Interval:
         """How far the formula is from changing its truth at an instant, for all choices of values.

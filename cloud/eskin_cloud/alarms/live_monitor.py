@@ -13,9 +13,10 @@ from eskin.interval import Verdict
 from eskin.monitor import Monitor, horizon
 from eskin.monitor.runs import Runs
 from eskin_cloud.alarms.episodes import Edge, Episodes, Stretch
+from eskin_cloud.query.channel_runs import as_signal
 from eskin_cloud.query.formula_channels import channel_places, parse_formula
 from eskin_cloud.query.neighbourhood import ChannelSource, read_around
-from eskin_cloud.query.stored_verdicts import MOST_READS, StoredVerdicts, as_signal
+from eskin_cloud.query.stored_verdicts import MOST_READS, StoredVerdicts
 from eskin_cloud.rollup.aggregates import longest_step
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from eskin_cloud.store.read.lookup import Channel
 
 
-_NEAR: Final = 64
+NEAR: Final = 64
 """Samples beside a window that are read at first."""
-_GROWTH: Final = 8
+GROWTH: Final = 8
+"""How many times as many are read next."""
 
 
 class ChannelSource(NamedTuple):
@@ -40,7 +41,7 @@ def read_around(source: ChannelSource, window: Window) -> Aggregates:
     channel = source.channel
     if channel["t_first"] is None:
         return EMPTY
-    margin = _NEAR * max(channel["dt"], 1)
+    margin = NEAR * max(channel["dt"], 1)
     wide = Window(max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT))
     while True:
         samples = read_samples(source.connection, channel, wide)
@@ -52,12 +53,22 @@ def read_around(source: ChannelSource, window: Window) -> Aggregates:
         )
         if after and before:
             return samples
-        start, end = wide.start, wide.end
-        if not before:
-            rows = previous_rows(source.connection, channel, start)
-            start = channel["t_first"] if rows is None else min(rows, start - margin)
-        if not after:
-            following = next_rows(source.connection, channel, end)
-            end = channel["t_last"] if following is None else max(following, end + margin)
-        wide = Window(max(start, -MOST_MOMENT), min(end + 1, MOST_MOMENT))
-        margin *= _GROWTH
+        wide = Window(
+            wide.start if before else earlier(source, wide.start, margin),
+            wide.end if after else later(source, wide.end, margin),
+        )
+        margin *= GROWTH
+
+
+def earlier(source: ChannelSource, start: int, margin: int) -> int:
+    """Since when to read, for more samples before a time, and so many ns at least."""
+    rows = previous_rows(source.connection, source.channel, start)
+    found = source.channel["t_first"] if rows is None else min(rows, start - margin)
+    return int(max(found, -MOST_MOMENT))
+
+
+def later(source: ChannelSource, end: int, margin: int) -> int:
+    """Until when to read, for more samples from a time on, and so many ns at least."""
+    rows = next_rows(source.connection, source.channel, end)
+    found = source.channel["t_last"] if rows is None else max(rows, end + margin)
+    return int(min(found + 1, MOST_MOMENT))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.wire.timestamp import MOST_MOMENT, SECOND
 from eskin_cloud.rollup.buckets import Buckets
-from eskin_cloud.rollup.reading import TileRange, read_range
+from eskin_cloud.rollup.reading import read_ranges
 from eskin_cloud.rollup.samples import read_buckets
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import STEP, TOP
@@ -42,8 +42,7 @@ def read_hulls(
     each = -(-(last + 1 - first) // points)
     count = -(-(last + 1 - first) // each)
     buckets = Buckets(first << level, each << level, count)
-    stretch = TileRange(level, first, first + each * count)
-    return read_range(connection, channel, stretch), buckets
+    return read_ranges(connection, channel, level, [(first, first + each * count)]), buckets
 
 
 def is_tiled(channel: Channel, window: Window, points: int) -> bool:

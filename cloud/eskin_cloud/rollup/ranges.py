@@ -42,6 +42,12 @@ def without(ranges: Iterable[Range], holes: Iterable[Range]) -> list[Range]:
     return left
 
 
+def common(ranges: Iterable[Range], others: Iterable[Range]) -> list[Range]:
+    """What lies in both; each sorted and disjoint."""
+    ranges = list(ranges)
+    return without(ranges, without(ranges, others))
+
+
 def coarsened(ranges: Iterable[Range], bits: int) -> list[Range]:
     """The ranges in units ``2^bits`` times larger that cover all of these."""
     return merged((first >> bits, -(-end >> bits)) for first, end in ranges)

@@ -319,9 +319,11 @@ def _describe(layout: Layout, data: bytes, patches: Sequence[_Decoded]) -> Descr
 def _find_patches(connection: Connection, node: str, names: Sequence[bytes]) -> list[_Decoded]:
     with _lock:
         found = {name: _patches[name] for name in names if name in _patches}
-    rows = find_descriptions(connection, node, [name for name in names if name not in found])
-    found |= {name: _decode_patch(name, data) for name, data in rows.items()}
     want = [name for name in names if name not in found]
+    if want:
+        rows = find_descriptions(connection, node, want)
+        found |= {name: _decode_patch(name, data) for name, data in rows.items()}
+        want = [name for name in want if name not in found]
     if want:
         raise UnknownDescriptionError(node, want)
     return [found[name] for name in names]

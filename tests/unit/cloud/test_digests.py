@@ -11,7 +11,7 @@ from eskin_cloud.api.middleware.answer import DAMAGED
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.patch_tile_builder import build
-from eskin_cloud.rollup.reading import TileRange, read_range
+from eskin_cloud.rollup.reading import read_ranges
 from eskin_cloud.rollup.samples import read_buckets
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
@@ -170,8 +170,8 @@ def test_no_flipped_bit_is_ever_served(store: Store, seed: int) -> None:
                 connection, channel, Window(START, end), Buckets(START, 2**30, 20)
             )
         else:
-            within = TileRange(grain, START >> grain, (end >> grain) + 1)
-            pieces = read_range(connection, channel, within)
+            within = START >> grain, (end >> grain) + 1
+            pieces = read_ranges(connection, channel, grain, [within])
     lost = 0 if table is patch_tiles else row["samples"]
     assert 200 * SAMPLES - lost <= int(pieces.n.sum()) <= 200 * SAMPLES
     if not pieces.n.sum():

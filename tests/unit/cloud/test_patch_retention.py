@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from eskin_cloud.jobs.retention import sweep
 from eskin_cloud.rollup.patch_tile_builder import build
-from eskin_cloud.rollup.reading import TileRange, read_range
+from eskin_cloud.rollup.reading import read_ranges
 from eskin_cloud.settings import RetentionSection
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows, patch_tiles
@@ -163,8 +163,8 @@ async def test_tiles_lose_what_is_removed(
             with store.read() as connection:
                 channel = find_channel(connection, NODE, "palm-0.pressure")
                 level = channel["grain"]
-                stretch = TileRange(level, START - DAY >> level, START + 10 * DAY >> level)
-                return int(read_range(connection, channel, stretch).n.sum()), level
+                stretch = START - DAY >> level, START + 10 * DAY >> level
+                return int(read_ranges(connection, channel, level, [stretch]).n.sum()), level
 
         assert counted()[0] == 5 * 15 * 5
         before = count(store, patch_tiles)

@@ -15,7 +15,7 @@ from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.column_aggregates import ColumnAggregates, pack, unpack
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.rollup.patch_tiles import fold_chunks
-from eskin_cloud.rollup.reading import TileRange, read_range
+from eskin_cloud.rollup.reading import read_ranges
 from eskin_cloud.rollup.samples import read_buckets
 from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
@@ -194,7 +194,7 @@ def test_tiles_are_those_of_the_samples(store: Store, steps: list[list[Frame] | 
                 if channel["grain"] is None:
                     continue
                 first, end = START - 64 >> level, START + 2 * SPAN >> level
-                found = read_range(connection, channel, TileRange(level, first, end))
+                found = read_ranges(connection, channel, level, [(first, end)])
                 require_true(found, samples, level)
                 buckets = Buckets(first << level, 1 << level, end - first)
                 window = Window(first << level, end << level)
@@ -267,7 +267,7 @@ def require_all_true(store: Store, brought: list[Frame]) -> None:
             channel = find_channel(connection, TILED, f"{taxel}.pressure")
             for level in (GRAIN, GRAIN + 3 * STEP):
                 first, end = START - 64 >> level, START + 10**5 >> level
-                found = read_range(connection, channel, TileRange(level, first, end))
+                found = read_ranges(connection, channel, level, [(first, end)])
                 require_true(found, samples_of(brought, taxel), level)
 
 
@@ -395,8 +395,8 @@ def test_row_of_many_chunks_makes_tiles_longer(store: Store) -> None:
         assert channel["grain"] > GRAIN
         assert connection.execute(select(func.count()).select_from(patch_tiles)).scalar_one() < 1000
         level = channel["grain"]
-        stretch = TileRange(level, START >> level, (START + 2 * 10**10 >> level) + 1)
-        found = read_range(connection, channel, stretch)
+        stretch = START >> level, (START + 2 * 10**10 >> level) + 1
+        found = read_ranges(connection, channel, level, [stretch])
         require_true(found, samples_of([*brought, slow], "t0"), level)
 
 

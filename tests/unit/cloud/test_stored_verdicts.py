@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from eskin_cloud.query.channel_runs import as_signal
 from eskin_cloud.query.neighbourhood import ChannelSource
-from eskin_cloud.query.stored_verdicts import StoredVerdicts, as_signal
+from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.query.verdict_totals import VerdictTotals, total_verdicts
 from eskin_cloud.rollup.samples import read_samples
 from eskin_cloud.store.read.lookup import find_channel

@@ -1,0 +1,266 @@
+"""A channel as runs of samples, shorter where it matters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from eskin.monitor import Signal
+from eskin.monitor.formula import MAX_BOUND
+from eskin.monitor.signal import MAX_MOMENT
+from eskin.wire.timestamp import MOST_MOMENT
+from eskin_cloud.query.neighbourhood import GROWTH, NEAR, earlier, later, read_around
+from eskin_cloud.rollup.aggregates import EMPTY, concatenated, longest_step
+from eskin_cloud.rollup.ranges import merged
+from eskin_cloud.rollup.reading import read_ranges
+from eskin_cloud.rollup.samples import read_samples
+from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.sample_grid import STEP, TOP
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from eskin_cloud.query.neighbourhood import ChannelSource
+    from eskin_cloud.rollup.aggregates import Aggregates, Integers
+
+_FINER: Final = 6
+"""A run is replaced by those of tiles that are so many powers of two shorter: of one chunk."""
+_STRETCH: Final = 2**14
+_CHUNK: Final = 256
+"""Samples that take as long to read as such a chunk."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelRuns:
+    """What is read of a channel.
+
+    Where other samples exist before or after these, they count as a run more on that side, which
+    has any value.
+
+    Attributes:
+        source: Where it is read.
+        pieces: Runs of samples that follow each other; each is of one tile, or a single sample.
+        begin: All samples from this time on, UTC ns,
+        end: and before this one are in them.
+        margin: So far beside them it is read next, ns.
+    """
+
+    source: ChannelSource
+    pieces: Aggregates
+    begin: int
+    end: int
+    margin: int
+
+    @classmethod
+    def first(cls, source: ChannelSource, around: Window, points: int, most: int) -> ChannelRuns:
+        """Those in and around a window.
+
+        Args:
+            source: Where the channel is read.
+            around: The window.
+            points: Runs, at most.
+            most: Samples that are read as they are.
+        """
+        channel = source.channel
+        margin = NEAR * max(channel["dt"], 1)
+        if channel["t_first"] is None:
+            return cls(source, EMPTY, around.start, around.end, margin)
+        begin = max(around.start - margin, channel["t_first"])
+        end = min(around.end + margin, channel["t_last"] + 1)
+        begin = min(begin, channel["t_last"] + 1)
+        end = max(begin, end)
+        if (end - begin) // max(channel["dt"], 1) <= most:
+            pieces = read_samples(source.connection, channel, Window(begin, end))
+            return cls(source, distinct(pieces), begin, end, margin)
+        level = 0
+        while level < TOP and (end - begin) >> level > points:
+            level += STEP
+        tiles = begin >> level, ((end - 1) >> level) + 1
+        pieces = read_ranges(source.connection, channel, level, [tiles])
+        begin, end = (number << level for number in tiles)
+        return cls(source, distinct(pieces), begin, end, margin)
+
+    @classmethod
+    def around(cls, source: ChannelSource, window: Window) -> ChannelRuns:
+        """All samples that may be valid in a window."""
+        pieces = distinct(read_around(source, window))
+        return cls(source, pieces, -MOST_MOMENT, MOST_MOMENT, 1)
+
+    @property
+    def dt(self) -> int:
+        """Its period, ns."""
+        return max(int(self.source.channel["dt"]), 1)
+
+    @property
+    def _more(self) -> tuple[bool, bool]:
+        """Whether samples exist before these, and after the moment of the last one.
+
+        A run of several holds until its last sample.
+        """
+        first, last = (self.source.channel[name] for name in ("t_first", "t_last"))
+        if first is None:
+            return False, False
+        several = self.pieces.last[-1:] > self.pieces.first[-1:]
+        return self.begin > first, self.end <= last or bool(several.any())
+
+    @property
+    def are_several(self) -> NDArray[np.bool_]:
+        """Of each sample of the signal, whether it stands for several samples."""
+        before, after = self._more
+        mine = self.pieces.last > self.pieces.first
+        return np.concatenate([[True] * before, mine, [True] * after]).astype(np.bool_)
+
+    def signal(self, around: Window) -> Signal:
+        """Each run as a sample; any value may hold in a window where other samples may."""
+        before, after = self._more
+        return as_signal(
+            self.pieces,
+            self.source.channel["unit"],
+            before=around.start if before else None,
+            after=around.end if after else None,
+        )
+
+    def since(self, moment: int) -> ChannelRuns:
+        """Without the runs that are known to hold no longer at a moment."""
+        earliest = self.pieces.first - self.pieces.error
+        begun = self.pieces.first + self.pieces.error <= moment
+        if not np.any(begun):
+            return self
+        known = np.searchsorted(self.pieces.first, earliest[begun].max(), side="right") - 1
+        if known <= 0:
+            return self
+        pieces = self.pieces[int(known) :]
+        return replace(self, pieces=pieces, begin=int(pieces.first[0]))
+
+    def finer(self, wanted: NDArray[np.bool_], samples: int, most: int) -> tuple[ChannelRuns, int]:
+        """Replace the first of some runs by shorter ones.
+
+        Args:
+            wanted: Which samples of the signal; single ones stay.
+            samples: Samples of a run that are read as they are.
+            most: Samples that are read, at most; of one run, whatever it takes.
+
+        Returns:
+            The runs, and how many stretches of 2^14 samples or fewer were read for them.
+        """
+        runs, (before, after) = self.pieces, self._more
+        mine = (wanted & self.are_several)[int(before) : wanted.size - int(after)]
+        if after and wanted[-1] and self.end > self.source.channel["t_last"]:
+            mine[-1], after = True, False
+        chosen = np.flatnonzero(mine)
+        cost = np.where(runs.n[chosen] <= samples, runs.n[chosen], _CHUNK)
+        chosen = chosen[: max(int(np.searchsorted(np.cumsum(cost), most, side="right")), 1)]
+        kept = np.ones(len(runs), np.bool_)
+        kept[chosen] = False
+        found, begin, end, margin = [runs[kept]], self.begin, self.end, self.margin
+        found += self._shorter(chosen, samples, most)
+        if before and wanted[0]:
+            begin = earlier(self.source, self.begin, margin)
+            found.append(self._samples(Window(begin, self.begin)))
+        if after and wanted[-1]:
+            end = later(self.source, self.end, margin)
+            found.append(self._samples(Window(self.end, end)))
+        if (begin, end) != (self.begin, self.end):
+            margin *= GROWTH
+        pieces = distinct(concatenated(found))
+        reads = sum(1 + len(each) // _STRETCH for each in found[1:])
+        return ChannelRuns(self.source, pieces, begin, end, margin), reads
+
+    def _shorter(self, chosen: NDArray[np.intp], samples: int, most: int) -> Iterator[Aggregates]:
+        """Shorter runs instead of some: of tiles, or single samples."""
+        runs, channel = self.pieces[chosen], self.source.channel
+        # All of a run lies in one tile of these bits, and tiles nest.
+        _, bits = np.frexp((runs.first ^ runs.last).astype(np.float64))
+        level = np.maximum(bits - _FINER, channel["grain"] or 0)
+        level += level % STEP
+        few = (runs.n <= samples) | (level >= bits)
+        yield from self._single(chosen[few], most)
+        for each in np.unique(level[~few]).tolist():
+            tiled = runs[~few & (level == each)]
+            ends = zip((tiled.first >> each).tolist(), (tiled.last >> each).tolist(), strict=True)
+            ranges = merged((first, last + 1) for first, last in ends)
+            yield read_ranges(self.source.connection, channel, each, ranges)
+
+    def _single(self, chosen: NDArray[np.intp], most: int) -> Iterator[Aggregates]:
+        """The samples of some runs; those that lie near to each other are read at once."""
+        runs = self.pieces
+        count = np.cumsum(runs.n)
+        apart = count[chosen[1:] - 1] - count[chosen[:-1]] > most
+        for part in np.split(chosen, np.flatnonzero(apart) + 1):
+            if part.size:
+                first, last = runs.first[part], runs.last[part]
+                read = self._samples(Window(int(first[0]), int(last[-1]) + 1))
+                run = np.searchsorted(first, read.first, side="right") - 1
+                yield read[read.first <= last[run]]
+
+    def _samples(self, window: Window) -> Aggregates:
+        return read_samples(self.source.connection, self.source.channel, window)
+
+
+def as_signal(
+    pieces: Aggregates, unit: str, *, before: int | None = None, after: int | None = None
+) -> Signal:
+    """Runs of samples as samples of a signal.
+
+    A run begins at its first sample's moment, within the time error. It holds until the next one,
+    and before a gap for as long as its last sample: so its period reaches from its first sample on.
+
+    Args:
+        pieces: The runs.
+        unit: Of their bounds.
+        before: Where other samples may hold that come before these, a moment before which none is
+            asked for: any value is possible before the first run.
+        after: Likewise of those that come after these, from the last sample on.
+    """
+    pieces = distinct(pieces)
+    earliest, latest = _enclosures(pieces)
+    earliest = np.maximum.accumulate(earliest) if len(pieces) else earliest
+    latest = np.maximum(latest, earliest)
+    period = np.maximum(pieces.last - pieces.first + pieces.dt, 1)
+    whole = (pieces.breaks == 0) & (period <= MAX_BOUND)
+    period = np.minimum(period, MAX_BOUND)
+    lo, hi = np.where(whole, pieces.lo, -np.inf), np.where(whole, pieces.hi, np.inf)
+    gap = np.append(pieces.first[1:] - pieces.last[:-1] > longest_step(pieces.dt[:-1]), False)
+    gap = gap[: len(pieces)]
+    columns = earliest, latest, lo, hi, period, gap
+    until = None
+    if before is not None:
+        begin = max(min([before, *earliest[:1].tolist()]) - 1, -MAX_MOMENT)
+        columns = _joined(((begin, begin, -np.inf, np.inf, 1, False), columns))
+    if after is not None:
+        # They come after the last sample that is read, whenever that was taken.
+        error, ends = pieces.error[-1:], pieces.last[-1:]
+        sides = (ends - error, columns[0][-1:]), (ends + error, columns[1][-1:])
+        first, last = (max(int(max(each, default=-MAX_MOMENT)) for each in side) for side in sides)
+        first, last = min(first, MAX_MOMENT), min(last + 1, MAX_MOMENT)
+        columns = _joined((columns, (first, last, -np.inf, np.inf, 1, False)))
+        until = min(max(last, after) + 1, MAX_MOMENT)
+    coverage = float(pieces.coverage.min(initial=1.0))
+    return Signal(*columns, unit=unit, coverage=coverage, until=until)
+
+
+def distinct(pieces: Aggregates) -> Aggregates:
+    """Runs that begin apart, and in the range of formulas."""
+    if np.any(pieces.first[1:] == pieces.first[:-1]):
+        pieces = pieces.grouped(pieces.first)
+    earliest, latest = _enclosures(pieces)
+    reached = (earliest < MAX_MOMENT) & (latest > -MAX_MOMENT)
+    return pieces if np.all(reached) else pieces[reached]
+
+
+def _joined(parts: tuple[Sequence[Any], Sequence[Any]]) -> tuple[Any, ...]:
+    """Columns, and before or after each a value of its kind."""
+    return tuple(np.append(*pair) for pair in zip(*parts, strict=True))
+
+
+def _enclosures(pieces: Aggregates) -> tuple[Integers, Integers]:
+    """The earliest and the latest moment of each first sample, in the range of formulas."""
+    first, error = pieces.first, pieces.error
+    low, high = first < error - MAX_MOMENT, first > MAX_MOMENT - error
+    earliest = np.where(low, -MAX_MOMENT, first - error)
+    latest = np.where(high, MAX_MOMENT, first + error)
+    return np.minimum(earliest, MAX_MOMENT), np.maximum(latest, -MAX_MOMENT)
