@@ -16,6 +16,7 @@ from eskin_cloud.rollup.aggregates import EMPTY, concatenated, longest_step
 from eskin_cloud.rollup.ranges import merged
 from eskin_cloud.rollup.reading import read_ranges
 from eskin_cloud.rollup.samples import read_samples
+from eskin_cloud.store.read.patch_runs import ROWS_AT_ONCE
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.sample_grid import STEP, TOP
 
@@ -30,8 +31,11 @@ if TYPE_CHECKING:
 _FINER: Final = 6
 """A run is replaced by those of tiles that are so many powers of two shorter: of one chunk."""
 _STRETCH: Final = 2**14
-_CHUNK: Final = 256
-"""Samples that take as long to read as such a chunk."""
+"""Samples that count as a stretch that is read."""
+_CHUNKS: Final = 64
+"""Chunks that are read at once, at most."""
+_STRETCHES: Final = 256
+"""Stretches of samples that are read at once, at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,12 +156,13 @@ class ChannelRuns:
         if after and wanted[-1] and self.end > self.source.channel["t_last"]:
             mine[-1], after = True, False
         chosen = np.flatnonzero(mine)
-        cost = np.where(runs.n[chosen] <= samples, runs.n[chosen], _CHUNK)
+        count = runs.n[chosen]
+        cost = np.where(count <= samples, np.maximum(count, most // _STRETCHES), most // _CHUNKS)
         chosen = chosen[: max(int(np.searchsorted(np.cumsum(cost), most, side="right")), 1)]
         kept = np.ones(len(runs), np.bool_)
         kept[chosen] = False
-        found, begin, end, margin = [runs[kept]], self.begin, self.end, self.margin
-        found += self._shorter(chosen, samples, most)
+        found = [(runs[kept], 0), *self._shorter(chosen, samples, most)]
+        begin, end, margin = self.begin, self.end, self.margin
         if before and wanted[0]:
             begin = earlier(self.source, self.begin, margin)
             found.append(self._samples(Window(begin, self.begin)))
@@ -166,12 +171,14 @@ class ChannelRuns:
             found.append(self._samples(Window(self.end, end)))
         if (begin, end) != (self.begin, self.end):
             margin *= GROWTH
-        pieces = distinct(concatenated(found))
-        reads = sum(1 + len(each) // _STRETCH for each in found[1:])
+        pieces = distinct(concatenated([each for each, _ in found]))
+        reads = sum(count + len(each) // _STRETCH for each, count in found[1:])
         return ChannelRuns(self.source, pieces, begin, end, margin), reads
 
-    def _shorter(self, chosen: NDArray[np.intp], samples: int, most: int) -> Iterator[Aggregates]:
-        """Shorter runs instead of some: of tiles, or single samples."""
+    def _shorter(
+        self, chosen: NDArray[np.intp], samples: int, most: int
+    ) -> Iterator[tuple[Aggregates, int]]:
+        """Shorter runs instead of some, of tiles or single samples; and of how many stretches."""
         runs, channel = self.pieces[chosen], self.source.channel
         # All of a run lies in one tile of these bits, and tiles nest.
         _, bits = np.frexp((runs.first ^ runs.last).astype(np.float64))
@@ -183,22 +190,26 @@ class ChannelRuns:
             tiled = runs[~few & (level == each)]
             ends = zip((tiled.first >> each).tolist(), (tiled.last >> each).tolist(), strict=True)
             ranges = merged((first, last + 1) for first, last in ends)
-            yield read_ranges(self.source.connection, channel, each, ranges)
+            yield read_ranges(self.source.connection, channel, each, ranges), len(ranges)
 
-    def _single(self, chosen: NDArray[np.intp], most: int) -> Iterator[Aggregates]:
-        """The samples of some runs; those that lie near to each other are read at once."""
+    def _single(self, chosen: NDArray[np.intp], most: int) -> Iterator[tuple[Aggregates, int]]:
+        """The samples of some runs; between those that lie near to each other all are read."""
         runs = self.pieces
         count = np.cumsum(runs.n)
         apart = count[chosen[1:] - 1] - count[chosen[:-1]] > most
-        for part in np.split(chosen, np.flatnonzero(apart) + 1):
-            if part.size:
-                first, last = runs.first[part], runs.last[part]
-                read = self._samples(Window(int(first[0]), int(last[-1]) + 1))
-                run = np.searchsorted(first, read.first, side="right") - 1
-                yield read[read.first <= last[run]]
+        windows = [
+            Window(int(runs.first[part[0]]), int(runs.last[part[-1]]) + 1)
+            for part in np.split(chosen, np.flatnonzero(apart) + 1)
+            if part.size
+        ]
+        for begin in range(0, len(windows), ROWS_AT_ONCE):
+            read, stretches = self._samples(*windows[begin : begin + ROWS_AT_ONCE])
+            run = np.searchsorted(runs.first[chosen], read.first, side="right") - 1
+            yield read[read.first <= runs.last[chosen][run]], stretches
 
-    def _samples(self, window: Window) -> Aggregates:
-        return read_samples(self.source.connection, self.source.channel, window)
+    def _samples(self, *windows: Window) -> tuple[Aggregates, int]:
+        samples = read_samples(self.source.connection, self.source.channel, *windows)
+        return samples, len(windows)
 
 
 def as_signal(

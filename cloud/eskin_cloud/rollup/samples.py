@@ -11,7 +11,7 @@ from eskin_cloud.store.read.patch_columns import read_column, split_column
 from eskin_cloud.store.read.window import Window
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from sqlalchemy import Connection
 
@@ -23,9 +23,9 @@ _FACTOR: Final = 8
 """A part of a window is so many times as long as the one before it."""
 
 
-def read_samples(connection: Connection, channel: Channel, window: Window) -> Aggregates:
-    """One entry for each sample in a window."""
-    return _apart(read_column(connection, channel, window), window)
+def read_samples(connection: Connection, channel: Channel, *windows: Window) -> Aggregates:
+    """One entry for each sample in some windows, which are in order of time and disjoint."""
+    return _apart(read_column(connection, channel, *windows), windows)
 
 
 def read_few(
@@ -65,8 +65,8 @@ def read_buckets(
     return folded.grouped(buckets.of(folded.first))
 
 
-def _apart(runs: ColumnRuns, window: Window) -> Aggregates:
-    """One entry for each sample of some runs in a window, in order of time."""
+def _apart(runs: ColumnRuns, windows: Sequence[Window]) -> Aggregates:
+    """One entry for each sample of some runs in some windows, in order of time."""
     if not len(runs):
         return EMPTY
     n = runs.n
@@ -76,7 +76,9 @@ def _apart(runs: ColumnRuns, window: Window) -> Aggregates:
     none = np.zeros(t.size, np.int64)
     bounds, coverage = (runs.lo, runs.hi), np.repeat(runs.coverage, n)
     pieces = Aggregates(t, t, none + 1, none, dt, error, *bounds, *bounds, coverage)
-    order = np.flatnonzero((t >= window.start) & (t < window.end))
+    ends = np.array([(each.start, each.end) for each in windows], np.int64)
+    window = np.searchsorted(ends[:, 0], t, side="right") - 1
+    order = np.flatnonzero((window >= 0) & (t < ends[window, 1]))
     if np.any(np.diff(t[order]) < 0):
         order = order[np.lexsort((begun[order], t[order]))]
     return pieces[order]
@@ -87,7 +89,7 @@ def _fold(runs: ColumnRuns, window: Window, buckets: Buckets) -> Aggregates:
     if not len(runs):
         return EMPTY
     if np.any(runs.t[1:] < (runs.t + runs.dt * (runs.n - 1))[:-1]):
-        samples = _apart(runs, window)  # runs overlap
+        samples = _apart(runs, [window])  # runs overlap
         return samples.grouped(buckets.of(samples.first))
     first, last = runs.clipped(window.start, window.end)
     begin = np.cumsum(runs.n) - runs.n

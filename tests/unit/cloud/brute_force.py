@@ -102,12 +102,12 @@ def compare(series: Series, truth: Truth, window: Window, points: int) -> None:
 
 
 def verdicts_of(
-    connection: Connection, channel: Channel, window: Window, formula: Formula
+    connection: Connection, channel: Channel, window: Window, formula: Formula, **limits: int
 ) -> list[StoredPiece]:
     """The verdicts of a formula over one channel, whatever that is called."""
     (name,) = formula.channels
     sources = {name: ChannelSource(connection, channel)}
-    return list(StoredVerdicts(formula, sources, most_reads=10**6).pieces(window))
+    return list(StoredVerdicts(formula, sources, most_reads=10**6, **limits).pieces(window))
 
 
 def check_states(store: Store, truth: Truth, window: Window, formula: Formula) -> None:

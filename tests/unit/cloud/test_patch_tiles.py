@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
     from eskin_cloud.store.location import StoreLocation
 
+    from eskin.monitor import Formula
+
 TILED: Final = "tiled"
 PLAIN: Final = "plain"
 COLUMNS: Final = 3
@@ -50,6 +52,11 @@ GRAIN: Final = 4
 """Tiles of 16 ns, so that some frames fill chunks."""
 START: Final = 1 << 60
 SPAN: Final = 4000
+FORMULAS: Final = (
+    parse("x > 0.3"),
+    parse("once[5ns,60ns] x > 1.2"),
+    parse("rise(x > 0.3) and historically[0,20ns] x < 2"),
+)
 ALL: Final = Due(2**62, 2**62)
 _BOUNDS = st.sampled_from([-math.inf, -2.0, -0.1, 0.0, 0.1, 0.3, 1.0, 1.5, 3.0, math.inf])
 TAXELS: Final = tuple(f"t{column}" for column in range(COLUMNS))
@@ -217,13 +224,20 @@ def test_tiles_are_those_of_the_samples(store: Store, steps: list[list[Frame] | 
     begin=st.integers(-50, SPAN),
     span=st.integers(1, SPAN),
     points=st.sampled_from([1, 7, 1000]),
+    samples=st.sampled_from([1, 8, 1000]),
+    formula=st.sampled_from(FORMULAS),
 )
 def test_compaction_and_tiles_change_no_series_and_no_verdict(
-    store: Store, steps: list[list[Frame] | str], begin: int, span: int, points: int
+    store: Store,
+    steps: list[list[Frame] | str],
+    begin: int,
+    span: int,
+    points: int,
+    samples: int,
+    formula: Formula,
 ) -> None:
     carry_out(store, steps)
     window = Window(START + begin, START + begin + span)
-    above = parse("x > 0.3")
     with store.read() as connection:
         for taxel in TAXELS:
             channel = find_channel(connection, TILED, f"{taxel}.pressure")
@@ -234,10 +248,9 @@ def test_compaction_and_tiles_change_no_series_and_no_verdict(
             assert one.t.tolist() == other.t.tolist()
             assert (one.lo.tolist(), one.hi.tolist()) == (other.lo.tolist(), other.hi.tolist())
             assert one.coverage == other.coverage
-            found, expected = (
-                verdicts_of(connection, each, window, above) for each in (channel, plain)
-            )
-            assert found == expected
+            limits = {"points": points, "samples": samples}
+            found = verdicts_of(connection, channel, window, formula, **limits)
+            assert found == verdicts_of(connection, plain, window, formula)
 
 
 def steady(first: int, count: int) -> list[Frame]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from contextlib import contextmanager
 from fractions import Fraction
 from typing import TYPE_CHECKING
+from unittest.mock import patch
 
 import numpy as np
 import pytest
+from eskin_cloud.query import stored_verdicts
 from eskin_cloud.query.channel_runs import as_signal
 from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
@@ -55,7 +57,14 @@ def sources_of(store: Store, formula: Formula) -> Iterator[dict[str, ChannelSour
 
 
 @settings(max_examples=examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(said_of(CHANNEL), said_of(OTHER), FORMULAS, windows, st.sampled_from((1, 3, 10**6)))
+@given(
+    said_of(CHANNEL),
+    said_of(OTHER),
+    FORMULAS,
+    windows,
+    st.sampled_from((1, 3, 10**6)),
+    st.sampled_from(((2**17, 2**20), (0, 2**20), (0, 4))),
+)
 def test_verdicts_are_those_of_all_samples(
     store: Store,
     one: list[Frame],
@@ -63,10 +72,13 @@ def test_verdicts_are_those_of_all_samples(
     formula: Formula,
     window: Window,
     samples: int,
+    limits: tuple[int, int],
 ) -> None:
     emptied(store)
     put(store, *one, *other)
-    with sources_of(store, formula) as sources:
+    crowded, most = limits
+    few = patch.multiple(stored_verdicts, _CROWDED=crowded, MOST_SAMPLES=most)
+    with sources_of(store, formula) as sources, few:
         stored = StoredVerdicts(formula, sources, points=3, samples=samples)
         pieces = [*stored.pieces(window)]
         signals = {
@@ -78,7 +90,9 @@ def test_verdicts_are_those_of_all_samples(
     ticks = np.arange(2 * window.start, 2 * window.end)
     assert list(found) == ticks.tolist()
     expected = whole.codes_at_ticks(ticks)
-    assert [int(verdict) for verdict in found.values()] == expected.tolist()
+    codes = np.array([int(verdict) for verdict in found.values()], np.int8)
+    given_up = (most == 4) & (codes == Verdict.POSSIBLE)
+    assert codes[~given_up].tolist() == expected[~given_up].tolist()
     for piece in pieces:
         assert bool(piece.because) is (piece.verdict is Verdict.POSSIBLE)
 

@@ -81,20 +81,20 @@ def _last_run(connection: Connection, totals: Channel) -> PatchRun | None:
     while True:
         window = Window(before(last, span), last + 1)
         place = totals["node"], totals["patch"]
-        runs = decode_rows(connection, *place, window, lambda row: decode_heads(row["data"]))
-        runs += read_fresh(connection, *place, window)
+        runs = decode_rows(connection, *place, [window], lambda row: decode_heads(row["data"]))
+        runs += read_fresh(connection, *place, [window])
         if runs or window.start <= first:
             return max(runs, key=lambda run: (run.t, run.boot, run.sequence), default=None)
         span *= _WIDER
 
 
-def read_column(connection: Connection, channel: Channel, window: Window) -> ColumnRuns:
-    """The runs of a channel with samples in a window, in order of time, boot and sequence.
+def read_column(connection: Connection, channel: Channel, *windows: Window) -> ColumnRuns:
+    """The runs of a channel with samples in any window, in order of time, boot and sequence.
 
     Args:
         connection: In a read transaction.
         channel: The channel.
-        window: The window.
+        windows: The windows.
     """
     node, taxel = channel["node"], channel["channel"].partition(".")[0]
     places: dict[bytes, tuple[int, int] | None] = {}
@@ -111,16 +111,19 @@ def read_column(connection: Connection, channel: Channel, window: Window) -> Col
         runs = decode_column(row["data"], place[0])
         return [replace(runs, t=runs.t + place[1]) if place[1] else runs]
 
-    compacted = decode_rows(connection, node, channel["patch"], window, decode)
+    compacted = decode_rows(connection, node, channel["patch"], windows, decode)
     fresh = [
         column
-        for run in read_fresh(connection, node, channel["patch"], window)
+        for run in read_fresh(connection, node, channel["patch"], windows)
         if (place := place_in(run.patch)) is not None
         and (column := column_of(run, *place)) is not None
     ]
     found = ColumnRuns.joined([*compacted, ColumnRuns.of(fresh)]).sorted()
-    first, last = found.clipped(window.start, window.end)
-    return found.chosen(np.flatnonzero(first <= last))
+    seen = np.zeros(len(found), np.bool_)
+    for window in windows:
+        first, last = found.clipped(window.start, window.end)
+        seen |= first <= last
+    return found.chosen(np.flatnonzero(seen))
 
 
 def count_samples(connection: Connection, channel: Channel, window: Window) -> int:

@@ -26,7 +26,7 @@ from eskin_cloud.store.schema.tables import nodes
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from sqlalchemy import Connection, RowMapping
 
@@ -211,19 +211,30 @@ def read_runs(connection: Connection, node: str, patch_id: str, window: Window) 
         DamagedRowError: The patch's totals are damaged.
     """
     found = read_compacted(connection, node, patch_id, window)
-    found += read_fresh(connection, node, patch_id, window)
+    found += read_fresh(connection, node, patch_id, [window])
     return sorted(found, key=lambda run: (run.t, run.boot, run.sequence))
 
 
-def read_fresh(connection: Connection, node: str, patch_id: str, window: Window) -> list[PatchRun]:
-    """The runs of a patch in frames that are not compacted, in any order; else as `read_runs`."""
+def read_fresh(
+    connection: Connection, node: str, patch_id: str, windows: Iterable[Window]
+) -> list[PatchRun]:
+    """The runs of a patch in frames that are not compacted, in any order, each once.
+
+    Otherwise as `read_runs`, in some windows.
+    """
+    windows = list(windows)
     found: list[PatchRun] = []
     places: dict[int, list[PatchPage]] = defaultdict(list)
     for place in find_patch_pages(connection, node, patch_id):
         places[place.page].append(place)
     for page, of_page in places.items():
         longest = max(place.totals["longest"] for place in of_page)
-        rows = read_frame_rows(connection, node, page, window, longest)
+        named = {
+            (row["boot"], row["sequence"]): row
+            for window in windows
+            for row in read_frame_rows(connection, node, page, window, longest)
+        }
+        rows = list(named.values())
         for place in of_page:
             mine = [row for row in rows if bytes(row["layout"]) == place.described.hash]
             if mine:
@@ -235,23 +246,25 @@ def read_compacted(
     connection: Connection, node: str, patch_id: str, window: Window
 ) -> list[PatchRun]:
     """The runs of a patch in its compacted rows, in any order; otherwise as `read_runs`."""
-    return decode_rows(connection, node, patch_id, window, lambda row: decode_runs(row["data"]))
+    return decode_rows(connection, node, patch_id, [window], lambda row: decode_runs(row["data"]))
 
 
 def decode_rows(
     connection: Connection,
     node: str,
     patch_id: str,
-    window: Window,
+    windows: Iterable[Window],
     decode: Callable[[RowMapping], list[Decoded]],
 ) -> list[Decoded]:
-    """What is in the compacted rows of a patch, in any order; otherwise as `read_runs`.
+    """What is in the compacted rows of a patch, in any order, each row once.
+
+    Otherwise as `read_runs`.
 
     Args:
         connection: In a read transaction.
         node: The node.
         patch_id: The patch.
-        window: The window.
+        windows: Where the rows have samples.
         decode: Reads an intact row.
     """
     totals = read_patch(connection, node, patch_id)
@@ -259,8 +272,13 @@ def decode_rows(
         return []
     key = {"slot": slot_of(node), "node": node, "patch": patch_id}
     are_countable(patch_rows.name)
-    rows = connection.execute(_ROWS, key | _bounds(window, totals["longest"])).mappings()
-    return [each for row in rows if is_intact_row(PatchRowHeader, row) for each in decode(row)]
+    rows = {
+        (row["t"], row["boot"], row["sequence"]): row
+        for window in windows
+        for row in connection.execute(_ROWS, key | _bounds(window, totals["longest"])).mappings()
+    }
+    intact = (row for row in rows.values() if is_intact_row(PatchRowHeader, row))
+    return [each for row in intact for each in decode(row)]
 
 
 def read_described_runs(
