@@ -239,6 +239,18 @@ def test_totals_state_the_coverage_of_all_samples(store: Store) -> None:
     assert stored.coverage == pytest.approx(0.9)
 
 
+@pytest.mark.parametrize("samples", [1, 1000])
+def test_coverage_counts_samples_and_not_runs(store: Store, samples: int) -> None:
+    put(store, at(0, 1.0, 0, n=64, coverage=0.999), at(640, 0.0, 1, n=64, coverage=0.999))
+    formula = Eventually((0, 100), Channel(CHANNEL) > Fraction(1, 5))
+    with sources_of(store, formula) as sources:
+        stored = StoredVerdicts(formula, sources, points=3, samples=samples)
+        pieces = [*stored.pieces(Window(START + 200, START + 1000))]
+    assert [piece.verdict for piece in pieces] == [Verdict.CERTAIN, Verdict.IMPOSSIBLE]
+    # At the middle of each the samples of 100 ns count, and the one before that just ends.
+    assert [piece.coverage for piece in pieces] == pytest.approx([1 - 11e-3, 1 - 11e-3], abs=1.1e-3)
+
+
 EVALUATION = "/api/v1/monitors/evaluation"
 TOUCHES = np.where(np.arange(4000) % 1000 < 100, 5.0, 1.0)
 
