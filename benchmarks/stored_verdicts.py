@@ -1,7 +1,7 @@
 """Formulas over a store of very many samples, of which hulls leave few stretches open.
 
 ``python -m benchmarks.stored_verdicts --samples 1e9`` builds a channel as `benchmarks.pyramid`
-does, and touches it ten times: so at most ten of the thousand hulls of a window are open. It asks
+does, and touches it ten times: so at most ten hulls of a window are open. It asks
 when a formula holds in windows of every length at any place, from the read transaction's beginning
 to the last stretch.
 """

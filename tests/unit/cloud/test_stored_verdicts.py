@@ -21,7 +21,20 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from eskin.interval import Verdict
-from eskin.monitor import Atom, Because, Channel, Comparison, Constant, Eventually, evaluate
+from eskin.monitor import (
+    Atom,
+    Because,
+    Channel,
+    Comparison,
+    Constant,
+    Eventually,
+    Fall,
+    Historically,
+    Once,
+    Rise,
+    Until,
+    evaluate,
+)
 from tests.support.examples import examples
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.drawn_channels import OTHER, drawn_signal, said_of, samples_of, windows
@@ -149,17 +162,26 @@ def test_runs_leave_open_where_samples_beside_them_may_hold(store: Store, error:
         moment = START + 400 * number
         time = moment - error, moment + error
         put(store, stretch(number, level, level + 0.1, time=time, dt=10))
-    formula = Channel(CHANNEL) > Fraction(1, 2)
-    with sources_of(store, formula) as sources:
+    above = Channel(CHANNEL) > Fraction(1, 2)
+    formulas = (
+        above,
+        Eventually((20, 170), above),
+        Historically((30, 90), above),
+        Rise(Channel(CHANNEL, 25) > Fraction(1, 2)),
+        Until((0, 200), above, Once((0, 30), Fall(above))),
+    )
+    with sources_of(store, above) as sources:
         everything = read_samples(*sources[CHANNEL], Window(START - 10**7, START + 10**7))
-        whole = evaluate(formula, {CHANNEL: as_signal(everything, "F")})
-        for _ in range(40):
+        signals = {CHANNEL: as_signal(everything, "F")}
+        whole = [evaluate(each, signals) for each in formulas]
+        for k in range(60):
+            which = k % len(formulas)
             start = START + int(random.integers(-500, 4000))
             window = Window(start, start + int(random.integers(1, 2000)))
-            stored = StoredVerdicts(formula, sources, points=6, samples=4)
+            stored = StoredVerdicts(formulas[which], sources, points=6, samples=4)
             for piece in stored.pieces(window):
                 ticks = np.arange(piece.first, piece.last + 1)
-                assert set(whole.codes_at_ticks(ticks).tolist()) == {int(piece.verdict)}
+                assert set(whole[which].codes_at_ticks(ticks).tolist()) == {int(piece.verdict)}
 
 
 def at(
