@@ -16,7 +16,7 @@ from eskin_cloud.rollup.column_aggregates import ColumnAggregates, pack, unpack
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.rollup.patch_tiles import fold_chunks
 from eskin_cloud.rollup.reading import read_ranges
-from eskin_cloud.rollup.samples import read_buckets
+from eskin_cloud.rollup.samples import read_buckets, read_samples
 from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.read.lookup import find_channel
@@ -208,6 +208,13 @@ def test_tiles_are_those_of_the_samples(store: Store, steps: list[list[Frame] | 
                 other = read_buckets(connection, plain, window, buckets)
                 for name in ("breaks", "dt", "error", "coverage"):
                     assert getattr(found, name).tolist() == getattr(other, name).tolist(), name
+                some = [(first, first + 3), (first + 7, first + 9), (first + 20, end)]
+                within = [(a << level, b << level) for a, b in some]
+                found = read_ranges(connection, channel, level, some)
+                mine = [each for each in samples if any(a <= each[0] < b for a, b in within)]
+                require_true(found, mine, level)
+                read = read_samples(connection, channel, *(Window(*each) for each in within))
+                assert read.first.tolist() == sorted(t for t, _, _ in mine)
 
 
 @settings(
