@@ -36,6 +36,7 @@ from eskin.monitor import (
     evaluate,
 )
 from tests.support.examples import examples
+from tests.unit.cloud.brute_force import compact_all
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.drawn_channels import OTHER, drawn_signal, said_of, samples_of, windows
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
@@ -271,6 +272,18 @@ def test_coverage_counts_samples_and_not_runs(store: Store, samples: int) -> Non
     assert [piece.verdict for piece in pieces] == [Verdict.CERTAIN, Verdict.IMPOSSIBLE]
     # At the middle of each the samples of 100 ns count, and the one before that just ends.
     assert [piece.coverage for piece in pieces] == pytest.approx([1 - 11e-3, 1 - 11e-3], abs=1.1e-3)
+
+
+def test_samples_of_several_windows_are_read_once(store: Store) -> None:
+    put(store, at(0, 1.0, 0, n=40))
+    windows = [Window(START, START + 50), Window(START + 200, START + 230)]
+    expected = [START + t for t in (0, 10, 20, 30, 40, 200, 210, 220)]
+    for compacted in (False, True):
+        if compacted:
+            compact_all(store)
+        with store.read() as connection:
+            channel = find_channel(connection, NODE, CHANNEL)
+            assert read_samples(connection, channel, *windows).first.tolist() == expected
 
 
 EVALUATION = "/api/v1/monitors/evaluation"
