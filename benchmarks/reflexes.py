@@ -26,11 +26,13 @@ from eskin_sensor_node.firmware.reflex import Reflex, ReflexUnit, code_ranges
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.monitor_program import MonitorProgram
+from eskin_sensor_node.machine.outputs import NAMES
 from rich.progress import Progress
 
 from benchmarks.report import Row, at_most
 from eskin.monitor.program import threshold
-from tests.unit.sensor_node.designs import Bench, taxel
+from tests.unit.sensor_node.designs import Bench, settings, taxel
+from tests.unit.sensor_node.reflex.skins import SkinBench
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,6 +52,7 @@ _CHUNK: Final = 2048
 _DT: Final = 1_000_000
 _DRIFT: Final = 20_000
 _REACTION_S: Final = 60.0
+_WATCHED: Final = 16
 GAUSSIAN: Final = {"kind": "gaussian", "sigma": 2e-6, "k": 2.0}
 
 
@@ -199,17 +202,32 @@ def _converted(sensing: SensingColumns, truth: Floats, begin: int) -> list[list[
     return rows
 
 
-def reactions(seconds: float, folder: Path) -> Floats:
-    """Times in us from the last conversion to the output, of a fingertip's reflex."""
-    bench = Bench(
-        folder,
-        functions=compiled_inversion(),
-        monitor=[{"name": "stop", "formula": _FORMULAS[""], "output": "stop"}],
-    )
+def reactions(bench: Bench | SkinBench, seconds: float) -> Floats:
+    """Times in us from the last conversion to the output, of a node's reflexes."""
     bench.run_to(seconds)
     found = [(edge.time - edge.cause) / 1e3 for edge in bench.node.machine.outputs.edges]
     bench.close()
     return np.array(found)
+
+
+def fingertip(folder: Path) -> Bench:
+    """A fingertip that compares one taxel."""
+    return Bench(
+        folder,
+        functions=compiled_inversion(),
+        monitor=[{"name": "stop", "formula": _FORMULAS[""], "output": "stop"}],
+    )
+
+
+def hand(folder: Path) -> SkinBench:
+    """A hand of 336 pads, of which 16 are watched, four by each output."""
+    pads = settings(folder, "small-hand").skin.skin.names
+    watched = pads[:: len(pads) // _WATCHED][:_WATCHED]
+    monitors = [
+        {"name": f"m{k}", "formula": f"once[0,40ms] {pad}.pressure > 1.5 kPa", "output": output}
+        for k, (pad, output) in enumerate(zip(watched, NAMES * 4, strict=True))
+    ]
+    return SkinBench(folder, settings(folder, "small-hand", monitor=monitors))
 
 
 def measure_reflexes(touches: float = TOUCHES) -> list[Row]:
@@ -243,16 +261,16 @@ def measure_reflexes(touches: float = TOUCHES) -> list[Row]:
             rows.append(
                 Row(f"reflex engine in Python, {title}", spent / samples / 4 * 1e6, "us/decision")
             )
-    with tempfile.TemporaryDirectory() as folder:
-        found_us = reactions(_REACTION_S, Path(folder))
-    for name, value in (
-        ("p50", np.quantile(found_us, 0.5)),
-        ("p99", np.quantile(found_us, 0.99)),
-    ):
-        rows.append(
-            Row(f"reflex: conversion to output, {name} of {found_us.size}", float(value), "us")
-        )
-    rows.append(at_most("reflex: conversion to output, most", float(found_us.max()), "us", 1000.0))
+    for title, build in (("fingertip", fingertip), ("hand of 336 pads", hand)):
+        with tempfile.TemporaryDirectory() as folder:
+            found_us = reactions(build(Path(folder)), _REACTION_S)
+        name = f"reflex of a {title}, conversion to output"
+        for share in (0.5, 0.99):
+            value = float(np.quantile(found_us, share))
+            rows.append(Row(f"{name}, p{100 * share:.0f} of {found_us.size}", value, "us"))
+        rows.append(at_most(f"{name}, most", float(found_us.max()), "us", 1000.0))
+        for value, count in zip(*np.unique(found_us.round(), return_counts=True), strict=True):
+            rows.append(Row(f"{name}: about {value:.0f} us", float(count), "changes"))
     return rows
 
 
