@@ -31,6 +31,7 @@ from eskin_cloud.api import (
     login,
     models,
     monitors,
+    node_monitors,
     nodes,
     notices,
     prediction,
@@ -56,10 +57,12 @@ def people_application(cloud: AppState) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     app = _application(cloud, "eskin cloud", secure=cloud.secure, refusal=HTTPStatus.UNAUTHORIZED)
     asked = nodes, gateways, commands, series, frames, contacts, gestures, export, events, live
-    of_monitors = evaluation, monitors, alarms, thresholds, comparison, prediction, models
+    of_monitors = evaluation, monitors, node_monitors, alarms
+    of_channels = thresholds, comparison, prediction, models
     for resource in (
         *asked,
         *of_monitors,
+        *of_channels,
         layouts,
         storage,
         tokens,

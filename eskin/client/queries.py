@@ -142,6 +142,17 @@ class Queries:
         """
         return list(self._pages.items(f"{API}/monitors"))
 
+    def node_monitors(self, node: str) -> list[dict[str, Any]]:
+        """The monitors that run on a node, each with its latest verdict and its output's level.
+
+        Args:
+            node: Such as ``fingertip``.
+
+        Raises:
+            CloudError: As `monitors`.
+        """
+        return list(self._pages.items(f"{API}/nodes/{node}/monitors"))
+
     def alarms(
         self, *, monitor: str | None = None, state: Literal["raised", "cleared"] | None = None
     ) -> list[dict[str, Any]]:

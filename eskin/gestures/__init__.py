@@ -27,7 +27,7 @@ between, and templates are evaluated with three values.
 
 from __future__ import annotations
 
-from eskin.gestures.gestures import Gesture, Gestures
+from eskin.gestures.gestures import Gesture, Gestures, TouchPlaces
 from eskin.gestures.stream import GestureStream, find_gestures
 from eskin.gestures.templates import Kind, Templates
 
@@ -37,5 +37,6 @@ __all__ = [
     "Gestures",
     "Kind",
     "Templates",
+    "TouchPlaces",
     "find_gestures",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, NamedTuple, overload
 
 from eskin.interval.markup import html_table
 
@@ -15,6 +15,18 @@ if TYPE_CHECKING:
     from eskin.interval import Verdict
 
 Bounds = tuple[float, float]
+
+
+class TouchPlaces(NamedTuple):
+    """Where a touch is, in m.
+
+    Attributes:
+        begin: Enclosure of each coordinate of its first centroid, infinite where nothing is known.
+        end: The same of its last one.
+    """
+
+    begin: tuple[Bounds, ...]
+    end: tuple[Bounds, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +50,7 @@ class Gesture:
             nothing is known of it.
         scale: Of two touches at once: enclosure of their distance at the end over that at the
             begin.
+        places: Where each of its touches begins and ends; empty where that is not known of each.
     """
 
     kind: Kind
@@ -48,6 +61,7 @@ class Gesture:
     direction: Bounds | None = None
     angle: Bounds | None = None
     scale: Bounds | None = None
+    places: tuple[TouchPlaces, ...] = ()
 
 
 class Gestures(Sequence[Gesture]):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.constants import TWO_PI
-from eskin.gestures.gestures import Gesture
+from eskin.gestures.gestures import Gesture, TouchPlaces
 from eskin.gestures.templates import PAIR_KINDS, TOUCH_KINDS
 from eskin.gestures.touches import around
 from eskin.interval import Interval, Verdict
@@ -40,6 +40,7 @@ class Judged:
         begin: Earliest and latest moment of its first sample.
         end: The same of its last one.
         start: Box of its first centroid.
+        stop: Box of its last one.
         verdicts: Of each kind of a touch.
     """
 
@@ -48,16 +49,24 @@ class Judged:
     begin: Span
     end: Span
     start: Floats
+    stop: Floats
     verdicts: Mapping[Kind, Verdict]
     direction: Bounds | None
 
+    @property
+    def places(self) -> TouchPlaces:
+        """Where it begins and ends."""
+        return TouchPlaces(_bounds_of(self.start), _bounds_of(self.stop))
+
     def gestures(self) -> Iterator[Gesture]:
         """What it may be."""
+        contacts, places = (self.touch.contact,), (self.places,)
         for kind, verdict in self.verdicts.items():
             if verdict > Verdict.IMPOSSIBLE:
                 way = self.direction if kind in {"slide", "swipe"} else None
-                contacts = (self.touch.contact,)
-                yield Gesture(kind, verdict, contacts, self.begin, self.end, direction=way)
+                yield Gesture(
+                    kind, verdict, contacts, self.begin, self.end, direction=way, places=places
+                )
 
 
 def judge_touch(touch: Touch, templates: Templates) -> Judged:
@@ -82,7 +91,7 @@ def judge_touch(touch: Touch, templates: Templates) -> Judged:
     way = _between(start, stop)
     lasts = max(0, touch.end - touch.begin), _difference(begin[0], end[1])
     verdicts = judge_measures(lasts, extent, way, templates)
-    return Judged(touch, bundle, begin, end, start, verdicts, angle_of(way))
+    return Judged(touch, bundle, begin, end, start, stop, verdicts, angle_of(way))
 
 
 def judge_bundle(bundle: Bundle, templates: Templates) -> Iterator[Gesture]:
@@ -108,15 +117,19 @@ def judge_stray(bundle: Bundle, templates: Templates) -> Iterator[Gesture]:
     begin = None if bundle.open_begin else bundle.begin
     end = None if bundle.open_end else bundle.end
     kinds: list[Kind] = ["tap"]
+    if begin is None or end is None:
+        box = _anywhere(box)
     if not _is_little(box, _difference(begin, end), templates):
-        if begin is None or end is None:
-            box = _anywhere(box)
         way = _between(box, box)
         extent = Interval(0.0, float(way.sup.max()))
         verdicts = judge_measures((0, _difference(begin, end)), extent, way, templates)
         kinds = [kind for kind, verdict in verdicts.items() if verdict > Verdict.IMPOSSIBLE]
+    place = _bounds_of(box)
     for kind in kinds:
-        yield Gesture(kind, Verdict.POSSIBLE, (), (begin, end), (begin, end))
+        yield Gesture(
+            kind, Verdict.POSSIBLE, (), (begin, end), (begin, end),
+            places=(TouchPlaces(place, place),),
+        )  # fmt: skip
 
 
 def _is_little(box: Floats, lasts: int | None, templates: Templates) -> bool:
@@ -179,7 +192,8 @@ def _judge_double_tap(first: Judged, second: Judged, templates: Templates) -> It
     verdict = min(follows, soon, near, tapped)
     if verdict > Verdict.IMPOSSIBLE:
         contacts = first.touch.contact, second.touch.contact
-        yield Gesture("double tap", verdict, contacts, first.begin, second.end)
+        places = first.places, second.places
+        yield Gesture("double tap", verdict, contacts, first.begin, second.end, places=places)
 
 
 def _judge_together(one: Judged, two: Judged, templates: Templates) -> Iterator[Gesture]:
@@ -228,6 +242,7 @@ def _judge_together(one: Judged, two: Judged, templates: Templates) -> Iterator[
             yield Gesture(
                 kind, every, (a.contact, b.contact), begin, end,
                 angle=turn, scale=(float(scale.inf), float(scale.sup)),
+                places=(one.places, two.places),
             )  # fmt: skip
 
 
@@ -322,6 +337,10 @@ def _interval(span: Span) -> Interval:
     if not isinf(high) and int(high) < (span[1] or 0):
         high = nextafter(high, inf)
     return Interval(low, high)
+
+
+def _bounds_of(box: Floats) -> tuple[Bounds, ...]:
+    return tuple((low, high) for low, high in box.T.tolist())
 
 
 def _anywhere(box: Floats) -> Floats:

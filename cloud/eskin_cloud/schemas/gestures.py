@@ -6,6 +6,7 @@ from typing_extensions import TypedDict
 
 from eskin.gestures import Gesture, Kind
 from eskin_cloud.schemas.base import IntervalDocument, Moment, interval, moment
+from eskin_cloud.schemas.contacts import Bounds
 
 
 class SampledMomentDocument(TypedDict):
@@ -15,6 +16,13 @@ class SampledMomentDocument(TypedDict):
     hi: Moment | None
 
 
+class TouchPlacesDocument(TypedDict):
+    """Where a touch begins and ends: bounds of its centroid in m for each axis; null: not known."""
+
+    begin: list[Bounds]
+    end: list[Bounds]
+
+
 class GestureDocument(TypedDict):
     """A gesture that is certain or possible.
 
@@ -22,7 +30,8 @@ class GestureDocument(TypedDict):
     the touch itself is possible, or where its touches may be one. ``begin`` and ``end`` enclose the
     moments of its first and its last sampled instant. ``direction`` of a slide or a swipe, and
     ``angle`` by which two touches turn, are in rad; ``scale`` is the distance of two touches at the
-    end over that at the begin.
+    end over that at the begin. ``places`` are those of each touch; none where its touches may be
+    one.
     """
 
     kind: Kind
@@ -33,6 +42,7 @@ class GestureDocument(TypedDict):
     direction: IntervalDocument | None
     angle: IntervalDocument | None
     scale: IntervalDocument | None
+    places: list[TouchPlacesDocument]
 
 
 def describe_gesture(gesture: Gesture) -> GestureDocument:
@@ -46,6 +56,7 @@ def describe_gesture(gesture: Gesture) -> GestureDocument:
         "direction": _bounds(gesture.direction),
         "angle": _bounds(gesture.angle),
         "scale": _bounds(gesture.scale),
+        "places": [{"begin": list(each.begin), "end": list(each.end)} for each in gesture.places],
     }
 
 

@@ -36,7 +36,7 @@ ALONE: Final = {f"tests.unit.cloud.test_{room}" for room in (
 """Tests that run on SQLite alone, because they do not depend on the kind of store."""
 BOTH: Final = {f"tests.unit.cloud.test_{room}" for room in (
     "commands", "compaction", "faults", "frames", "hostile_frames", "live",
-    "missing_messages", "frames_once", "patch_compaction", "patch_retention",
+    "missing_messages", "frames_once", "node_monitors", "patch_compaction", "patch_retention",
     "patch_tiles", "pg_copy", "queries", "questions", "retention", "rollup",
     "several_clouds", "shared_commits", "store", "store_settings", "stored_sequences",
     "stored_verdicts", "writer",

@@ -12,11 +12,12 @@ from eskin_cloud.alarms.receivers import register_receiver
 from eskin_cloud.jobs.missing_messages import look
 from eskin_cloud.rollup.patch_tile_builder import build
 
+from eskin.interval import Verdict
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.brute_force import compact_all, remove_before
 from tests.unit.cloud.clouds import batch, put
 from tests.unit.cloud.live_monitors import Live, alarms_of, define
-from tests.unit.cloud.messages import DT, START, gap, peak, status, stretch
+from tests.unit.cloud.messages import DT, START, gap, peak, status, stretch, verdict
 from tests.unit.cloud.orders import order
 from tests.unit.cloud.sealing import NODE as HAND
 from tests.unit.cloud.sealing import beat, declared, notice, pulse
@@ -38,6 +39,7 @@ async def fill(stand: Stand, site: Site) -> None:
     store = stand.cloud.store
     spoiled = stretch(4, unit="H")  # becomes a dead letter
     await stand.ingest(batch(status(0), peak(1), gap(2), stretch(3), spoiled))
+    await stand.ingest(batch(verdict(5, ("squeeze", Verdict.CERTAIN))))
     bo = site.keystore.create("Bo")
     await stand.ingest(batch(replace(status(0, boot=2), ended=((1, 999),))))
     await look(stand.cloud)

@@ -12,10 +12,12 @@ from eskin.interval import Interval, Verdict
 from eskin.tube import Tube
 from eskin.wire.biometric import is_biometric
 from eskin.wire.frames import (
+    Because,
     Frame,
     Gap,
     Grid,
     Layout,
+    MonitorVerdict,
     Patch,
     PatchSamples,
     Peak,
@@ -127,6 +129,27 @@ def gap(
     spans = ((boot, 0, 2),) if lost is None else lost
     found = Gap("flash full", time, 3, 1500, spans)
     return Statements(Position(boot, sequence), skin_of()[0].content_hash, gaps=(found,))
+
+
+def verdict(
+    sequence: int,
+    *stated: tuple[str, Verdict],
+    boot: int = 1,
+    time: tuple[int, int] = (START, START + DT),
+) -> Statements:
+    """Verdicts of monitors, given by name, in their order."""
+    verdicts = tuple(
+        MonitorVerdict(
+            monitor,
+            time,
+            each,
+            final=True,
+            because=Because.WIDTH if each is Verdict.POSSIBLE else Because(0),
+            coverage=0.75,
+        )
+        for monitor, each in stated
+    )
+    return Statements(Position(boot, sequence), skin_of()[0].content_hash, verdicts=verdicts)
 
 
 def status(sequence: int, *, boot: int = 1) -> Status:

@@ -203,6 +203,7 @@ def test_monitor_is_defined_and_its_alarms_are_read(stand: Stand, way: Way) -> N
     with eskin.connect("http://localhost:8080", token, retry_s=0.0, transport=way) as client:
         made = client.define_monitor("squeeze", f"{CHANNEL} > 2 F", node=NODE, severity="high")
         assert client.monitors() == [made]
+        assert client.node_monitors(NODE) == []
         live = Live(stand.cloud.store)
         at = START + DT
         put(stand.cloud.store, stretch(1, [4.0] * 3, [5.0] * 3, time=(at, at)))

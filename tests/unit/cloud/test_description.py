@@ -55,7 +55,7 @@ def test_people_are_answered_as_described(stand: Stand) -> None:
     app = people_application(stand.cloud)
     schema = schemathesis.openapi.from_asgi("/openapi.json", app, headers=headers)
     # The live stream never ends; its refusals and its events have tests of their own.
-    assert validate(schema.exclude(path="/api/v1/live"), headers) == 46
+    assert validate(schema.exclude(path="/api/v1/live"), headers) == 47
 
 
 def test_known_places_are_answered_as_described(stand: Stand) -> None:
@@ -73,7 +73,7 @@ def test_known_places_are_answered_as_described(stand: Stand) -> None:
             raw["paths"][known] = item
     schema = schemathesis.openapi.from_dict(raw)
     schema.app = app
-    assert validate(schema, headers) == 17
+    assert validate(schema, headers) == 18
 
 
 def test_gateways_listener_describes_what_gateways_post_and_nothing_else(stand: Stand) -> None:

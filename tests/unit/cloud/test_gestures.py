@@ -179,6 +179,13 @@ async def test_taps_and_swipes_are_certain(stand: Stand, late: int) -> None:
             lo, hi = (START + row * 20 * MILLI + more * MILLI for more in (0, 1 + late))
             assert each[side] == {"lo": format_timestamp(lo), "hi": format_timestamp(hi)}
     assert tap["direction"] is None
+    # Two taxels are pressed: the touch is between them.
+    x = [place * 1e-6 for place in patches[0].positions[0]]
+    for each, first, last in ((tap, 9, 9), (swipe, 8, 13)):
+        (place,) = each["places"]
+        for side, taxel in (("begin", first), ("end", last)):
+            lo, hi = place[side][0]
+            assert lo <= (x[taxel] + x[taxel + 1]) / 2.0 <= hi < lo + 1e-3
     assert swipe["direction"]["lo"] <= 0.0 <= swipe["direction"]["hi"] < 0.1
     assert await ask(stand, kind="swipe") == [swipe]
     assert await ask(stand, kind="hold") == []

@@ -176,6 +176,7 @@ export interface GestureDocument {
   readonly direction: IntervalDocument | null;
   readonly angle: IntervalDocument | null;
   readonly scale: IntervalDocument | null;
+  readonly places: readonly TouchPlacesDocument[];
 }
 
 export interface HealthDocument {
@@ -266,6 +267,17 @@ export interface NodeDocument {
   readonly lag: LagDocument | null;
   readonly clock: ClockDocument | null;
   readonly missing: MissingDocument | null;
+}
+
+export interface NodeMonitorDocument {
+  readonly name: string;
+  readonly formula: string;
+  readonly on: "possible" | "certain";
+  readonly output: "none" | "stop" | "out1" | "out2" | "out3";
+  readonly desired: Readonly<Record<string, number | string>> | null;
+  readonly reported: Readonly<Record<string, number | string>> | null;
+  readonly latest: StatedVerdictDocument | null;
+  readonly level: "on" | "off" | null;
 }
 
 export interface OffsetDocument {
@@ -404,6 +416,14 @@ export interface StateDocument {
   readonly settled: boolean;
 }
 
+export interface StatedVerdictDocument {
+  readonly verdict: "certain" | "possible" | "impossible";
+  readonly time: TimeDocument;
+  readonly final: boolean;
+  readonly because: readonly ("width" | "moment" | "gap" | "pending")[];
+  readonly coverage: number;
+}
+
 export interface StorageDocument {
   readonly bytes: number;
   readonly free_bytes: number;
@@ -441,6 +461,11 @@ export interface TotalsDocument {
   readonly unknown_s: number;
   readonly entries: CountDocument;
   readonly coverage: number;
+}
+
+export interface TouchPlacesDocument {
+  readonly begin: readonly (readonly [number | null, number | null])[];
+  readonly end: readonly (readonly [number | null, number | null])[];
 }
 
 export interface TransitionDocument {

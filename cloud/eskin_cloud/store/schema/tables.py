@@ -204,6 +204,24 @@ states = Table(
 )
 """Each node's desired and reported state (JSON); ``…_by`` is the command."""
 
+node_verdicts = Table(
+    "node_verdicts",
+    metadata,
+    Column("node", Text(NODE_LENGTH), primary_key=True),
+    Column("monitor", Text(CHANNEL_LENGTH), primary_key=True),
+    Column("boot", BigInteger, nullable=False),
+    Column("sequence", BigInteger, nullable=False),
+    Column("verdict", Text(10), nullable=False),
+    Column("t_lo", BigInteger, nullable=False),
+    Column("t_hi", BigInteger, nullable=False),
+    Column("coverage", Double, nullable=False),
+    Column("detail", Text(), nullable=False),
+)
+"""The latest verdict that a node stated of each of its monitors; ``detail`` is that of its event.
+
+Not of nodes whose statements are sealed.
+"""
+
 sequences = Table(
     "sequences",
     metadata,
@@ -373,6 +391,7 @@ for _table in (
     events,
     commands,
     states,
+    node_verdicts,
     sequences,
     tokens,
     login_codes,

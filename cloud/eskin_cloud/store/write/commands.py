@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import insert, select, update
 
+from eskin.wire.messages.command_schema import MONITOR_PLACE
 from eskin_cloud.store.notify import COMMANDS, notify
 from eskin_cloud.store.row_digests import require_intact_row
 from eskin_cloud.store.schema.tables import commands, states
 from eskin_cloud.store.write.events import event_row
+from eskin_cloud.store.write.node_verdicts import forget_verdicts
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
@@ -57,6 +59,8 @@ def store_result(connection: Connection, node: str, result: Result, data: bytes)
             t_hi=result.time[1],
             reported_by=result.command or None,
         )
+        earlier = json.loads((known and known["reported"]) or "{}")
+        forget_verdicts(connection, node, _redefined(earlier, result.state), place)
     command = find_command(connection, node, result.command)
     if command is None or command["outcome"] is not None:
         return None
@@ -78,6 +82,15 @@ def store_result(connection: Connection, node: str, result: Result, data: bytes)
 def encode_state(state: State) -> str:
     """A state as JSON."""
     return json.dumps(state, sort_keys=True)
+
+
+def _redefined(earlier: State, state: State) -> list[str]:
+    """The monitors that are others than before."""
+    return [
+        place.removeprefix(MONITOR_PLACE)
+        for place in earlier.keys() | state.keys()
+        if place.startswith(MONITOR_PLACE) and earlier.get(place) != state.get(place)
+    ]
 
 
 def _format_arguments(arguments: dict[str, Any]) -> str:

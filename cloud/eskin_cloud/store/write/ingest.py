@@ -36,6 +36,7 @@ from eskin_cloud.store.write.missing_messages import (
     record_boot_ends,
     record_lost,
 )
+from eskin_cloud.store.write.node_verdicts import store_verdicts
 from eskin_cloud.store.write.pages import (
     add_frames,
     add_sealed_frame,
@@ -407,8 +408,10 @@ def _store_statements(
     # So retention finds the layout, also if the node has sent no frame.
     ensure_page(batch.connection, batch.cache, (slot_of(item.node), item.node, said.layout, 0))
     _record_layout(batch, item.node, said.position, said.layout)
-    for row in statement_rows(item.node, said, described, item.data):
+    rows = list(statement_rows(item.node, said, described, item.data))
+    for row in rows:
         batch.add_event(row)
+    store_verdicts(batch.connection, [row for row in rows if row["kind"] == "verdict"])
     for gap in said.gaps:
         record_lost(batch.connection, item.node, gap.lost)
 

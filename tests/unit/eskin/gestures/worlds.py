@@ -278,6 +278,23 @@ def _fits(answer: Gesture, true: Found, world: World, known: dict[int, frozenset
         and angle_within(true.direction, answer.direction)
         and angle_within(true.angle, answer.angle)
         and scale_within(true.scale, answer.scale)
+        and places_within(true, answer, own)
+    )
+
+
+def places_within(true: Found, answer: Gesture, own: Sequence[frozenset[int]]) -> bool:
+    """Whether each touch begins and ends within its bounds."""
+    if not answer.places:
+        # Of touches that may be one, and of those that are not waited for.
+        return len(own) == 2 and not answer.contacts
+    touches = list(true.touches)
+    if len(own) == 2 and answer.contacts[0] not in own[0]:
+        touches.reverse()
+    return len(answer.places) == len(touches) and all(
+        low <= x <= high
+        for touch, place in zip(touches, answer.places, strict=True)
+        for k, bounds in ((touch.first, place.begin), (touch.last, place.end))
+        for x, (low, high) in zip(touch.places[k], bounds, strict=True)
     )
 
 
