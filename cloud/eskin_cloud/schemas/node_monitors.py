@@ -21,7 +21,8 @@ class StatedVerdictDocument(BaseModel):
     """What a node stated last of a monitor: its verdict from the moment ``time`` on.
 
     ``final`` is whether no later sample can change it, ``because`` why it is possible, ``coverage``
-    the probability with which it holds, at least.
+    the probability with which it holds, at least. ``current`` is whether it holds still, by all
+    that has come: the node is online, and has not started anew.
     """
 
     verdict: VerdictName
@@ -29,6 +30,7 @@ class StatedVerdictDocument(BaseModel):
     final: bool
     because: list[Literal["width", "moment", "gap", "pending"]]
     coverage: float
+    current: bool
 
 
 class NodeMonitorDocument(BaseModel):
@@ -38,8 +40,7 @@ class NodeMonitorDocument(BaseModel):
     those that are desired. ``latest`` is null before its first verdict, and where the node's
     statements are sealed. ``level`` is that of its output, which is on while any monitor of that
     output asks for it. It is null where the monitor drives none, and where the level is not known
-    now: no verdict is known since the monitor was defined and the node started, or the node is not
-    online.
+    now: one of its monitors has no current verdict.
     """
 
     name: str
@@ -65,23 +66,21 @@ def describe_node_monitors(
     """
     desired, reported = (_monitors(None if state is None else state[each])
                          for each in ("desired", "reported"))  # fmt: skip
+    latest = {name: _describe(row, current=online and row["boot"] == boot)
+              for name, row in stated.items()}  # fmt: skip
     asked: dict[object, list[bool | None]] = {}
     for name, settings in reported.items():
-        row = stated.get(name) if online else None
-        current = row if row is not None and row["boot"] == boot else None
-        asks = None if current is None else _asks(current["verdict"], settings)
-        asked.setdefault(settings.get("output"), []).append(asks)
+        asked.setdefault(settings.get("output"), []).append(_asks(latest.get(name), settings))
     found = []
     for name in sorted(desired.keys() | reported.keys()):
         settings = reported.get(name) or desired[name]
         level = _level(asked[settings.get("output")]) if name in reported else None
-        row = stated.get(name)
         document = {
             "name": name,
             **{field: settings.get(field) for field in ("formula", "on", "output")},
             "desired": desired.get(name),
             "reported": reported.get(name),
-            "latest": None if row is None else _describe(row),
+            "latest": latest.get(name),
             "level": None if settings.get("output") == _NO_OUTPUT else level,
         }
         found.append(NodeMonitorDocument.model_validate(document))
@@ -101,9 +100,11 @@ def _monitors(state: str | None) -> dict[str, Settings]:
     }
 
 
-def _asks(verdict: str, settings: Settings) -> bool:
-    """Whether a monitor asks for its output."""
-    return _STRENGTH[verdict] >= _STRENGTH[str(settings["on"])]
+def _asks(said: StatedVerdictDocument | None, settings: Settings) -> bool | None:
+    """Whether a monitor asks for its output now; ``None``: that is not known."""
+    if said is None or not said.current:
+        return None
+    return _STRENGTH[said.verdict] >= _STRENGTH[str(settings["on"])]
 
 
 def _level(asked: list[bool | None]) -> Literal["on", "off"] | None:
@@ -113,10 +114,11 @@ def _level(asked: list[bool | None]) -> Literal["on", "off"] | None:
     return None if None in asked else "off"
 
 
-def _describe(row: RowMapping) -> StatedVerdictDocument:
+def _describe(row: RowMapping, *, current: bool) -> StatedVerdictDocument:
     return StatedVerdictDocument(
         verdict=row["verdict"],
         time=time_span(row["t_lo"], row["t_hi"]),
         coverage=row["coverage"],
+        current=current,
         **{name: value for name, value in orjson.loads(row["detail"]).items() if name != "monitor"},
     )

@@ -66,6 +66,7 @@ async def test_monitor_is_listed_with_its_latest_verdict_and_its_output(stand: S
                 "final": True,
                 "because": ["width"],
                 "coverage": 0.75,
+                "current": True,
             },
             "level": "on",
         }
@@ -91,11 +92,12 @@ async def test_output_of_a_node_that_started_anew_or_is_silent_is_unknown(stand:
     (running,) = await listed(stand)
     assert running["level"] == "on"
     stand.clock.turn(stand.cloud.settings.nodes.late_s)
-    assert await listed(stand) == [running | {"level": None}]
+    past = running | {"level": None, "latest": running["latest"] | {"current": False}}
+    assert await listed(stand) == [past]
     stand.clock.turn(-stand.cloud.settings.nodes.late_s)
     assert await listed(stand) == [running]
     put(stand.cloud.store, status(0, boot=2))
-    assert await listed(stand) == [running | {"level": None}]
+    assert await listed(stand) == [past]
 
 
 async def test_monitor_that_is_defined_anew_has_no_verdict_yet(stand: Stand) -> None:

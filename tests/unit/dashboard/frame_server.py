@@ -126,6 +126,8 @@ class FrameServer(ABC):
             *self.routes(),
             Route("/alarms", lambda _: page_of([])),
             Route("/monitors", lambda _: page_of([])),
+            Route("/nodes/{node}/gestures", lambda _: page_of([])),
+            Route("/nodes/{node}/monitors", lambda _: page_of([])),
             Route("/nodes/{node}/layout", self._layout),
             Route("/nodes/{node}/layouts/{hash}", self._layout),
             WebSocketRoute("/live", self._live),

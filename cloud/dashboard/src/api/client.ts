@@ -1,7 +1,7 @@
 import type { Instant } from "../time/instant";
 import type {
-  AlarmItem, ChannelItem, ContactsItem, EventItem, FormulaTotalsAnswer, GatewayItem, LayoutItem, ModelItem, MonitorItem, NodeItem, NodeState, Page, PredictionAnswer,
-  SeriesAnswer, StorageAnswer, TotalsAnswer, VerdictItem,
+  AlarmItem, ChannelItem, ContactsItem, EventItem, FormulaTotalsAnswer, GatewayItem, GestureItem, LayoutItem, ModelItem, MonitorItem, NodeItem, NodeMonitorItem,
+  NodeState, Page, PredictionAnswer, SeriesAnswer, StorageAnswer, TotalsAnswer, VerdictItem,
 } from "./contract";
 import { ApiError, isAbort } from "./error";
 
@@ -126,6 +126,16 @@ export class Client {
   /** Contacts of a node in a window, at most so many statements. */
   contacts(node: string, window: { start: Instant; end: Instant; points: number }, signal: AbortSignal): Promise<ContactsItem[]> {
     return this.all<ContactsItem>("/contacts", { node, ...window }, signal).then((list) => list.items);
+  }
+
+  /** Gestures on a node's skin that are certain or possible in a window, of a few seconds: the cloud recognises them anew. */
+  gestures(node: string, window: { start: Instant; end: Instant }, signal: AbortSignal): Promise<GestureItem[]> {
+    return this.all<GestureItem>(`/nodes/${part(node)}/gestures`, { ...window }, signal).then((list) => list.items);
+  }
+
+  /** The monitors that run on a node, with their latest verdicts and outputs. */
+  nodeMonitors(node: string, signal: AbortSignal): Promise<NodeMonitorItem[]> {
+    return this.all<NodeMonitorItem>(`/nodes/${part(node)}/monitors`, {}, signal).then((list) => list.items);
   }
 
   state(node: string, signal: AbortSignal): Promise<NodeState> {

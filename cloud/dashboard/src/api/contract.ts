@@ -1,6 +1,6 @@
 import type {
-  AlarmDocument, ChannelDocument, ContactsDocument, CoreDocument, EnergyDocument, EventDocument, FaultDocument, FormulaTotalsDocument, GatewayDocument, LagDocument,
-  LayoutDocument, ModelDocument, MonitorDocument, NodeDocument, ParameterDocument, PredictionDocument, SeriesDocument, StateDocument, StorageDocument,
+  AlarmDocument, ChannelDocument, ContactsDocument, CoreDocument, EnergyDocument, EventDocument, FaultDocument, FormulaTotalsDocument, GatewayDocument, GestureDocument,
+  LagDocument, LayoutDocument, ModelDocument, MonitorDocument, NodeDocument, NodeMonitorDocument, ParameterDocument, PredictionDocument, SeriesDocument, StateDocument, StorageDocument,
   TotalsDocument, VerdictDocument,
 } from "./schema";
 
@@ -27,11 +27,13 @@ export type SeriesAnswer = Omit<SeriesDocument, "mean">;
 export type LayoutItem = LayoutDocument;
 export type ContactsItem = ContactsDocument;
 export type CoreItem = CoreDocument;
+export type GestureItem = GestureDocument;
 export type VerdictItem = VerdictDocument;
 export type TotalsAnswer = TotalsDocument;
 export type FormulaTotalsAnswer = FormulaTotalsDocument;
 export type AlarmItem = AlarmDocument;
 export type MonitorItem = MonitorDocument;
+export type NodeMonitorItem = NodeMonitorDocument;
 
 /** The settings of each target: a channel, a taxel, or "*" for the whole node. */
 export type Settings = StateDocument["desired"];

@@ -422,6 +422,7 @@ export interface StatedVerdictDocument {
   readonly final: boolean;
   readonly because: readonly ("width" | "moment" | "gap" | "pending")[];
   readonly coverage: number;
+  readonly current: boolean;
 }
 
 export interface StorageDocument {

@@ -12,6 +12,7 @@ import { ChannelBrowser } from "./channel-browser";
 import { ChannelPanel } from "./channel-panel";
 import type { Context } from "./context";
 import { button, element, setText } from "./element";
+import { NodeReflexes } from "./node-reflexes";
 import { NoticeBoard } from "./notice";
 import type { Section } from "./section";
 import { SkinView } from "./skin-view";
@@ -41,6 +42,7 @@ export class NodeSection implements Section {
   private readonly frames: NodeFrames;
   private readonly skin: SkinView;
   private readonly browser: ChannelBrowser | null;
+  private readonly reflexes: NodeReflexes | null;
   private readonly edge = new LiveEdge();
   /** The charts that are open or being opened, by their channels. */
   private readonly columns = new Map<string, Column>();
@@ -74,6 +76,7 @@ export class NodeSection implements Section {
       context,
       node,
       frames: this.frames,
+      gestures: !brief,
       onSelect: (taxels, adds) => this.choose(taxels, adds),
       onEscape: () => this.open([]),
       onQuantity: () => this.showPanels(),
@@ -82,11 +85,12 @@ export class NodeSection implements Section {
     const close = button("Close charts", { class: "plain", "data-testid": "close-charts" }, () => this.open([]));
     this.chosen = element("div", { class: "skin-chosen", hidden: true }, element("div", { class: "skin-chosen-head" }, this.note, close), this.grid);
     this.browser = brief ? null : new ChannelBrowser(context);
+    this.reflexes = brief ? null : new NodeReflexes(context, node);
     const href = printRoute({ ...context.route(), node, channel: null, question: null });
     this.title = element("a", { href }, node);
     const space = element("div", { class: "grid" });
     this.notices = new NoticeBoard(space);
-    this.root = element("section", { class: "node-section skin-section", "data-node": node }, element("h2", { class: "section-head" }, this.title), space, this.skin.root, this.chosen, this.others, this.browser?.root);
+    this.root = element("section", { class: "node-section skin-section", "data-node": node }, element("h2", { class: "section-head" }, this.title), space, this.reflexes?.root, this.skin.root, this.chosen, this.others, this.browser?.root);
     this.watcher = new IntersectionObserver((changes) => {
       this.visible = changes.at(-1)?.isIntersecting ?? false;
       this.skin.setVisible(this.visible);
@@ -126,11 +130,13 @@ export class NodeSection implements Section {
 
   frame(at: number): void {
     this.skin.frame(at);
+    this.reflexes?.frame(at);
     this.browser?.frame(at, this.skin.isPresent(at) ? this.frames.stretches : null);
     for (const panel of this.panels.values()) panel.frame(at);
   }
 
   takeEvent(event: EventItem): void {
+    if (event.kind === "verdict" || event.kind === "command" || event.kind === "status") this.reflexes?.refresh();
     for (const panel of this.panels.values()) panel.takeEvent(event);
   }
 
@@ -156,6 +162,7 @@ export class NodeSection implements Section {
     if (this.retry !== null) clearTimeout(this.retry);
     this.watcher.disconnect();
     this.frames.destroy();
+    this.reflexes?.destroy();
     this.skin.destroy();
     for (const panel of this.panels.values()) panel.destroy();
     this.root.remove();

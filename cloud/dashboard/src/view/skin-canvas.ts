@@ -1,6 +1,7 @@
 import type { CoreItem } from "../api/contract";
 import { ColourScale } from "../skin/colour-scale";
 import { boundsOf, type ContactsAt, forceText } from "../skin/contacts";
+import { type GestureMark, labelText, placeOfLabel, type Point } from "../skin/gestures";
 import type { Skin } from "../skin/layout";
 import { Painter, type SkinColours } from "../skin/painter";
 import { type Raster, rasterise, taxelAt, taxelBeside, taxelsWithin } from "../skin/raster";
@@ -12,6 +13,12 @@ const LEAST_DRAG = 5;
 const MOST_LABELS = 12;
 /** No label is farther from the middle of its contact, in CSS pixels. */
 const MOST_APART = 60;
+const MOST_MARKS = 8;
+/** A ring around where a gesture is, and the head of its arrow, in CSS pixels. */
+const RING = 13;
+const HEAD = 9;
+/** A shorter way has no arrow. */
+const LEAST_WAY = 10;
 const SVG = "http://www.w3.org/2000/svg";
 const ARROWS: Readonly<Record<string, readonly [number, number]>> = {
   ArrowLeft: [-1, 0],
@@ -30,6 +37,17 @@ export interface SkinCanvasOptions {
   readonly onToggle: () => void;
   readonly onEscape: () => void;
   readonly onResize: () => void;
+}
+
+type Pixel = readonly [number, number];
+
+/** A line from one pixel to another, with a head; what is too short for one is a ring. */
+function arrow(begin: Pixel | null, end: Pixel | null): string {
+  const [x, y] = (end ?? begin)!;
+  const length = begin === null || end === null ? 0 : Math.hypot(x - begin[0], y - begin[1]);
+  if (length < LEAST_WAY) return `M${x - RING} ${y}a${RING} ${RING} 0 1 0 ${2 * RING} 0a${RING} ${RING} 0 1 0 ${-2 * RING} 0`;
+  const [u, v] = [((x - begin![0]) / length) * HEAD, ((y - begin![1]) / length) * HEAD];
+  return `M${begin![0]} ${begin![1]}L${x} ${y}M${x - u - v * 0.7} ${y - v + u * 0.7}L${x} ${y}L${x - u + v * 0.7} ${y - v - u * 0.7}`;
 }
 
 /** Reads the colours from the style sheet, each as `#rrggbb`. */
@@ -57,6 +75,9 @@ export class SkinCanvas {
   private readonly context: CanvasRenderingContext2D;
   private readonly outline = document.createElementNS(SVG, "path");
   private readonly labels = element("div", { class: "skin-labels", "aria-hidden": "true" });
+  private readonly ways = document.createElementNS(SVG, "svg");
+  private readonly names = element("div", { class: "skin-labels", "aria-hidden": "true" });
+  private marked = "";
   private readonly rings = element("div", { class: "skin-rings", "aria-hidden": "true" });
   private readonly pointer = element("i", { class: "skin-ring pointed", hidden: true });
   private readonly box = element("i", { class: "skin-box", hidden: true });
@@ -78,11 +99,13 @@ export class SkinCanvas {
     ground.classList.add("skin-outline");
     ground.setAttribute("aria-hidden", "true");
     ground.append(this.outline);
+    this.ways.classList.add("skin-ways");
+    this.ways.setAttribute("aria-hidden", "true");
     const keys = "Arrows move between taxels, Enter opens the chart of one, space plays or pauses, Escape closes.";
     this.root = element(
       "div",
       { class: "skin-stage", tabindex: 0, role: "application", "aria-label": `${options.label}. ${keys}`, "data-testid": "skin-stage" },
-      element("div", { class: "skin-plate" }, ground, this.canvas, this.rings, this.labels, this.box),
+      element("div", { class: "skin-plate" }, ground, this.canvas, this.rings, this.labels, this.ways, this.names, this.box),
     );
     this.rings.append(this.pointer);
     this.watcher = new ResizeObserver(() => this.fit());
@@ -147,6 +170,16 @@ export class SkinCanvas {
     }
   }
 
+  /** Draws gestures: an arrow along the way of each touch, or a ring where it stays, and what it is. */
+  mark(marks: readonly GestureMark[]): void {
+    const shown = marks.slice(0, MOST_MARKS);
+    const state = this.raster === null ? "" : JSON.stringify([shown, this.raster.width, this.ratio]);
+    if (state === this.marked) return;
+    this.marked = state;
+    this.ways.replaceChildren(...shown.flatMap((mark) => this.linesOf(mark)));
+    this.names.replaceChildren(...shown.flatMap((mark) => this.nameOf(mark)));
+  }
+
   /** Marks the taxels whose charts are open. */
   select(selected: readonly number[]): void {
     this.selected = selected;
@@ -170,6 +203,34 @@ export class SkinCanvas {
     if (this.raster === null || x === undefined || y === undefined || !Number.isFinite(x + y)) return null;
     const [column, row] = this.raster.place(x, y);
     return [column / this.ratio, row / this.ratio];
+  }
+
+  private pixelOf(point: Point | null): Pixel | null {
+    return point === null ? null : this.placeOf(point);
+  }
+
+  /** A mark's lines, each with one below it that sets it off from the skin. */
+  private linesOf({ ways, verdict }: GestureMark): SVGPathElement[] {
+    const known = ways.map(({ begin, end }) => [this.pixelOf(begin), this.pixelOf(end)] as const);
+    const drawn = known.filter(([begin, end]) => begin !== null || end !== null).map(([begin, end]) => arrow(begin, end));
+    if (drawn.length === 0) return [];
+    return ["under", verdict].map((look) => {
+      const line = document.createElementNS(SVG, "path");
+      line.setAttribute("class", look);
+      line.setAttribute("d", drawn.join(""));
+      return line;
+    });
+  }
+
+  private nameOf(mark: GestureMark): HTMLElement[] {
+    const at = this.pixelOf(placeOfLabel(mark));
+    if (at === null) return [];
+    const label = element("span", { class: `skin-label gesture ${mark.verdict}`, "data-testid": "gesture-label" }, labelText(mark));
+    // Above the mark, not on it; within the picture.
+    const share = Math.round((100 * at[0]) / (this.raster!.width / this.ratio));
+    const top = at[1] < 2 * RING + 16 ? `${RING + 6}px` : `calc(-100% - ${RING + 6}px)`;
+    label.style.transform = `translate(${Math.round(at[0])}px, ${Math.round(at[1])}px) translate(${-share}%, ${top})`;
+    return [label];
   }
 
   /** How far a contact at most reaches from its middle, if it is round, in CSS pixels. */

@@ -4,6 +4,7 @@ import { formatCount, formatInterval, formatTicks } from "../interval/format";
 import { ColourScale } from "../skin/colour-scale";
 import { boundsOf, ContactTrack, contactsAt, type ContactsAt, describeContacts, forceText, totalOf } from "../skin/contacts";
 import { Film, PICTURES, type Wanted } from "../skin/film";
+import { askedOf } from "../skin/gestures";
 import { quantitiesIn, type Skin, skinOf } from "../skin/layout";
 import type { NodeFrames } from "../skin/node-frames";
 import { CERTAIN, POSSIBLE, UNKNOWN } from "../skin/painter";
@@ -20,6 +21,7 @@ import { LevelField } from "./level-field";
 import { NoticeBoard } from "./notice";
 import { PictureReport } from "./picture-report";
 import { SkinCanvas } from "./skin-canvas";
+import { SkinGestures } from "./skin-gestures";
 
 /** When no frame came for so long, or for four stretches, nothing is known of the present. */
 const STALE_MS = 1_000;
@@ -43,6 +45,8 @@ const TOUCH_PA = 1_000;
 const LISTED = 6;
 /** How long it is said that frames were left out, in ms. */
 const SKIPPED_MS = 10_000;
+/** A film that plays faster shows no gestures. */
+const GESTURE_SPEED = 2;
 /** Data that comes later than this is not the present. */
 const LATE_NS = 1e9;
 
@@ -50,6 +54,8 @@ export interface SkinViewOptions {
   readonly context: Context;
   readonly node: string;
   readonly frames: NodeFrames;
+  /** Whether gestures are asked for: they cost the cloud time. */
+  readonly gestures: boolean;
   /** Taxels were chosen by hand. */
   readonly onSelect: (taxels: readonly string[], adds: boolean) => void;
   /** All charts are to be closed. */
@@ -62,6 +68,7 @@ export interface SkinViewOptions {
 export class SkinView {
   readonly root: HTMLElement;
   private readonly canvas: SkinCanvas;
+  private readonly gestures: SkinGestures | null;
   private readonly film: FilmBar;
   private readonly choice = element("select", { "aria-label": "quantity", "data-testid": "skin-quantity" });
   private readonly total = element("strong", { class: "skin-total", "data-testid": "skin-total" });
@@ -114,6 +121,7 @@ export class SkinView {
   constructor(private readonly options: SkinViewOptions) {
     const { context, node } = options;
     this.view = context.route().view;
+    this.gestures = options.gestures ? new SkinGestures(context, node, () => this.redraw()) : null;
     this.reels = new Film({
       timeline: context.timeline,
       ask: (range, points, signal) => this.askFilm(range, points, signal),
@@ -221,6 +229,7 @@ export class SkinView {
 
     const position = live ? this.moveLive(at) : this.movePast(at);
     this.movedAt = at;
+    this.wantGestures(position, at);
     this.draw(position, begin);
     this.film.showPosition(position, this.range(), texts);
     this.film.showPlaying(live || this.playing, live);
@@ -244,6 +253,7 @@ export class SkinView {
     this.loading.abort();
     if (this.timer !== null) clearTimeout(this.timer);
     this.reels.clear();
+    this.gestures?.destroy();
     this.canvas.destroy();
     this.report.destroy();
   }
@@ -274,7 +284,7 @@ export class SkinView {
       this.counts,
     );
     const stage = element("div", { class: "skin-frame" }, this.canvas.root, this.overlay);
-    return element("div", { class: "skin-view", "data-testid": "skin-view", "data-node": this.options.node }, element("div", { class: "skin-body" }, stage, aside), this.film.root, this.spoken);
+    return element("div", { class: "skin-view", "data-testid": "skin-view", "data-node": this.options.node }, element("div", { class: "skin-body" }, stage, aside), this.film.root, this.gestures?.root, this.spoken);
   }
 
   private useQuantity(): void {
@@ -290,6 +300,7 @@ export class SkinView {
     this.picture = emptyPicture(skin);
     this.scale = new ColourScale(skin.threshold);
     this.reels.clear();
+    this.gestures?.reset();
     this.notices.clear();
     this.judge(skin);
   }
@@ -346,6 +357,21 @@ export class SkinView {
     const left = (frames.stretches.end ?? this.now()) - range.x1;
     if (left < LEAST_LEFT) context.go({ ...context.route(), view: { kind: "live", span: DEFAULT_SPAN } });
     else context.showRange(pan(range, Math.min(1, left / (range.x1 - range.x0))));
+  }
+
+  /** Asks for gestures of the newest data, or of the past around a position that rests, or that is played slowly. */
+  private wantGestures(position: number | null, at: number): void {
+    const shared = (this.options.frames.layout?.controllers.length ?? 0) > 1;
+    if (this.gestures === null || position === null || !this.stated || shared) return;
+    if (this.view.kind === "live") {
+      const end = this.options.frames.stretches.complete;
+      if (end !== null) this.gestures.wantLive(end, at);
+      return;
+    }
+    const range = this.range();
+    const rests = this.rest.position === position && at - this.rest.since > SETTLE_MS;
+    if (range === null || this.film.held || !(rests || (this.playing && this.film.speed <= GESTURE_SPEED))) return;
+    this.gestures.wantPast(askedOf(range, position), at);
   }
 
   /** The page's clock, in ns of the timeline. */
@@ -481,6 +507,7 @@ export class SkinView {
     this.pictures += 1;
     this.shownContacts = position === null || Number.isNaN(picture.newest) ? null : this.contactsAt(position);
     this.canvas.label(this.shownContacts);
+    this.canvas.mark(position === null ? [] : (this.gestures?.at(position, live) ?? []));
     this.root.dataset["pictures"] = String(this.pictures);
     if (Number.isNaN(picture.newest)) return;
     const sample = this.options.context.timeline.toInstant(picture.newest);
@@ -510,6 +537,7 @@ export class SkinView {
       this.film.paint(live ? this.options.frames.contacts.all : this.past.all, range, this.stated);
     }
     this.writeContacts();
+    this.gestures?.write(position);
     this.writeTaxel();
     this.writeState(position, at);
     if (this.speech.due(at)) setText(this.spoken, this.say(position));

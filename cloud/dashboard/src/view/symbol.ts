@@ -26,6 +26,15 @@ export function verdictSymbol(verdict: Verdict): SVGSVGElement {
   return symbol;
 }
 
+const LAMPS = { on: "M8 3a5 5 0 1 0 0 10a5 5 0 1 0 0-10z", off: "M8 3a5 5 0 1 0 0 10a5 5 0 1 0 0-10z", unknown: HEALTH.unknown.path } as const;
+
+/** A lamp: a full disc that shines, an empty one, or a question mark. */
+export function lampSymbol(level: keyof typeof LAMPS): SVGSVGElement {
+  const symbol = icon(LAMPS[level], level === "on");
+  symbol.classList.add("lamp", level);
+  return symbol;
+}
+
 export const ICONS = {
   gap: "M2 4 V12 M14 4 V12 M5 8 H6 M10 8 H11",
   status: "M2 8 H5 L7 4 L9 12 L11 8 H14",
