@@ -126,6 +126,12 @@ describe("gestures of overlapping windows", () => {
     expect(log.at(3.1e9, 1e9)).toEqual([]);
   });
 
+  it("are shown with the latest of a kind first", () => {
+    const log = new GestureLog(10);
+    log.put(WINDOW, marks(gesture("press", 1e9, 1.3e9), stray(1.9e9), gesture("press", 1.5e9, 1.8e9, { contacts: [1] }), stray(1.6e9, [2])));
+    expect(log.at(2e9, 1e9).map(({ begin, touched }) => [begin, touched])).toEqual([[1.5e9, true], [1e9, true], [1.6e9, true], [1.9e9, false]]);
+  });
+
   it("are few", () => {
     const log = new GestureLog(3);
     log.put(WINDOW, marks(...[0, 1, 2, 3, 4].map((k) => gesture("tap", k * 5e8, k * 5e8 + 1e8, { contacts: [k] }))));

@@ -95,7 +95,11 @@ def rows(visit: Visit) -> list[str]:
 @pytest.mark.parametrize("options", [MOVING, MOVING | PHONE])
 def test_live_gestures_are_drawn_and_listed(visit: Visit) -> None:
     def found(start: int, end: int) -> list[dict[str, Any]]:
-        tap = gesture("tap", "possible", start + SECOND, start + 2 * SECOND, contacts=[1])
+        above = [[0.03, 0.032], [0.1, 0.102]]
+        tap = gesture(
+            "tap", "possible", start + SECOND, start + 2 * SECOND,
+            contacts=[1], places=[{"begin": above, "end": above}],
+        )  # fmt: skip
         return [tap, swipe(end - SECOND // 2, end - SECOND // 5)]
 
     answers = Answers(visit, found)
@@ -118,6 +122,19 @@ def test_live_gestures_are_drawn_and_listed(visit: Visit) -> None:
     ends = [end for _, end in answers.windows]
     assert all(end - start == 3 * SECOND for start, end in answers.windows)
     assert ends[-1] - ends[0] >= 0.9 * SECOND * (len(ends) - 1) - SECOND
+
+
+@pytest.mark.parametrize("options", [MOVING])
+def test_name_of_what_is_possible_hides_none_of_what_is_certain(visit: Visit) -> None:
+    def found(_: int, end: int) -> list[dict[str, Any]]:
+        begin, over = end - SECOND // 2, end - SECOND // 5
+        tap = gesture("tap", "possible", begin, over, contacts=[])
+        return [tap, swipe(begin, over), gesture("slide", "possible", begin, over, contacts=[1])]
+
+    Answers(visit, found)
+    visit.open("glove", shows=VIEW)
+    labels(visit).nth(2).wait_for(state="attached")
+    assert labels(visit).filter(visible=True).all_inner_texts() == ["swipe →"]
 
 
 @pytest.mark.parametrize("options", [MOVING])

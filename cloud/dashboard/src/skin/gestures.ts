@@ -183,10 +183,14 @@ export class GestureLog {
     this.found = [];
   }
 
-  /** What is shown at an instant: gestures that have begun, until so long (ns) after their ends; certain ones first. */
+  /**
+   * What is shown at an instant: gestures that have begun, until so long (ns) after their ends. Certain ones come first,
+   * then those of certain touches, each the latest first.
+   */
   at(x: number, linger: number): GestureMark[] {
     const shown = this.found.filter(({ begin, end }) => begin <= x && x <= end + linger);
-    return shown.toSorted((one, other) => Number(other.verdict === "certain") - Number(one.verdict === "certain"));
+    const rank = ({ verdict, touched }: GestureMark): number => (verdict === "certain" ? 2 : Number(touched));
+    return shown.toSorted((one, other) => rank(other) - rank(one) || other.end - one.end);
   }
 
   /** The latest gestures that have begun by an instant, the latest first. */

@@ -170,14 +170,25 @@ export class SkinCanvas {
     }
   }
 
-  /** Draws gestures: an arrow along the way of each touch, or a ring where it stays, and what it is. */
+  /**
+   * Draws gestures: an arrow along the way of each touch, or a ring where it stays, and what it is, unless that would
+   * hide the name of one before it.
+   */
   mark(marks: readonly GestureMark[]): void {
     const shown = marks.slice(0, MOST_MARKS);
     const state = this.raster === null ? "" : JSON.stringify([shown, this.raster.width, this.ratio]);
     if (state === this.marked) return;
     this.marked = state;
-    this.ways.replaceChildren(...shown.flatMap((mark) => this.linesOf(mark)));
+    // What comes first lies on top.
+    this.ways.replaceChildren(...shown.toReversed().flatMap((mark) => this.linesOf(mark)));
     this.names.replaceChildren(...shown.flatMap((mark) => this.nameOf(mark)));
+    const taken: DOMRect[] = [];
+    for (const name of this.names.children) {
+      const box = name.getBoundingClientRect();
+      const hides = taken.some((other) => box.left < other.right && other.left < box.right && box.top < other.bottom && other.top < box.bottom);
+      if (hides) name.classList.add("hidden");
+      else taken.push(box);
+    }
   }
 
   /** Marks the taxels whose charts are open. */
