@@ -9,15 +9,15 @@ import { verdictSymbol } from "./symbol";
 /** Gestures that are kept. */
 const MOST = 200;
 const LISTED = 5;
-/** The cloud is asked once in so long (ms), and is given three times as long to rest as it took to answer. */
+/** The cloud is asked once in so long (ms), and is given twice as long to rest as it took to answer. */
 const PERIOD_MS = 1_000;
-const REST = 3;
+const REST = 2;
 const RETRY_MS = 5_000;
 /** Windows of the past that are not asked for again. */
 const MOST_ASKED = 500;
-/** Gestures are shown for so long after their ends (ns): live they are known only then. */
-const LIVE_LINGER = 2.5e9;
-const PAST_LINGER = 0.6e9;
+/** Gestures are shown for so long (ns) after their ends; live, after they are known. */
+const LINGER = 0.6e9;
+const LIVE_LINGER = 1.5e9;
 /** Then no gestures are to be had of this skin. */
 const REFUSALS: ReadonlySet<number | null> = new Set([404, 422]);
 
@@ -29,6 +29,11 @@ export class SkinGestures {
   private readonly log = new GestureLog(MOST);
   /** The windows of the past that were asked for. */
   private readonly asked = new Set<string>();
+  /** Where the latest live window ended, and whether the one before had ended before it began. */
+  private askedTo: number | null = null;
+  private hasGaps = false;
+  /** How long after its end a gesture is known, at most, in ns: from answer to answer. */
+  private delay = PERIOD_MS * 1e6;
   /** When the touch began that went on at the end of the latest window; null: none did. */
   private since: number | null = null;
   private loading = new AbortController();
@@ -53,6 +58,8 @@ export class SkinGestures {
     this.log.clear();
     this.asked.clear();
     this.since = null;
+    this.askedTo = null;
+    this.hasGaps = false;
     this.refused = false;
     this.dueAt = 0;
     this.root.hidden = true;
@@ -60,7 +67,11 @@ export class SkinGestures {
 
   /** Asks for the newest gestures, if it is time to. */
   wantLive(end: number, at: number): void {
-    if (this.isDue(at)) void this.ask(askedLive(end, this.since), true);
+    if (!this.isDue(at)) return;
+    const window = askedLive(end, this.since);
+    this.hasGaps = this.askedTo !== null && window.x0 > this.askedTo;
+    this.askedTo = end;
+    void this.ask(window, true);
   }
 
   /** Asks for a window of the past, once, if it is time to. */
@@ -70,17 +81,18 @@ export class SkinGestures {
 
   /** What is shown at a position. */
   at(position: number, live: boolean): GestureMark[] {
-    return this.log.at(position, live ? LIVE_LINGER : PAST_LINGER);
+    return this.log.at(position, live ? LIVE_LINGER + this.delay : LINGER);
   }
 
   /** Lists the latest gestures up to a position. */
   write(position: number | null): void {
     const marks = position === null ? [] : this.log.latest(position, LISTED);
+    const note = this.hasGaps ? "some are left out: the cloud takes too long to find all" : marks.length === 0 ? "none yet" : "";
+    setText(this.note, note);
     const state = JSON.stringify(marks);
     if (state === this.listed) return;
     this.listed = state;
     this.list.replaceChildren(...marks.map((mark) => this.row(mark)));
-    setText(this.note, marks.length === 0 ? "none yet" : "");
   }
 
   destroy(): void {
@@ -107,7 +119,10 @@ export class SkinGestures {
       this.log.put(window, live ? marks.filter(({ cutsEnd }) => !cutsEnd) : marks);
       if (!live) this.asked.add(`${window.x0} ${window.x1}`);
       if (this.asked.size > MOST_ASKED) this.asked.clear();
-      this.dueAt = performance.now() + Math.max(PERIOD_MS - (performance.now() - begun), REST * (performance.now() - begun));
+      const took = performance.now() - begun;
+      const rest = Math.max(PERIOD_MS - took, REST * took);
+      this.dueAt = performance.now() + rest;
+      this.delay = (2 * took + rest) * 1e6;
       this.root.hidden = false;
       this.onChange();
     } catch (error) {
