@@ -90,7 +90,7 @@ export class NodeSection implements Section {
     this.title = element("a", { href }, node);
     const space = element("div", { class: "grid" });
     this.notices = new NoticeBoard(space);
-    this.root = element("section", { class: "node-section skin-section", "data-node": node }, element("h2", { class: "section-head" }, this.title), space, this.reflexes?.root, this.skin.root, this.chosen, this.others, this.browser?.root);
+    this.root = element("section", { class: "node-section skin-section", "data-node": node }, element("h2", { class: "section-head" }, this.title), space, this.reflexes?.root, this.skin.root, this.chosen, this.others, this.skin.gestureList, this.browser?.root);
     this.watcher = new IntersectionObserver((changes) => {
       this.visible = changes.at(-1)?.isIntersecting ?? false;
       this.skin.setVisible(this.visible);

@@ -153,6 +153,11 @@ export class SkinView {
     if (this.view.kind === "history") this.enterPast();
   }
 
+  /** The list of the latest gestures, to be put below the picture; null where none are asked for. */
+  get gestureList(): HTMLElement | null {
+    return this.gestures?.root ?? null;
+  }
+
   /** Shows the taxels of a layout. */
   useLayout(layout: LayoutItem): void {
     const quantities = quantitiesIn(layout);
@@ -284,7 +289,7 @@ export class SkinView {
       this.counts,
     );
     const stage = element("div", { class: "skin-frame" }, this.canvas.root, this.overlay);
-    return element("div", { class: "skin-view", "data-testid": "skin-view", "data-node": this.options.node }, element("div", { class: "skin-body" }, stage, aside), this.film.root, this.gestures?.root, this.spoken);
+    return element("div", { class: "skin-view", "data-testid": "skin-view", "data-node": this.options.node }, element("div", { class: "skin-body" }, stage, aside), this.film.root, this.spoken);
   }
 
   private useQuantity(): void {
