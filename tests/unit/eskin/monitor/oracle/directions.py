@@ -30,10 +30,16 @@ def directions(formula: Formula) -> dict[str, int] | None:
 
     None if a channel has no direction, or two. Then the formula's extreme worlds are unknown.
     """
+    found = signs(formula)
+    return None if 0 in found.values() else found
+
+
+def signs(formula: Formula) -> dict[str, int]:
+    """The same, and 0 for a channel that has no direction, or two."""
     found: dict[str, int] = {}
     for name, sign in _of_formula(formula, 1):
-        if sign == 0 or found.setdefault(name, sign) != sign:
-            return None
+        if found.setdefault(name, sign) != sign:
+            found[name] = 0
     return found
 
 

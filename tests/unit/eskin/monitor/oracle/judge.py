@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import chain
 from random import Random
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from tests.unit.eskin.monitor.oracle.draw import draw_scene
 from tests.unit.eskin.monitor.oracle.formulas import Channel, Operation, atoms, write
 from tests.unit.eskin.monitor.oracle.library import SAID, ask, signal
 from tests.unit.eskin.monitor.oracle.semantics import enclose_truth, holds
-from tests.unit.eskin.monitor.oracle.worlds import draw_world, extreme
+from tests.unit.eskin.monitor.oracle.worlds import draw_world, level_worlds
 
 if TYPE_CHECKING:
     from tests.unit.eskin.monitor.oracle.draw import Scene
@@ -101,9 +102,11 @@ def _is_rounded(scene: Scene) -> bool:
 def _without_worlds(scene: Scene, instants: list[int], random: Random) -> str:
     """An instant at which no world is found that makes the formula true, or none that does not."""
     true, false = set[int](), set[int]()
-    worlds = [extreme(scene.formula, scene.known, best=best) for best in (True, False)]
-    for n in range(SEARCHED):
-        world = worlds[n] if n < len(worlds) else None
+    worlds = chain.from_iterable(
+        level_worlds(scene.formula, scene.known, best=best) for best in (True, False)
+    )
+    for _ in range(SEARCHED):
+        world = next(worlds, None)
         if world is None:
             world = draw_world(random, scene.formula, scene.known, scene.instants)
         found = holds(scene.formula, world)

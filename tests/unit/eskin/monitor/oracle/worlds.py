@@ -6,7 +6,7 @@ from fractions import Fraction
 from itertools import pairwise, product
 from typing import TYPE_CHECKING, Final
 
-from tests.unit.eskin.monitor.oracle.directions import directions
+from tests.unit.eskin.monitor.oracle.directions import directions, signs
 from tests.unit.eskin.monitor.oracle.formulas import Number, Operation, Rational, atoms
 from tests.unit.eskin.monitor.oracle.traces import Instant, Trace
 
@@ -32,16 +32,31 @@ def extreme(formula: Formula, known: Signals, *, best: bool) -> World | None:
 
     None where moments are uncertain, or a channel occurs in no one direction.
     """
-    signs = directions(formula)
-    if signs is None or not all(known[name].exact_moments for name in signs):
+    found = directions(formula)
+    if found is None or not all(known[name].exact_moments for name in found):
         return None
-    world = {}
-    for name, sign in signs.items():
-        samples = known[name]
-        up = (sign > 0) == best
-        values = samples.hi if up else samples.lo
-        world[name] = samples.signal(samples.earliest, values, constant(FAR if up else -FAR))
-    return world
+    return next(level_worlds(formula, known, best=best))
+
+
+def level_worlds(formula: Formula, known: Signals, *, best: bool) -> Iterator[World]:
+    """Worlds of exact moments in which a formula may hold most, or least.
+
+    A channel that works in one direction is far on its side. Others are everywhere as near as they
+    can be to one value: far above or below, and each that decides a comparison.
+    """
+    found = signs(formula)
+    targets: list[Rational] = [FAR]
+    if 0 in found.values():
+        beside = (v for n in sorted(numbers(formula)) for v in (n - BESIDE, n, n + BESIDE))
+        targets += [-FAR, *beside]
+    for target in targets:
+        world = {}
+        for name, sign in found.items():
+            samples = known[name]
+            aim = target if sign == 0 else FAR if (sign > 0) == best else -FAR
+            heights = [min(max(aim, lo), hi) for lo, hi in zip(samples.lo, samples.hi, strict=True)]
+            world[name] = samples.signal(samples.earliest, heights, constant(aim))
+        yield world
 
 
 def numbers(formula: Formula) -> set[Rational]:
