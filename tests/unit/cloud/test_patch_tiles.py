@@ -70,7 +70,7 @@ LAYOUTS: Final = {
 
 
 @st.composite
-def frames_of(draw: st.DrawFn, sequence: int, coverages: st.SearchStrategy[float]) -> Frame:
+def frames_of(draw: st.DrawFn, sequence: int) -> Frame:
     """A frame somewhere in the span; most lie on one grid."""
     rows = draw(st.integers(1, 20))
     shape = rows, COLUMNS
@@ -85,7 +85,7 @@ def frames_of(draw: st.DrawFn, sequence: int, coverages: st.SearchStrategy[float
         period=draw(st.sampled_from([10, 10, 10, 7, 40])),
         first_row=draw(st.integers(0, 9)),
         rows=rows,
-        coverage=draw(coverages),
+        coverage=draw(st.sampled_from([1.0, 0.99])),
     )
     patch = draw(st.sampled_from([SKEWED, SKEWED, SKEWED, EVEN]))
     samples = PatchSamples.pack(
@@ -106,13 +106,12 @@ def frames_of(draw: st.DrawFn, sequence: int, coverages: st.SearchStrategy[float
 @st.composite
 def histories(draw: st.DrawFn) -> list[list[Frame] | str]:
     """Frames in some batches, and what is done with them between."""
-    coverages = draw(st.sampled_from([st.just(0.99), st.sampled_from([1.0, 0.99])]))
     steps: list[list[Frame] | str] = []
     sequence = 0
     for _ in range(draw(st.integers(2, 5))):
         batch = []
         for _ in range(draw(st.integers(1, 25))):
-            batch.append(draw(frames_of(sequence, coverages)))
+            batch.append(draw(frames_of(sequence)))
             sequence += 1
         steps.append(batch)
         steps += draw(st.lists(st.sampled_from(["compact", "build"]), max_size=3))
@@ -220,7 +219,7 @@ def test_tiles_are_those_of_the_samples(store: Store, steps: list[list[Frame] | 
 
 
 def without_coverage(piece: StoredPiece) -> StoredPiece:
-    """Without its coverage."""
+    """Without its coverage: of the middles of the parts that it was joined of, which may differ."""
     return piece._replace(coverage=0.0)
 
 
@@ -251,8 +250,7 @@ def test_compaction_and_tiles_change_no_series_and_no_verdict(
     samples: int,
     formula: Formula,
 ) -> None:
-    brought = carry_out(store, steps)
-    mixed = len({frame.grids[0].coverage for frame in brought}) > 1
+    carry_out(store, steps)
     window = Window(START + begin, START + begin + span)
     with store.read() as connection:
         for taxel in TAXELS:
@@ -270,9 +268,6 @@ def test_compaction_and_tiles_change_no_series_and_no_verdict(
             assert [without_coverage(each) for each in found] == [
                 without_coverage(each) for each in expected
             ]
-            # By fewer samples a coverage is a lower bound that may be less, and of other frames.
-            pairs = zip(found, expected, strict=True)
-            assert mixed or all(each.coverage <= other.coverage for each, other in pairs)
 
 
 def steady(first: int, count: int) -> list[Frame]:
