@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import time
-from contextlib import contextmanager
 from datetime import timedelta
-from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -25,8 +23,6 @@ from eskin_sensor_node.link.publisher import Publisher
 from eskin_sensor_node.machine.radio import Radio
 from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.factory import build_outbox
-from eskin_sensor_node.node.ground_truth import GroundTruth
-from eskin_sensor_node.service import serve
 from eskin_sensor_node.settings import BrokerSection as NodeBroker
 from eskin_sensor_node.settings import IdentitySection as NodeIdentity
 from eskin_sensor_node.settings import RadioSection
@@ -43,7 +39,6 @@ from tests.unit.sensor_node.stores import DESCRIBED
 from tests.unit.sensor_node.traffic import Traffic
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from eskin_sensor_node.settings import NodeSettings
@@ -102,23 +97,6 @@ class ObedientNode:
         with self.outbox.batch() as batch:
             usage = self.outbox.usage()
             batch.take([self.outbox.message_writer.status((now, now), "p", "d", 1, usage, 1)])
-
-
-@contextmanager
-def emulated(node: NodeSettings) -> Iterator[None]:
-    """A whole emulated node, as a process runs it."""
-    stop = Event()
-    truth = GroundTruth(node.truth.path, limit=node.truth.limit_bytes)
-    flash = open_flash(node.flash.path, epoch=None, node=node.node.name)
-    thread = Thread(target=serve, args=(node, flash, truth, stop))
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
-        flash.close()
-        truth.close()
 
 
 class Chain:

@@ -15,8 +15,9 @@ from eskin.identity.identity import ROOT_FILE
 from eskin.wire.messages.command_schema import KEY_PLACE
 from eskin.wire.topics import Stream, node_topic
 from tests.support.processes import wait_until
-from tests.system.commands import Chain, emulated
+from tests.system.commands import Chain
 from tests.unit.sensor_node.reflex.test_gesture_key import RIGHT, key_of
+from tests.unit.sensor_node.services import serving
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,7 +42,7 @@ def test_node_signs_a_challenge_once_its_gestures_were_entered(
         state = chain.client.get("/api/v1/nodes/lid/state").json()
         return (state.get("reported") or {}).get(KEY_PLACE, {})
 
-    with emulated(node):
+    with serving(node, epoch=None):
         chain.wait_for_node("lid")
         for _ in range(10):
             nonce = token_hex(16)

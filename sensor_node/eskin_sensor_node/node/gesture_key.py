@@ -6,7 +6,7 @@ import base64
 import logging
 from typing import TYPE_CHECKING, Final
 
-from eskin.errors import CommandError, FlashError
+from eskin.errors import CommandError, FlashError, IdentityError
 from eskin.wire.messages import Release
 from eskin_sensor_node.firmware import gesture_lock
 from eskin_sensor_node.firmware.gesture_lock import GestureLock
@@ -113,7 +113,7 @@ class GestureKey:
             self.report()
             if lock.outcome == gesture_lock.COMPLETE:
                 lock.judge(now)
-                self._release()
+                self._release(now)
                 self.report()
         except FlashError as error:
             # Where its count is not stored, an entry is not judged.
@@ -122,7 +122,13 @@ class GestureKey:
             log.error("gesture key not stored: error=%s", error)  # noqa: TRY400 - one line
         log.info("gesture key: outcome=%s failures=%d", _OUTCOMES[lock.outcome], lock.failures)
 
-    def _release(self) -> None:
-        if self.lock.outcome == gesture_lock.RELEASED and self.sign is not None:
-            release = Release(self._node, bytes.fromhex(self._nonce), self._enclosure())
+    def _release(self, now: int) -> None:
+        if self.lock.outcome != gesture_lock.RELEASED or self.sign is None:
+            return
+        release = Release(self._node, bytes.fromhex(self._nonce), self._enclosure())
+        try:
             self._signature = base64.b64encode(self.sign(release.encode())).decode()
+        except IdentityError as error:
+            # A right entry is not counted; it can be made again for another challenge.
+            self.lock.refuse(now)
+            log.error("gesture key not signed: error=%s", error)  # noqa: TRY400 - one line

@@ -3,47 +3,23 @@
 from __future__ import annotations
 
 import logging
-import threading
-from contextlib import contextmanager
 from typing import TYPE_CHECKING
-
-from eskin_sensor_node.node.ground_truth import GroundTruth
-from eskin_sensor_node.service import serve
 
 from eskin.wire.frames import Statements
 from eskin.wire.messages import ResetCause, Result, Status
 from tests.support.processes import wait_until
 from tests.unit.sensor_node.designs import settings
-from tests.unit.sensor_node.flashes import open_flash
 from tests.unit.sensor_node.machine.hanging import hang
 from tests.unit.sensor_node.peer import Peer
+from tests.unit.sensor_node.services import serving
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     import pytest
-    from eskin_sensor_node.settings import NodeSettings
 
     from tests.support.brokers import Mosquitto
     from tests.support.identities import Identities
-
-
-@contextmanager
-def serving(given: NodeSettings) -> Iterator[None]:
-    """A node's service in a thread."""
-    flash = open_flash(given.flash.path)
-    truth = GroundTruth(given.truth.path, limit=10**8)
-    stop = threading.Event()
-    thread = threading.Thread(target=serve, args=(given, flash, truth, stop))
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
-        flash.close()
-        truth.close()
 
 
 def test_service_goes_on_after_the_watchdog_and_stays_connected(

@@ -182,6 +182,21 @@ def test_an_entry_that_cannot_be_counted_is_not_judged(
     assert "signature" not in state
 
 
+def test_a_key_that_cannot_be_read_releases_nothing_and_sampling_goes_on(bench: KeyBench) -> None:
+    def fail(_: bytes) -> bytes:
+        raise IdentityError("half written")
+
+    signed, bench.node.gesture_key.sign = bench.node.gesture_key.sign, fail
+    bench.challenge()
+    bench.run_to(4.0)
+    assert (bench.key["outcome"], bench.key["failures"]) == ("wrong", 0.0)
+    assert "signature" not in bench.key
+    bench.node.gesture_key.sign = signed
+    bench.challenge(OTHER)
+    bench.run_to(8.0)
+    assert bench.key["outcome"] == "released"
+
+
 def test_commands_do_not_change_its_gestures(bench: KeyBench) -> None:
     before = bench.controls.state
     with pytest.raises(MonitorError):
