@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from eskin_cloud.alarms.evaluator import Evaluator
-from eskin_cloud.live.feed import last_cursor, read_entries
+from eskin_cloud.live.feed import read_entries
 from eskin_cloud.store import Store
 from eskin_cloud.store.descriptions import find_layout
+from eskin_cloud.store.feed_position import FEED_START, last_position
 from eskin_cloud.store.write.monitors import MonitorDefinition, put_monitor
 
 from benchmarks.report import Row, at_most
@@ -63,22 +64,22 @@ def _cores(store: Store, monitors: int, stretch: int) -> float:
         describe(store, layout, patch, node=node)
     store.write(lambda connection: _define(connection, nodes, monitors)).result(600)
     evaluator = Evaluator(store, silence=15 * SECOND, clock=lambda: START)
-    spent, cursor = [], 0
+    spent, position = [], FEED_START
     for second in range(_SECONDS):
         for part in range(1000 // stretch):
             at = second * 1000 + part * stretch
             for node in nodes:
                 put(store, _frame(layout, patch, at, stretch), node=node)
         with store.read() as connection:
-            end = last_cursor(connection)
-            entries = read_entries(connection, cursor, end)
+            end = last_position(connection)
+            entries = read_entries(connection, position.spans(end))
             layouts = {layout.content_hash: find_layout(connection, nodes[0], layout.content_hash)}
-        cursor = end
+        position = end
         begun = time.process_time()
         evaluator.load()
-        evaluator.evaluate(entries, layouts, cursor=cursor)
-        while any(each.cursor < 0 for each in evaluator.all_monitors):
-            evaluator.evaluate([], layouts, cursor=cursor)
+        evaluator.evaluate(entries, layouts, position=position)
+        while any(each.position is None for each in evaluator.all_monitors):
+            evaluator.evaluate([], layouts, position=position)
         spent.append(time.process_time() - begun)
     return median(spent[-3:])
 

@@ -15,8 +15,9 @@ from sqlalchemy.exc import SQLAlchemyError
 from eskin.errors import EskinError
 from eskin.wire.frames.frame_parts import read_head
 from eskin_cloud.alarms.live_monitor import LiveMonitor, Moments, Samples
-from eskin_cloud.live.feed import last_cursor, read_entries
+from eskin_cloud.live.feed import read_entries
 from eskin_cloud.store.descriptions import find_layout
+from eskin_cloud.store.feed_position import last_position
 from eskin_cloud.store.read.patch_columns import column_of
 from eskin_cloud.store.read.patch_runs import runs_of_frames
 from eskin_cloud.store.schema.alarm_tables import alarm_state
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from eskin_cloud.store import Store
     from eskin_cloud.store.column_runs import ColumnRun
     from eskin_cloud.store.feed_entry import FeedEntry
+    from eskin_cloud.store.feed_position import FeedPosition
     from eskin_cloud.store.write.alarms import AlarmChange
 
 log = logging.getLogger(__name__)
@@ -78,7 +80,7 @@ class Evaluator:
         self._monitors: dict[str, LiveMonitor] = {}
         self._by_node: dict[str, list[LiveMonitor]] = {}
         self._retry: dict[str, int] = {}
-        self._given: int | None = None
+        self._given: FeedPosition | None = None
 
     def find(self, name: str) -> LiveMonitor | None:
         """A monitor that is evaluated here; ``None`` if there is none."""
@@ -134,14 +136,14 @@ class Evaluator:
         entries: Sequence[FeedEntry],
         layouts: Mapping[bytes, DescribedLayout | None],
         *,
-        cursor: int,
+        position: FeedPosition,
     ) -> tuple[list[AlarmChange], dict[tuple[str, int], int]]:
         """Evaluate what has arrived.
 
         Args:
             entries: Of the feed, in their order.
             layouts: Those by which their frames are read.
-            cursor: The place in the feed up to which these are all.
+            position: The one in the feed up to which these are all.
 
         Returns:
             Episodes that begin or end, and from which tick each monitor with one goes on.
@@ -152,10 +154,10 @@ class Evaluator:
         changes: list[AlarmChange] = []
         touched: dict[str, LiveMonitor] = {}
         for node, arrived in self._of_node(entries).items():
-            monitors = [each for each in self._by_node[node] if each.cursor < arrived[-1].cursor]
+            monitors = [each for each in self._by_node[node] if each.misses(arrived[-1].cursor)]
             _give(node, arrived, layouts, monitors)
             touched |= {monitor.name: monitor for monitor in monitors}
-        self._given = cursor
+        self._given = position
         for monitor in touched.values():
             changes += self._guarded(monitor, monitor.advance)
         changes += self._catch_up()
@@ -188,35 +190,40 @@ class Evaluator:
         due = [
             monitor
             for monitor in self._monitors.values()
-            if monitor.cursor < 0 and self._retry.get(monitor.name, now) <= now
+            if monitor.position is None and self._retry.get(monitor.name, now) <= now
         ]
         changes: list[AlarmChange] = []
         if not due:
             return changes
         with self._store.read() as connection:
-            end = last_cursor(connection)
+            end = last_position(connection)
             self._note_late(connection, due[:_CATCH_UPS], end)
             for monitor in due[:_CATCH_UPS]:
                 changes += self._read(connection, monitor, end)
                 self._retry[monitor.name] = now if monitor.problem is None else now + _RETRY_NS
         return changes
 
-    def _note_late(self, connection: Connection, monitors: Sequence[LiveMonitor], end: int) -> None:
+    def _note_late(
+        self, connection: Connection, monitors: Sequence[LiveMonitor], end: FeedPosition
+    ) -> None:
         """Have monitors know of late samples that the store has, and the feed has not given yet."""
         if self._given is None:
             return
-        if end - self._given > _MOST_BEHIND:
+        if self._given.distance(end) > _MOST_BEHIND:
             for monitor in monitors:
                 monitor.reexamine()
             return
-        for node, arrived in self._of_node(read_entries(connection, self._given, end)).items():
+        missed = read_entries(connection, self._given.spans(end))
+        for node, arrived in self._of_node(missed).items():
             names = {entry.layout for entry in arrived if entry.layout is not None}
             layouts = {name: find_layout(connection, node, name) for name in names}
             _give(node, arrived, layouts, [each for each in monitors if node in each.nodes])
 
-    def _read(self, connection: Connection, monitor: LiveMonitor, end: int) -> list[AlarmChange]:
+    def _read(
+        self, connection: Connection, monitor: LiveMonitor, end: FeedPosition
+    ) -> list[AlarmChange]:
         before = monitor.problem
-        changes = self._guarded(monitor, partial(monitor.catch_up, connection, cursor=end))
+        changes = self._guarded(monitor, partial(monitor.catch_up, connection, position=end))
         if monitor.problem is not None and monitor.problem != before:
             log.warning("monitor waits: monitor=%s reason=%s", monitor.name, monitor.problem)
         return changes
@@ -255,7 +262,7 @@ def _give(
     }
     columns = _columns(arrived, layouts, wanted)
     for monitor in monitors:
-        if monitor.cursor >= arrived[0].cursor:  # it has read some of them from the store
+        if not monitor.misses(arrived[0].cursor):  # it has read some of them from the store
             monitor.leave()
         for name, (owner, channel) in monitor.places.items():
             if owner == node and channel in columns:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin.monitor.verdicts import Piece
     from eskin_cloud.store.column_runs import ColumnRun
+    from eskin_cloud.store.feed_position import FeedPosition
 
     Integers = NDArray[np.int64]
 
@@ -113,7 +114,8 @@ class LiveMonitor:
         settled: Verdicts before this tick have been evaluated.
         latest: The last stretch that was.
         problem: Why it is not evaluated now; ``None`` where it is.
-        cursor: What the store held up to here has been read; -1 where it must be read again.
+        position: What the store held up to here has been read; ``None`` where it must be read
+            again.
 
     Raises:
         QueryError: The formula is invalid.
@@ -127,7 +129,7 @@ class LiveMonitor:
         self.settled: int = row["settled"]
         self.latest: Stretch | None = None
         self.problem: str | None = None
-        self.cursor = -1
+        self.position: FeedPosition | None = None
         self._since: int = row["changed"]
         self._missing = bool(row["missing"])
         self._on_possible = row["raise_on"] == "possible"
@@ -157,6 +159,10 @@ class LiveMonitor:
     def nodes(self) -> tuple[str, ...]:
         """The nodes whose channels it reads."""
         return tuple(sorted({node for node, _ in self.places.values()}))
+
+    def misses(self, cursor: int) -> bool:
+        """Whether it has not read an entry from the store."""
+        return self.position is None or cursor not in self.position
 
     def take(self, name: str, samples: Samples) -> None:
         """Take samples of a channel that arrived."""
@@ -197,12 +203,12 @@ class LiveMonitor:
         stretches = _stretches(self._online.take(), self.settled, held)
         return self._add(stretches)
 
-    def catch_up(self, connection: Connection, *, cursor: int) -> list[AlarmChange]:
+    def catch_up(self, connection: Connection, *, position: FeedPosition) -> list[AlarmChange]:
         """Evaluate what is stored, and read the samples with which the next ones are evaluated.
 
         Args:
             connection: In a read transaction.
-            cursor: The last one that it shows.
+            position: The last one that it shows.
 
         Raises:
             EskinError: A channel is not there, or the formula does not fit it. Nothing was
@@ -228,7 +234,7 @@ class LiveMonitor:
         except EskinError as error:  # what was evaluated counts
             self.problem = str(error)
             return changes
-        self.cursor, self.problem = cursor, None
+        self.position, self.problem = position, None
         return changes + self.advance()
 
     def note_silence(self, now: int, silence: int) -> list[AlarmChange]:
@@ -368,7 +374,7 @@ class LiveMonitor:
 
     def leave(self) -> None:
         """Read from the store what comes next."""
-        self._online, self.cursor = None, -1
+        self._online, self.position = None, None
 
     def _note_late(self, moment: int) -> None:
         self._late = moment if self._late is None else min(self._late, moment)

@@ -22,6 +22,7 @@ from eskin_cloud.live.frame_selection import FrameSelection
 from eskin_cloud.live.frame_stream import FrameStream
 from eskin_cloud.live.stream import stream
 from eskin_cloud.live.subscription import Subscription
+from eskin_cloud.store.feed_position import FeedPosition
 from eskin_cloud.store.read.lookup import find_node, parse_channel
 
 router = APIRouter(tags=["live"])
@@ -58,7 +59,7 @@ class FramesQuery(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     node: list[str] = Field(default=[], max_length=1000)
-    cursor: str | None = Field(default=None, max_length=100)
+    cursor: str | None = Field(default=None, max_length=1000)
 
 
 class SelectionMessage(BaseModel):
@@ -105,7 +106,7 @@ async def get_live(
     reader: Reader,
     query: Annotated[LiveQuery, Query()],
     last_event_id: Annotated[
-        str | None, Header(max_length=100, description="where to go on: the last `id`")
+        str | None, Header(max_length=1000, description="where to go on: the last `id`")
     ] = None,
 ) -> Response:
     """Stream what is stored, as it arrives.
@@ -114,7 +115,7 @@ async def get_live(
     and ``cursor`` as its parameters, is answered with frames in CBOR, as their nodes encoded them.
     """
     feed, live = cloud.feed, cloud.settings.live
-    cursor = _cursor(cloud, last_event_id, "Last-Event-ID")
+    position = _position(cloud, last_event_id, "Last-Event-ID")
     selection = Subscription(
         frozenset(query.node),
         frozenset(parse_channel(text) for text in query.channel),
@@ -127,7 +128,7 @@ async def get_live(
     events = stream(
         feed,
         selection,
-        cursor=cursor,
+        position=position,
         backlog=live.backlog,
         heartbeat=live.heartbeat_s,
         reveal=cloud.key_access.reveal(reader.holder.scopes, feed.layouts),
@@ -145,7 +146,7 @@ async def watch_live(
 ) -> None:
     """Stream frames, events and contacts as they are stored, in CBOR."""
     live, scopes = cloud.settings.live, viewer.holder.scopes
-    cursor = _cursor(cloud, query.cursor, "cursor")
+    position = _position(cloud, query.cursor, "cursor")
     nodes = frozenset(query.node)
     await asyncio.to_thread(_require_known, cloud, nodes)
     _require_room(cloud)
@@ -153,7 +154,7 @@ async def watch_live(
         cloud.feed,
         cloud.contacts,
         selection=FrameSelection(nodes or None),
-        cursor=cursor,
+        position=position,
         backlog=live.backlog,
         heartbeat=live.heartbeat_s,
         reveal=cloud.key_access.reveal(scopes, cloud.feed.layouts),
@@ -225,12 +226,12 @@ def _require_known(cloud: AppState, nodes: Collection[str]) -> None:
                 find_node(connection, node)
 
 
-def _cursor(cloud: AppState, text: str | None, parameter: str) -> int:
+def _position(cloud: AppState, text: str | None, parameter: str) -> FeedPosition:
     last = cloud.feed.last
     if text is None or not text:
         return last
     try:
-        (cursor,) = cloud.feed.ids.read(text, 1)
+        position = cloud.feed.ids.read_position(text)
     except QueryError as error:
         raise QueryError(parameter, f"{text!r} is no id of this stream; leave it out") from error
-    return min(cursor, last)
+    return position.no_later_than(last)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from eskin_cloud.app_state import AppState
     from eskin_cloud.store.feed_entry import FeedEntry
+    from eskin_cloud.store.feed_position import FeedPosition
     from eskin_cloud.store.write.alarms import AlarmChange
 
 _PAUSE_S: Final = 0.05
@@ -47,7 +48,7 @@ class _Work:
     def __init__(self, cloud: AppState) -> None:
         self._cloud = cloud
         self._alone = isinstance(cloud.store.location, Path)
-        self._cursor = cloud.feed.last
+        self._position = cloud.feed.last
         # Moments of the monotonic clock in s: the other one may jump.
         self._lease = self._timers = -math.inf
         self._noted = time.monotonic()
@@ -61,31 +62,31 @@ class _Work:
         cloud, evaluator = self._cloud, self._cloud.evaluator
         try:
             if not await self._renew():
-                self._cursor = cloud.feed.last
+                self._position = cloud.feed.last
                 await asyncio.sleep(_LONGEST_S)
                 return
             await asyncio.to_thread(evaluator.load)
             await self._advance_timers()
             if not evaluator.all_monitors:
-                self._cursor = cloud.feed.last
+                self._position = cloud.feed.last
                 await asyncio.sleep(_LONGEST_S)
                 return
-            await cloud.feed.wait(self._cursor, _LONGEST_S)
-            entries, cursor = await cloud.feed.after(self._cursor, _ENTRIES)
-            await self._evaluate(entries, cursor)
-            self._cursor = cursor
+            await cloud.feed.wait(self._position, _LONGEST_S)
+            entries, position = await cloud.feed.after(self._position, _ENTRIES)
+            await self._evaluate(entries, position)
+            self._position = position
         except Exception:
             evaluator.forget()
             raise
 
-    async def _evaluate(self, entries: Sequence[FeedEntry], cursor: int) -> None:
+    async def _evaluate(self, entries: Sequence[FeedEntry], position: FeedPosition) -> None:
         cloud, evaluator = self._cloud, self._cloud.evaluator
         ours = [each for each in entries if each.node in evaluator.nodes]
         await cloud.feed.layouts.load(ours)
         names = {each.layout for each in ours if each.layout is not None}
         layouts = {name: cloud.feed.layouts.get(name) for name in names}
         changes, settled = await asyncio.to_thread(
-            partial(evaluator.evaluate, ours, layouts, cursor=cursor)
+            partial(evaluator.evaluate, ours, layouts, position=position)
         )
         if time.monotonic() - self._noted >= _NOTE_S:
             self._noted, settled = time.monotonic(), evaluator.all_settled

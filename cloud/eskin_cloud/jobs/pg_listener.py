@@ -62,6 +62,6 @@ def receive(cloud: AppState, text: str) -> None:
     if kind == COMMANDS:
         cloud.notifier.wake()
     elif kind == FEED:
-        cursor, writer = words
+        writer, *cursors = words
         if writer != cloud.store.cache.name:
-            cloud.feed.advance(int(cursor))
+            cloud.feed.advance(cloud.feed.last.advance(map(int, cursors)))

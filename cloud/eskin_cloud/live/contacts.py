@@ -50,12 +50,12 @@ class FoundContacts:
     """Contacts of one stretch.
 
     Attributes:
-        cursor: That of the stretch's last frame.
+        number: Counts what was found.
         node: The skin's first node.
         text: In JSON.
     """
 
-    cursor: int
+    number: int
     node: str
     text: str
 
@@ -73,6 +73,7 @@ class LiveContacts:
 
     Attributes:
         latest: By node.
+        found: How many have been found.
     """
 
     def __init__(self, feed: Feed) -> None:
@@ -82,6 +83,7 @@ class LiveContacts:
         self._shared: LRUCache[bytes, SharedSkin] = LRUCache(_NODES)
         self._due: dict[str | bytes, Picture | SharedSkin] = {}
         self._task: asyncio.Task[None] | None = None
+        self.found = 0
         self.latest: LRUCache[str, FoundContacts] = LRUCache(_NODES)
 
     def take(self, entry: FeedEntry, nodes: Collection[str]) -> None:
@@ -143,11 +145,11 @@ class LiveContacts:
                 nodes = (
                     [key] if isinstance(key, str) else list(dict.fromkeys(described.controllers))
                 )
-                cursor = work.cursor
                 text = await asyncio.to_thread(self._find, nodes, work, described)
                 if text is None:
                     continue
-                found = FoundContacts(cursor, nodes[0], text)
+                self.found += 1
+                found = FoundContacts(self.found, nodes[0], text)
                 # Other nodes that the layout names may be of another skin.
                 for node in nodes if isinstance(work, Picture) else work.heard:
                     self.latest[node] = found

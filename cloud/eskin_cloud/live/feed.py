@@ -1,7 +1,8 @@
-"""The feed: every stream reads it at its own pace by cursor, so none holds a queue of its own.
+"""The feed: every stream reads it at its own pace by position, so none holds a queue of its own.
 
-The latest entries are kept in memory for all streams together; a stream that is further behind
-reads the store, and one that is too far behind is sent what it misses.
+The latest entries are kept in memory for all streams together, in the order in which they came; a
+stream that is further behind reads the store, and one that is too far behind is sent what it
+misses. Entries of one node are in their order; entries of different slots are in any.
 """
 
 from __future__ import annotations
@@ -9,10 +10,10 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from contextlib import contextmanager
-from itertools import takewhile
+from functools import partial
 from typing import TYPE_CHECKING
 
-from sqlalchemy import func, select
+from sqlalchemy import func, select, union_all
 
 from eskin.errors import MessageError
 from eskin.privacy import SealedMessage
@@ -22,23 +23,26 @@ from eskin_cloud.live.sse_encoder import SseEncoder
 from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin_cloud.store.damage import FrameHeader, is_intact_row
 from eskin_cloud.store.feed_entry import FeedEntry
+from eskin_cloud.store.feed_position import FEED_START, last_position, share
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
-from eskin_cloud.store.schema.tables import events, feed
+from eskin_cloud.store.schema.tables import events
+from eskin_cloud.store.slot import SLOTS, slot_of_cursor
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
     from concurrent.futures import Future
 
-    from sqlalchemy import Connection
+    from sqlalchemy import ColumnElement, Connection, Table
 
     from eskin_cloud.store import Store
+    from eskin_cloud.store.feed_position import FeedPosition, FeedSpan
     from eskin_cloud.store.write.ingest import IngestResult
 
 
 class Feed:
-    """What was stored, in order of its cursor.
+    """What was stored, slot by slot in the order of its cursors.
 
     Args:
         store: Holds what memory does not.
@@ -46,7 +50,7 @@ class Feed:
         recent_bytes: Their bytes, at most.
 
     Attributes:
-        ids: Writes and reads cursors.
+        ids: Writes and reads positions.
         layouts: Those of the frames that streams send.
         encoder: Writes entries for all streams of server-sent events.
         frame_encoder: Writes entries for all streams of frames.
@@ -60,7 +64,7 @@ class Feed:
         self._most_bytes = recent_bytes
         self._used = 0
         with store.read() as connection:
-            self._last = self._floor = last_cursor(connection)
+            self._last = self._floor = last_position(connection)
             self.ids = OpaqueIds.of(connection)
         self._recent: deque[FeedEntry] = deque()
         self._news = asyncio.Event()
@@ -72,8 +76,8 @@ class Feed:
         self.subscribers = 0
 
     @property
-    def last(self) -> int:
-        """The latest cursor."""
+    def last(self) -> FeedPosition:
+        """The latest position."""
         return self._last
 
     def follow(self, future: Future[IngestResult], loop: asyncio.AbstractEventLoop) -> None:
@@ -87,29 +91,44 @@ class Feed:
 
     def append(self, entries: Sequence[FeedEntry]) -> None:
         """Add entries and wake all streams; on the event loop only."""
-        fresh = [entry for entry in entries if entry.cursor > self._last]
-        if not fresh:
-            return
-        if fresh[0].cursor != self._last + 1:  # another process stored what lies between
-            self.advance(fresh[-1].cursor)
+        fresh = [entry for entry in entries if entry.cursor not in self._last]
+        reached, gaps = dict[int, int](), dict[int, int]()
+        for entry in fresh:
+            slot = slot_of_cursor(entry.cursor)
+            if entry.cursor != reached.get(slot, self._last.cursors[slot]) + SLOTS:
+                gaps[slot] = entry.cursor  # another process stored what lies between
+            reached[slot] = entry.cursor
+        if gaps:
+            self._leave_to_store(self._last.advance(reached[slot] for slot in gaps))
+            fresh = [entry for entry in fresh if slot_of_cursor(entry.cursor) not in gaps]
+        if not reached:
             return
         self._recent.extend(fresh)
         self._used += sum(entry.size for entry in fresh)
-        self._last = fresh[-1].cursor
+        self._last = self._last.advance(reached.values())
         self._note_frames(fresh)
+        forgotten: list[int] = []
         while len(self._recent) > self._most or self._used > self._most_bytes:
             oldest = self._recent.popleft()
             self._used -= oldest.size
-            self._floor = oldest.cursor
+            forgotten.append(oldest.cursor)
+        self._floor = self._floor.advance(forgotten)
         self.wake()
 
-    def advance(self, cursor: int) -> None:
-        """Have streams read the store up to a cursor: another process stored some of it."""
-        if cursor > self._last:
-            self._recent.clear()
-            self._used = 0
-            self._last = self._floor = cursor
+    def advance(self, position: FeedPosition) -> None:
+        """Have streams read the store up to a position: another process stored some of it."""
+        if any(self._last.spans(position)):
+            self._leave_to_store(position)
             self.wake()
+
+    def _leave_to_store(self, position: FeedPosition) -> None:
+        """Keep nothing in memory of the slots in which a position is later than the last one."""
+        slots = {span.slot for span in self._last.spans(position)}
+        kept = [each for each in self._recent if slot_of_cursor(each.cursor) not in slots]
+        self._recent = deque(kept)
+        self._used = sum(entry.size for entry in kept)
+        self._last = self._last.advance(position.cursors)
+        self._floor = self._floor.advance(self._last.cursors[slot] for slot in slots)
 
     async def catch_up(self) -> None:
         """Go on to what is stored by now, by any process.
@@ -118,9 +137,9 @@ class Feed:
             StoreError: The store cannot be read.
         """
 
-        def look() -> int:
+        def look() -> FeedPosition:
             with self._store.read() as connection:
-                return last_cursor(connection)
+                return last_position(connection)
 
         self.advance(await asyncio.to_thread(look))
 
@@ -153,10 +172,10 @@ class Feed:
         self._news.set()
         self._news = asyncio.Event()
 
-    async def wait(self, cursor: int, seconds: float) -> bool:
-        """Wait for something after a cursor; gives whether there is."""
+    async def wait(self, position: FeedPosition, seconds: float) -> bool:
+        """Wait for something after a position; gives whether there is."""
         news = self._news
-        if self._last > cursor or self.closed:
+        if self._last != position or self.closed:
             return True
         try:
             # Not `asyncio.wait_for`, which makes a task each time: many wait here.
@@ -167,107 +186,150 @@ class Feed:
         return True
 
     async def after(
-        self, cursor: int, most: int, *, sealed: bool = True
-    ) -> tuple[Sequence[FeedEntry], int]:
-        """Entries after a cursor, and the cursor up to which these are all.
+        self, position: FeedPosition, most: int, *, sealed: bool = True
+    ) -> tuple[Sequence[FeedEntry], FeedPosition]:
+        """Entries after a position, and the position up to which these are all.
 
         Args:
-            cursor: The place.
+            position: At most the last one.
             most: How many.
             sealed: Whether sealed ones count, and are given; else nothing depends on them.
         """
-        found: Sequence[FeedEntry]
-        if cursor >= self._floor:
-            newer = takewhile(lambda entry: entry.cursor > cursor, reversed(self._recent))
-            found = [entry for entry in newer if sealed or entry.sealed is None][: -most - 1 : -1]
-            return found, found[-1].cursor if found else self._last
-        if sealed:
-            end = min(cursor + most, self._floor)
-            found = await asyncio.to_thread(self._read, cursor, end)
-        else:
-            found, end = await asyncio.to_thread(self._read_open, cursor, most)
-        self._note_frames(found)
-        return found, end
+        if any(position.spans(self._floor)):
+            read = partial(self._read, position, self._floor, most, sealed=sealed)
+            found, end = await asyncio.to_thread(read)
+            self._note_frames(found)
+            return found, end
+        newer = self._newer(position)
+        if len(newer) <= most:
+            return [entry for entry in newer if sealed or entry.sealed is None], self._last
+        taken: list[FeedEntry] = []
+        passed: list[int] = []
+        for entry in newer:
+            if sealed or entry.sealed is None:
+                taken.append(entry)
+            passed.append(entry.cursor)
+            if len(taken) == most:
+                break
+        return taken, position.advance(passed)
 
-    async def count_frames(self, after: int, end: int, nodes: Collection[str] | None) -> int:
-        """How many frames are in ``(after, end]``, of some nodes or of all."""
+    def _newer(self, position: FeedPosition) -> list[FeedEntry]:
+        """What memory holds after a position, oldest first."""
+        missing = position.distance(self._last)
+        newer: list[FeedEntry] = []
+        for entry in reversed(self._recent):
+            if len(newer) == missing:
+                break
+            if entry.cursor not in position:
+                newer.append(entry)
+        return newer[::-1]
+
+    async def count_frames(
+        self, after: FeedPosition, end: FeedPosition, nodes: Collection[str] | None
+    ) -> int:
+        """How many frames are between two positions, of some nodes or of all."""
 
         def look() -> int:
-            c = frames.c
-            query = select(func.count()).where(c.cursor > after, c.cursor <= end)
-            if nodes is not None:
-                query = query.where(c.node.in_(nodes))
+            total = 0
             with self._store.read() as connection:
-                return connection.execute(query).scalar_one()
+                for span in after.spans(end):
+                    query = select(func.count()).where(*_within(frames, span))
+                    if nodes is not None:
+                        query = query.where(frames.c.node.in_(nodes))
+                    total += connection.execute(query).scalar_one()
+            return total
 
         return await asyncio.to_thread(look)
 
-    async def open_before(self, cursor: int) -> int:
-        """The latest place up to a cursor, or at it, of something that is not sealed."""
+    async def open_before(self, position: FeedPosition) -> FeedPosition:
+        """The latest position up to another one, or at it, that depends on nothing sealed."""
 
-        def look() -> int:
+        def look() -> FeedPosition:
+            spans = list(FEED_START.spans(position))
+            if not spans:
+                return FEED_START
+            latest = [
+                select(func.max(table.c.cursor)).where(*_within(table, span))
+                for span in spans
+                for table in (events, frames)
+            ]
             with self._store.read() as connection:
-                return max((_open_places(connection, 0, cursor, 1)), default=0)
+                found = connection.execute(union_all(*latest)).scalars().all()
+            return FEED_START.advance(cursor for cursor in found if cursor is not None)
 
         return await asyncio.to_thread(look)
 
-    async def open_backlog(self, cursor: int, most: int) -> tuple[int, int]:
+    async def open_backlog(self, position: FeedPosition, most: int) -> tuple[FeedPosition, int]:
         """Where a stream goes on that is behind by more than ``most`` entries that are not sealed.
 
         Returns:
-            The cursor, the same if it is not so far behind; and the last place up to which it
-            cannot be.
+            The position, the same if it is not so far behind; and the total (`FeedPosition.total`)
+            up to which it cannot be.
         """
 
-        def look() -> tuple[int, int]:
+        def look() -> tuple[FeedPosition, int]:
             with self._store.read() as connection:
-                last = last_cursor(connection)
-                places = _open_places(connection, cursor, last, most + 1)
-            if len(places) > most:
-                return places[-1], last
-            return cursor, last + most - len(places)
+                last = last_position(connection)
+                latest = [
+                    _open_cursors(connection, span, most + 1, latest=True)
+                    for span in position.spans(last)
+                ]
+            sizes = list(map(len, latest))
+            if sum(sizes) <= most:
+                return position, last.total + most - sum(sizes)
+            kept = zip(latest, share(most, sizes), strict=True)
+            passed = (cursors[size] for cursors, size in kept if size < len(cursors))
+            return position.advance(passed), last.total
 
         return await asyncio.to_thread(look)
 
-    def _read_open(self, cursor: int, most: int) -> tuple[Sequence[FeedEntry], int]:
+    def _read(
+        self, position: FeedPosition, end: FeedPosition, most: int, *, sealed: bool
+    ) -> tuple[Sequence[FeedEntry], FeedPosition]:
+        """Read some of what the store holds between two positions: of each slot its first ones."""
+        spans = list(position.spans(end))
+        shares = share(max(most, len(spans)), [span.size for span in spans])
+        chosen: list[FeedSpan] = []
         with self._store.read() as connection:
-            places = _open_places(connection, cursor, self._floor, most, latest=False)
-            end = places[-1] if len(places) == most else max(self._floor, cursor)
-            found = read_entries(connection, cursor, end)
-        return [entry for entry in found if entry.sealed is None], end
-
-    def _read(self, cursor: int, end: int) -> Sequence[FeedEntry]:
-        with self._store.read() as connection:
-            return read_entries(connection, cursor, end)
-
-
-def last_cursor(connection: Connection) -> int:
-    """The latest place in the feed."""
-    return int(connection.execute(select(feed.c.cursor)).scalar_one())
+            for span, size in zip(spans, shares, strict=True):
+                last = min(span.end, span.after + size * SLOTS)
+                if not sealed:
+                    places = _open_cursors(connection, span, size, latest=False)
+                    last = places[-1] if len(places) == size else span.end
+                chosen.append(span._replace(end=last))
+            found = read_entries(connection, chosen)
+        reached = position.advance(span.end for span in chosen)
+        return [entry for entry in found if sealed or entry.sealed is None], reached
 
 
-def _open_places(
-    connection: Connection, after: int, end: int, most: int, *, latest: bool = True
-) -> list[int]:
-    """The first or latest places in ``(after, end]`` of what is not sealed, in that order."""
-    places: list[int] = []
-    for column in (events.c.cursor, frames.c.cursor):
-        query = select(column).where(column > after, column <= end)
-        query = query.order_by(column.desc() if latest else column).limit(most)
-        places += connection.execute(query).scalars()
-    return sorted(places, reverse=latest)[:most]
+def _within(table: Table, span: FeedSpan) -> tuple[ColumnElement[bool], ...]:
+    c = table.c
+    return c.slot == span.slot, c.cursor > span.after, c.cursor <= span.end
 
 
-def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedEntry]:
-    """Entries with ``after < cursor <= end``."""
-    e = events.c
-    named = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
+def _open_cursors(connection: Connection, span: FeedSpan, most: int, *, latest: bool) -> list[int]:
+    """The first or latest cursors of what is not sealed, in that order."""
+    found: list[int] = []
+    for table in (events, frames):
+        cursor = table.c.cursor
+        query = select(cursor).where(*_within(table, span))
+        query = query.order_by(cursor.desc() if latest else cursor).limit(most)
+        found += connection.execute(query).scalars()
+    return sorted(found, reverse=latest)[:most]
+
+
+def read_entries(connection: Connection, spans: Iterable[FeedSpan]) -> list[FeedEntry]:
+    """The entries of spans, in the order of their slots, then of their cursors."""
+    return [entry for span in spans for entry in _read_span(connection, span)]
+
+
+def _read_span(connection: Connection, span: FeedSpan) -> list[FeedEntry]:
+    rows = connection.execute(select(events).where(*_within(events, span))).mappings()
     found = [
         FeedEntry(row["cursor"], row["node"], row["channel"], dict(row), row["received"])
-        for row in intact_rows(connection, events, named)
+        for row in intact_rows(connection, events, rows)
     ]
-    f = frames.c
-    framed = select(frames).where(f.cursor > after, f.cursor <= end)
+    framed = select(frames).where(*_within(frames, span))
     found += [
         FeedEntry(row["cursor"], row["node"], None, None, row["received"],
                   frame=row["data"], layout=row["layout"])
@@ -277,7 +339,7 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedE
     v = sealed_messages.c
     sealed = select(v.cursor, v.node, v.data, v.received)
     for cursor, node, data, received in connection.execute(
-        sealed.where(v.cursor > after, v.cursor <= end)
+        sealed.where(*_within(sealed_messages, span))
     ):
         try:
             message = SealedMessage.decode(data)

@@ -16,8 +16,11 @@ if TYPE_CHECKING:
     from eskin_cloud.live.layouts import Layouts
     from eskin_cloud.query.opaque_ids import OpaqueIds
     from eskin_cloud.store.feed_entry import FeedEntry
+    from eskin_cloud.store.feed_position import FeedPosition
 
 _KEPT: Final = 512
+_FRAME_HEAD: Final = b"\x85" + cbor2.dumps("frame")
+"""An array of five, and the first of them."""
 _Key: TypeAlias = tuple[int, frozenset[str] | None, bool]
 
 
@@ -26,18 +29,18 @@ class FrameMessage(NamedTuple):
 
     Attributes:
         stretch: Names its stretch within the node.
-        data: The message.
+        tail: The message without its kind and the position that it states.
     """
 
     stretch: tuple[int, int]
-    data: bytes
+    tail: bytes
 
 
 class FrameEncoder:
     """Writes messages, and keeps the latest frames for the next client.
 
     Args:
-        ids: Writes cursors.
+        ids: Writes positions.
         layouts: Those of the frames, loaded.
     """
 
@@ -78,23 +81,26 @@ class FrameEncoder:
             if selected is None:
                 return None
             data = selected
-        cursor = self.ids.write(entry.cursor)
-        message = cbor2.dumps(["frame", cursor, entry.node, entry.received, data])
-        return FrameMessage(read_head(data).stretch, message)
+        tail = b"".join(map(cbor2.dumps, (entry.node, entry.received, data)))
+        return FrameMessage(read_head(data).stretch, tail)
 
     def layout(self, node: str, name: bytes) -> bytes:
         """Which layout the following frames of a node are read by."""
         return cbor2.dumps(["layout", node, name])
 
-    def event(self, cursor: int, row: dict[str, Any]) -> bytes:
+    def state(self, message: FrameMessage, place: FeedPosition) -> bytes:
+        """A frame with the position that a client's stream has reached."""
+        return _FRAME_HEAD + cbor2.dumps(self.ids.write_position(place)) + message.tail
+
+    def event(self, place: FeedPosition, row: dict[str, Any]) -> bytes:
         """A peak, gap, status or command."""
         said = dump(describe_event(row, self.ids)).decode()
-        return cbor2.dumps(["event", self.ids.write(cursor), str(row["kind"]), said])
+        return cbor2.dumps(["event", self.ids.write_position(place), str(row["kind"]), said])
 
-    def contacts(self, cursor: int, node: str, text: str) -> bytes:
+    def contacts(self, place: FeedPosition, node: str, text: str) -> bytes:
         """Contacts at the last instant of a stretch, in JSON."""
-        return cbor2.dumps(["contacts", self.ids.write(cursor), node, text])
+        return cbor2.dumps(["contacts", self.ids.write_position(place), node, text])
 
-    def lagging(self, cursor: int, skipped: int) -> bytes:
-        """How many frames before a cursor were not sent; with 0 a sign of life."""
-        return cbor2.dumps(["lagging", self.ids.write(cursor), skipped])
+    def lagging(self, place: FeedPosition, skipped: int) -> bytes:
+        """How many frames before a position were not sent; with 0 a sign of life."""
+        return cbor2.dumps(["lagging", self.ids.write_position(place), skipped])

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from eskin_cloud.live.contacts import LiveContacts
     from eskin_cloud.live.feed import Feed
     from eskin_cloud.store.feed_entry import FeedEntry
+    from eskin_cloud.store.feed_position import FeedPosition
 
 _AT_ONCE: Final = 64
 """Entries of a client that reads what it missed."""
@@ -25,19 +26,19 @@ _SENT_AT_ONCE: Final = 16
 class FrameStream:
     """What one client is sent.
 
-    It holds no queue: it reads the feed by cursor, when there is room for more. What the client
+    It holds no queue: it reads the feed by position, when there is room for more. What the client
     missed before the stream began is sent in full; after that, of frames that wait too long, whole
     stretches are dropped, oldest first. Events are never dropped.
 
     Args:
         feed: Where it is read.
         contacts: Those of the skins whose nodes the client selects by name.
-        cursor: Where to begin.
+        position: Where to begin.
         backlog: How far behind it may be; beyond, it moves on.
         heartbeat: Seconds between signs of life.
         reveal: What an entry looks like to the client; empty if it is not shown.
         sealed: Whether the client may know when something sealed comes; else nothing that is sent,
-            cursors included, depends on it.
+            positions included, depends on it.
 
     Attributes:
         selection: What is sent; it may change at any time.
@@ -49,7 +50,7 @@ class FrameStream:
         contacts: LiveContacts,
         *,
         selection: FrameSelection,
-        cursor: int,
+        position: FeedPosition,
         backlog: int,
         heartbeat: float,
         reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
@@ -58,7 +59,7 @@ class FrameStream:
         self.selection = selection
         self._feed = feed
         self._contacts = contacts
-        self._cursor = self._place = cursor
+        self._position = self._place = position
         self._near = 0
         self._backlog = backlog
         self._heartbeat = heartbeat
@@ -67,6 +68,7 @@ class FrameStream:
         self._present = feed.last
         self._stretches = StretchFilter()
         self._layouts: dict[str, bytes] = {}
+        self._found_before = contacts.found
         self._last_contacts: dict[str, int] = {}
         self._skipped = 0
 
@@ -79,14 +81,15 @@ class FrameStream:
         feed = self._feed
         with feed.subscribed():
             if not self._sealed:
-                self._place = await feed.open_before(self._cursor)
+                self._place = await feed.open_before(self._position)
             yield self._lagging()
             due = time.monotonic() + self._heartbeat
             while not feed.closed:
                 if await self._skip_backlog():
                     yield self._lagging()
-                most = _AT_ONCE if self._cursor < self._present else _PENDING
-                found, end = await feed.after(self._cursor, most, sealed=self._sealed)
+                missed = any(self._position.spans(self._present))
+                most = _AT_ONCE if missed else _PENDING
+                found, end = await feed.after(self._position, most, sealed=self._sealed)
                 await feed.layouts.load(found)
                 for message in self._of_entries(found, end):
                     yield message
@@ -95,54 +98,60 @@ class FrameStream:
                 if time.monotonic() >= due:
                     yield self._lagging()
                     due = time.monotonic() + self._heartbeat
-                await feed.wait(self._cursor, max(0.0, due - time.monotonic()))
+                await feed.wait(self._position, max(0.0, due - time.monotonic()))
 
     async def _skip_backlog(self) -> bool:
         """Move on where the client is too far behind; gives whether it was."""
         feed, last = self._feed, self._feed.last
-        if last - self._cursor <= self._backlog or (not self._sealed and last <= self._near):
+        if self._position.distance(last) <= self._backlog:
             return False
-        resumed = last - self._backlog
+        if not self._sealed and last.total <= self._near:
+            return False
+        resumed = self._position.resume(last, self._backlog)
         if not self._sealed:
-            resumed, self._near = await feed.open_backlog(self._cursor, self._backlog)
-        if resumed <= self._cursor:
+            resumed, self._near = await feed.open_backlog(self._position, self._backlog)
+        if resumed == self._position:
             return False
-        self._skipped += await feed.count_frames(self._cursor, resumed, self.selection.nodes)
-        self._cursor = self._place = resumed
+        self._skipped += await feed.count_frames(self._position, resumed, self.selection.nodes)
+        self._position = self._place = resumed
         return True
 
-    def _of_entries(self, found: Sequence[FeedEntry], end: int) -> Iterator[bytes]:
+    def _of_entries(self, found: Sequence[FeedEntry], end: FeedPosition) -> Iterator[bytes]:
         """Messages of entries, up to ``end`` or so many that newer entries may count."""
         sent = 0
         for entry in found:
-            for message in self._of_entry(entry):
+            place = self._place.advance([entry.cursor])
+            for message in self._of_entry(entry, place):
                 yield message
                 sent += 1
-            self._cursor = self._place = entry.cursor
+            self._position, self._place = self._position.advance([entry.cursor]), place
             if sent >= _SENT_AT_ONCE:
                 return
-        self._cursor = end
+        self._position = end
         if self._sealed:
             self._place = end
         if self._skipped:
             yield self._lagging()
 
-    def _of_entry(self, entry: FeedEntry) -> Iterator[bytes]:
-        """Messages of an entry; none where it is dropped or not asked for."""
-        if entry.cursor > self._present and self.selection.nodes is not None:
+    def _of_entry(self, entry: FeedEntry, place: FeedPosition) -> Iterator[bytes]:
+        """Messages of an entry, up to a position; none where it is dropped or not asked for."""
+        if entry.cursor not in self._present and self.selection.nodes is not None:
             self._contacts.take(entry, self.selection.nodes)
         if not self.selection.takes(entry):
             return
-        for shown in self._reveal(entry):
+        revealed = self._reveal(entry)
+        for shown in revealed:
             if shown.frame is not None:
-                yield from self._of_frame(shown)
+                yield from self._of_frame(shown, place)
             elif shown.event is not None:
                 if self._skipped:
                     yield self._lagging()
-                yield self._feed.frame_encoder.event(shown.cursor, shown.event)
+                # A client that breaks off before the last one is sent all again.
+                at = place if shown is revealed[-1] else self._place
+                yield self._feed.frame_encoder.event(at, shown.event)
 
-    def _of_frame(self, entry: FeedEntry) -> Iterator[bytes]:
-        live, write = entry.cursor > self._present, self._feed.frame_encoder
+    def _of_frame(self, entry: FeedEntry, place: FeedPosition) -> Iterator[bytes]:
+        live, write = entry.cursor not in self._present, self._feed.frame_encoder
         message = write.frame(entry, self.selection, sealed=self._sealed)
         if message is None:
             return
@@ -155,7 +164,7 @@ class FrameStream:
         if entry.layout is not None and self._layouts.get(entry.node) != entry.layout:
             self._layouts[entry.node] = entry.layout
             yield write.layout(entry.node, entry.layout)
-        yield message.data
+        yield write.state(message, place)
 
     def _lagging(self) -> bytes:
         """How many frames up to the present place were not sent since this was last stated."""
@@ -167,8 +176,8 @@ class FrameStream:
             found = self._contacts.latest.get(node)
             if found is None:
                 continue
-            if found.cursor > self._last_contacts.get(found.node, self._present):
-                self._last_contacts[found.node] = found.cursor
+            if found.number > self._last_contacts.get(found.node, self._found_before):
+                self._last_contacts[found.node] = found.number
                 if self._skipped:
                     yield self._lagging()
                 yield self._feed.frame_encoder.contacts(self._place, found.node, found.text)

@@ -31,14 +31,12 @@ class SharedSkin:
 
     Attributes:
         layout: The layout's hash.
-        cursor: That of the latest frame.
-        heard: Nodes of the frames that were taken.
+        heard: Nodes of the frames that were taken, with the cursor of the latest one.
     """
 
     def __init__(self, described: DescribedLayout) -> None:
         self.layout = described.hash
-        self.cursor = -1
-        self.heard: tuple[str, ...] = ()
+        self.heard: dict[str, int] = {}
         self._described = described
         self._pending: deque[tuple[FrameHead, bytes]] = deque(maxlen=_PENDING)
         self._runs: dict[int, list[PatchRun]] = {}
@@ -46,14 +44,12 @@ class SharedSkin:
 
     def take(self, entry: FeedEntry) -> bool:
         """Take a frame; gives whether it is new, and of a page that its node samples."""
-        if entry.cursor <= self.cursor or entry.frame is None:
+        if entry.frame is None or entry.cursor <= self.heard.get(entry.node, -1):
             return False
         head = read_head(entry.frame)
         if self._described.controllers[head.page] != entry.node:
             return False
-        self.cursor = entry.cursor
-        if entry.node not in self.heard:
-            self.heard = (*self.heard, entry.node)
+        self.heard[entry.node] = entry.cursor
         self._pending.append((head, entry.frame))
         return True
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from cachetools import FIFOCache
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from eskin_cloud.live.subscription import Subscription
     from eskin_cloud.query.opaque_ids import OpaqueIds
     from eskin_cloud.store.feed_entry import FeedEntry
+    from eskin_cloud.store.feed_position import FeedPosition
 
 _KEPT: Final = 512
 _PAGES: Final = 16
@@ -28,7 +29,7 @@ class SseEncoder:
     What was sealed is not kept.
 
     Args:
-        ids: Writes cursors.
+        ids: Writes positions.
         layouts: Those of the frames, loaded.
     """
 
@@ -36,66 +37,88 @@ class SseEncoder:
         self.ids = ids
         self._layouts = layouts
         self._frames: FIFOCache[tuple[int, frozenset[str] | None, int], bytes] = FIFOCache(_KEPT)
-        self._pages: FIFOCache[tuple[int, int, Subscription], bytes] = FIFOCache(_PAGES)
+        self._pages: FIFOCache[tuple[FeedPosition, int, Subscription], bytes] = FIFOCache(_PAGES)
 
-    def page(self, found: Sequence[FeedEntry], selection: Subscription) -> bytes:
+    def page(
+        self, found: Sequence[FeedEntry], selection: Subscription, begun: FeedPosition
+    ) -> bytes:
         """What is asked for of neighbours in the feed, of which nothing is sealed.
 
         Many readers select the same: their entries are encoded once.
         """
         if not found:
             return b""
-        key = found[0].cursor, found[-1].cursor, selection
+        key = begun, found[-1].cursor, selection
         page = self._pages.get(key)
         if page is None:
-            said = [(entry, True) for entry in found if selection.takes(entry)]
+            said: list[tuple[FeedEntry, FeedPosition, bool]] = []
+            for entry in found:
+                begun = begun.advance([entry.cursor])
+                if selection.takes(entry):
+                    said.append((entry, begun, True))
             page = self._pages[key] = self.print(said, selection)
         return page
 
-    def print(self, said: Sequence[tuple[FeedEntry, bool]], selection: Subscription) -> bytes:
+    def print(
+        self, said: Sequence[tuple[FeedEntry, FeedPosition, bool]], selection: Subscription
+    ) -> bytes:
         """Entries as events of the stream.
 
         Args:
-            said: Each with whether others may be given the same bytes.
+            said: Each with the position that its event states, and with whether others may be
+                given the same data.
             selection: Which channels of frames are asked for, and how finely.
         """
-        return b"".join(self._event(entry, selection, keep=keep) for entry, keep in said)
+        return b"".join(
+            self._event(entry, place, selection, keep=keep) for entry, place, keep in said
+        )
 
-    def _event(self, entry: FeedEntry, selection: Subscription, *, keep: bool) -> bytes:
+    def _event(
+        self, entry: FeedEntry, place: FeedPosition, selection: Subscription, *, keep: bool
+    ) -> bytes:
         if entry.frame is None:
-            return self.of_row(entry.cursor, entry.event or {})
+            row = entry.event or {}
+            return self.event(str(row["kind"]), place, describe_event(row, self.ids))
         key = entry.cursor, selection.channels_of(entry.node), selection.points
-        if not keep:
-            return self._of_frame(entry, *key[1:])
-        if key not in self._frames:
-            self._frames[key] = self._of_frame(entry, *key[1:])
-        return self._frames[key]
+        data = self._frames.get(key) if keep else None
+        if data is None:
+            data = self._of_frame(entry, *key[1:])
+            if keep:
+                self._frames[key] = data
+        return self._event_of("frame", place, data) if data else b""
 
     def _of_frame(self, entry: FeedEntry, channels: frozenset[str] | None, points: int) -> bytes:
-        """A frame; nothing where it has none of the channels, or its layout is lost."""
+        """A frame's data; nothing where it has none of the channels, or its layout is lost."""
         hulls = read_hulls(entry, self._layouts.get(entry.layout), channels, points)
-        return b"" if hulls is None else self.event("frame", entry.cursor, describe_frames(hulls))
+        return b"" if hulls is None else dump(describe_frames(hulls))
 
-    def of_row(self, cursor: int, row: dict[str, Any]) -> bytes:
-        """An event's row as an event of the stream."""
-        return self.event(str(row["kind"]), cursor, describe_event(row, self.ids))
-
-    def event(self, kind: str, cursor: int, data: object) -> bytes:
+    def event(self, kind: str, place: FeedPosition, data: object) -> bytes:
         """One event of a stream."""
-        said = kind.encode(), self.ids.write(cursor).encode(), dump(data)
+        return self._event_of(kind, place, dump(data))
+
+    def _event_of(self, kind: str, place: FeedPosition, data: bytes) -> bytes:
+        said = kind.encode(), self.ids.write_position(place).encode(), data
         return b"event: %b\nid: %b\ndata: %b\n\n" % said
 
-    def join(self, entries: Sequence[FeedEntry], begun: int, selection: Subscription) -> bytes:
+    def join(
+        self,
+        entries: Sequence[FeedEntry],
+        selection: Subscription,
+        *,
+        begun: FeedPosition,
+        end: FeedPosition,
+    ) -> bytes:
         """Many entries at once, for one who reads too slowly: fewer events, and wider hulls.
 
         Frames of a page that follow each other without a gap become one hull; all else is sent as
-        it is. Only the last event carries the last entry's cursor, so a
+        it is. Only the last event states the last entry's position, so a
         reader that breaks off before it is sent all of them again.
 
         Args:
-            entries: In order of their cursors, at least one.
-            begun: The cursor before them.
+            entries: In their order, at least one.
             selection: Which channels of frames are asked for.
+            begun: The position before them.
+            end: The position after them.
         """
         read = (
             read_hulls(entry, self._layouts.get(entry.layout), selection.channels_of(entry.node))
@@ -107,7 +130,7 @@ class SseEncoder:
         ]
         rows = [entry.event for entry in entries if entry.event is not None]
         events += [(str(row["kind"]), describe_event(row, self.ids)) for row in rows]
-        cursors = [begun] * (len(events) - 1) + [entries[-1].cursor]
+        places = [begun] * (len(events) - 1) + [end]
         return b"".join(
-            self.event(kind, at, data) for (kind, data), at in zip(events, cursors, strict=True)
+            self.event(kind, at, data) for (kind, data), at in zip(events, places, strict=True)
         )

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from eskin_cloud.live.feed import Feed
     from eskin_cloud.live.subscription import Subscription
     from eskin_cloud.store.feed_entry import FeedEntry
+    from eskin_cloud.store.feed_position import FeedPosition
 
 log = logging.getLogger(__name__)
 
@@ -27,18 +28,18 @@ async def stream(
     feed: Feed,
     selection: Subscription,
     *,
-    cursor: int,
+    position: FeedPosition,
     backlog: int,
     heartbeat: float,
     reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
     sealed: bool,
 ) -> AsyncIterator[bytes]:
-    """Tell what comes after a cursor until the feed closes.
+    """Send what comes after a position until the feed closes.
 
     Args:
         feed: Where it is read.
         selection: What is sent.
-        cursor: Where to begin.
+        position: Where to begin.
         backlog: How far behind a stream may be; beyond, it gets ``lagging`` and moves on.
         heartbeat: Seconds between signs of life.
         reveal: What an entry looks like to the one who asked; empty if it is not shown.
@@ -48,43 +49,44 @@ async def stream(
     present, pace = feed.last, Backpressure(time.monotonic)
     try:
         with feed.subscribed():
-            place = cursor if sealed else await feed.open_before(cursor)
+            place = position if sealed else await feed.open_before(position)
             near = 0
             yield b"retry: 2000\n" + _sign(feed, place, b"connected")
             due = time.monotonic() + heartbeat
             while not feed.closed:
-                if feed.last - cursor > backlog and (sealed or feed.last > near):
-                    resumed = feed.last - backlog
+                if position.distance(feed.last) > backlog and (sealed or feed.last.total > near):
+                    resumed = position.resume(feed.last, backlog)
                     if not sealed:
-                        resumed, near = await feed.open_backlog(cursor, backlog)
-                    if resumed > cursor:
-                        ids = {"after": feed.ids.write(place), "resumed": feed.ids.write(resumed)}
-                        cursor = place = resumed
-                        yield feed.encoder.event("lagging", cursor, ids)
+                        resumed, near = await feed.open_backlog(position, backlog)
+                    if resumed != position:
+                        names = feed.ids.write_position(place), feed.ids.write_position(resumed)
+                        position = place = resumed
+                        ids = dict(zip(("after", "resumed"), names, strict=True))
+                        yield feed.encoder.event("lagging", place, ids)
                 begun = place
                 most = _JOINED if pace.slow else _AT_ONCE
-                found, cursor = await feed.after(cursor, most, sealed=sealed)
-                place = cursor if sealed else found[-1].cursor if found else place
+                found, position = await feed.after(position, most, sealed=sealed)
+                place = position if sealed else place.advance(entry.cursor for entry in found)
                 await feed.layouts.load(found)
-                said = _print(feed, found, selection, reveal, begun if pace.slow else None)
+                said = _print(feed, found, selection, reveal, begun, slow=pace.slow)
                 if said:
                     yield said
                     asked = time.monotonic()
                     yield b""  # goes on once there is room for more
-                    if begun >= present:
+                    if not any(begun.spans(present)):
                         pace.note(time.monotonic() - asked)
                         await asyncio.sleep(pace.pause)
                 if time.monotonic() >= due:
                     yield _sign(feed, place, b"heartbeat")
                     due = time.monotonic() + heartbeat
-                await feed.wait(cursor, max(0.0, due - time.monotonic()))
+                await feed.wait(position, max(0.0, due - time.monotonic()))
     except StoreError as error:  # the reader reconnects, and then gets the error
         log.warning("live stream ended: reason=%s", error)
 
 
-def _sign(feed: Feed, cursor: int, said: bytes) -> bytes:
+def _sign(feed: Feed, place: FeedPosition, said: bytes) -> bytes:
     """A sign of life, and where to go on should the stream break off before the next event."""
-    return b"id: %b\n: %b\n\n" % (feed.ids.write(cursor).encode(), said)
+    return b"id: %b\n: %b\n\n" % (feed.ids.write_position(place).encode(), said)
 
 
 def _print(
@@ -92,31 +94,43 @@ def _print(
     found: Sequence[FeedEntry],
     selection: Subscription,
     reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
-    slow_since: int | None,
+    begun: FeedPosition,
+    *,
+    slow: bool,
 ) -> bytes:
     """All that is selected; or its hulls, for a reader that is too slow.
 
     What was missed before a stream began is sent in full.
     """
-    if slow_since is None and all(entry.sealed is None for entry in found):
-        return feed.encoder.page(found, selection)
-    said = _choose(found, selection, reveal)
-    if slow_since is None:
+    if not slow and all(entry.sealed is None for entry in found):
+        return feed.encoder.page(found, selection, begun)
+    said = _choose(found, selection, reveal, begun)
+    if not slow:
         return feed.encoder.print(said, selection)
-    entries = [entry for entry, _ in said]
-    return feed.encoder.join(entries, slow_since, selection) if said else b""
+    if not said:
+        return b""
+    entries = [entry for entry, _, _ in said]
+    return feed.encoder.join(entries, selection, begun=begun, end=said[-1][1])
 
 
 def _choose(
     found: Sequence[FeedEntry],
     selection: Subscription,
     reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
-) -> list[tuple[FeedEntry, bool]]:
-    """What is sent of them, and whether other readers may get the same."""
-    return [
-        (said, said is entry)
-        for entry in found
-        if selection.takes(entry)
-        for said in reveal(entry)
-        if said is entry or selection.takes(said)
-    ]
+    place: FeedPosition,
+) -> list[tuple[FeedEntry, FeedPosition, bool]]:
+    """What is sent of them, the position that each states, and whether others may get the same.
+
+    Of several events in one message only the last states its position, so a client that breaks off
+    before it is sent all of them again.
+    """
+    chosen: list[tuple[FeedEntry, FeedPosition, bool]] = []
+    for entry in found:
+        before, place = place, place.advance([entry.cursor])
+        if selection.takes(entry):
+            shown = reveal(entry)
+            for said in shown:
+                if said is entry or selection.takes(said):
+                    at = place if said is shown[-1] else before
+                    chosen.append((said, at, said is entry))
+    return chosen

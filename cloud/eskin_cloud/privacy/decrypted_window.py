@@ -153,7 +153,6 @@ def _memory() -> Iterator[Connection]:
             assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - as it was made
             register_checksum(driver)
             metadata.create_all(memory, _TABLES)
-            memory.execute(insert(feed).values(name="feed", cursor=0))
             yield memory
     finally:
         engine.dispose()
@@ -220,7 +219,10 @@ def _fill(
     described = [dict(each) for each in connection.execute(query).mappings()]
     if described:
         memory.execute(insert(descriptions), described)
+    slot = slot_of(node)
+    memory.execute(insert(feed).values(slot=slot, cursor=slot))
     cache, inserted = WriteCache(), bulk_insert(memory, frames)
+    cache.lock(memory, [slot])
     of_pages: dict[tuple[bytes, int], list[FrameRow]] = {}
     for each in found:
         of_pages.setdefault((each.layout, each.page), []).append(each)

@@ -265,14 +265,6 @@ def _open(
     if isinstance(message, FrameSummary):
         return [entry._replace(frame=data, sealed=None, secret=True)]
     rows = event_rows(entry.node, message, data, described, entry.cursor)
-    # Only the last one has the cursor, so a client that breaks off before it is sent all again.
     return [
-        entry._replace(
-            cursor=entry.cursor if row is rows[-1] else entry.cursor - 1,
-            channel=row["channel"],
-            event=row,
-            sealed=None,
-            layout=None,
-        )
-        for row in rows
+        entry._replace(channel=row["channel"], event=row, sealed=None, layout=None) for row in rows
     ]

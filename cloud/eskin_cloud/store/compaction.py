@@ -202,7 +202,7 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
         ],
         since=since,
         until=until,
-        cursor=connection.execute(select(feed.c.cursor)).scalar_one(),
+        cursor=connection.execute(select(feed.c.cursor).where(feed.c.slot == page[0])).scalar_one(),
     )  # fmt: skip
 
 

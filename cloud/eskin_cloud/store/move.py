@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 _PAGE: Final = 500
 TABLES: Final = tuple(t for t in metadata.sorted_tables if t not in {versions, feed, alarm_state})
-"""The tables to copy; the rows of ``alarm_state`` and ``feed`` follow, and that of ``feed`` marks
-completion."""
+"""The tables to copy; the rows of ``alarm_state`` and ``feed`` follow, and those of ``feed``
+mark completion."""
 
 
 @dataclass(slots=True)
@@ -92,10 +92,14 @@ def move(
             with writing.begin() as after:
                 for table in TABLES:
                     _compare(before, after, table, steps)
-                cursor, key = before.execute(select(feed.c.cursor, feed.c.cursor_key)).one()
+                key = before.execute(select(versions.c.cursor_key)).scalar_one()
+                cursors = before.execute(select(feed.c.slot, feed.c.cursor)).all()
                 counters = before.execute(select(alarm_state)).mappings().one()
                 after.execute(update(alarm_state).values(**without_digest(counters)))
-                after.execute(update(feed).values(cursor=cursor, cursor_key=key, writer=None))
+                after.execute(update(versions).values(cursor_key=key))
+                for slot, cursor in cursors:
+                    here = update(feed).where(feed.c.slot == slot)
+                    after.execute(here.values(cursor=cursor, writer=None))
             return counts
     except SQLAlchemyError as error:
         raise StoreError(
@@ -111,7 +115,7 @@ def _prepare(writing: Engine, target: StoreLocation, now: int) -> None:
     """Create the target's tables, and keep clouds from writing there."""
     with writing.begin() as connection:
         create_tables(connection, now=now)
-        if connection.execute(select(feed.c.writer)).scalar_one() == MOVING:
+        if MOVING in connection.execute(select(feed.c.writer)).scalars():
             return
         full = next((table.name for table in TABLES if _count(connection, table)), None)
         if full is not None:

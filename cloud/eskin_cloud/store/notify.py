@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 CHANNEL: Final = "eskin"
 FEED: Final = "feed"
-"""Messages were stored; arguments: the last cursor, the writer's name."""
+"""Messages were stored; arguments: the writer's name, the last cursor of each slot."""
 COMMANDS: Final = "commands"
 """A command was issued or answered."""
 

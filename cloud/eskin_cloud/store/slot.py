@@ -13,3 +13,8 @@ SLOTS: Final = 64
 def slot_of(node: str) -> int:
     """The slot of a node, from 0 to 63: the first 8 bytes of its name's SHA-256, modulo 64."""
     return int.from_bytes(hashlib.sha256(node.encode()).digest()[:8]) % SLOTS
+
+
+def slot_of_cursor(cursor: int) -> int:
+    """The slot of a cursor, which is 64 times a number within the slot, plus the slot."""
+    return cursor % SLOTS

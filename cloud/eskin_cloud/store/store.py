@@ -18,6 +18,7 @@ from eskin_cloud.store.integrity import check_small_tables
 from eskin_cloud.store.location import StoreLocation, describe, reading_engine, writing_engine
 from eskin_cloud.store.pg_copy import finish_copy
 from eskin_cloud.store.schema.tables import feed
+from eskin_cloud.store.slot import SLOTS
 from eskin_cloud.store.version import create_tables, require_version
 from eskin_cloud.store.write.write_cache import WriteCache
 from eskin_cloud.store.write.writer import Writer
@@ -185,7 +186,7 @@ class Store:
     def _begin(self, connection: Connection) -> None:
         """Check the version and refresh the cache: other processes may have written."""
         require_version(connection)
-        self.cache.refresh(connection)
+        self.cache.lock(connection, range(SLOTS))
 
     def _save(self, connection: Connection) -> None:
         """Write the cache's changes, and finish a COPY."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import func, insert, inspect, select, text
 
 from eskin.errors import StoreError
+from eskin_cloud.store.feed_position import FEED_START
 from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
@@ -37,10 +38,13 @@ def create_tables(connection: Connection, *, now: int) -> None:
     if not inspect(connection).has_table(versions.name):
         metadata.create_all(connection)
         _store_data_inline(connection)
-        connection.execute(insert(feed).values(name="feed", cursor=0, cursor_key=os.urandom(32)))
+        rows = [{"slot": slot, "cursor": cursor} for slot, cursor in enumerate(FEED_START.cursors)]
+        connection.execute(insert(feed), rows)
         counters = {"until": 0, "version": 0, "last_alarm": 0, "last_number": 0}
         connection.execute(insert(alarm_state).values(name="alarms", **counters))
-        connection.execute(insert(versions).values(version=VERSION, applied=now))
+        connection.execute(
+            insert(versions).values(version=VERSION, applied=now, cursor_key=os.urandom(32))
+        )
     require_version(connection)
 
 

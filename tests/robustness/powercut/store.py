@@ -70,8 +70,9 @@ def _require_sums(folder: Path) -> None:
     add_up(folder / _NAME, verdict)
     assert not verdict.faults, verdict.faults
     query = (
-        "SELECT count(*), count(DISTINCT cursor), max(cursor) <= (SELECT cursor FROM feed) "
-        "FROM (SELECT cursor FROM frames UNION ALL SELECT cursor FROM events)"
+        "SELECT count(*), count(DISTINCT cursor), min(cursor <= last) FROM ("
+        "SELECT slot, cursor FROM frames UNION ALL SELECT slot, cursor FROM events"
+        ") JOIN (SELECT slot, cursor AS last FROM feed) USING (slot)"
     )
     ((places, different, before_the_next),) = ask(folder / _NAME, query)
     assert places == different

@@ -20,9 +20,11 @@ from eskin_cloud.service import make_cloud
 from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from eskin_cloud.store import Store
 from eskin_cloud.store.descriptions import read_description, store_descriptions
+from eskin_cloud.store.feed_position import FEED_START, FeedPosition
 from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.tables import audit_log, feed, metadata, versions
+from eskin_cloud.store.slot import SLOTS, slot_of
 from eskin_cloud.store.write.ingest import IngestResult, ingest
 from eskin_cloud.store.write.node_sites import store_sites
 from eskin_cloud.store.write.parsed_message import ParsedMessage
@@ -100,6 +102,16 @@ def admit(store: Store, *nodes: str, site: str = SITE) -> None:
     store.write(work).result(120)
 
 
+def position(number: int, node: str = NODE) -> FeedPosition:
+    """The position in the feed after so many entries of a node's slot, and none of others."""
+    return FEED_START.advance([number * SLOTS + slot_of(node)])
+
+
+def numbers(cursors: Iterable[int]) -> list[int]:
+    """The numbers of cursors within their slots."""
+    return [cursor // SLOTS for cursor in cursors]
+
+
 def pairs_in(body: bytes) -> list[tuple[str, bytes]]:
     """Nodes and messages in the body of an ingest, as far as it is one."""
     try:
@@ -138,7 +150,7 @@ def emptied(store: Store) -> Store:
             if table not in {versions, feed, alarm_state, audit_log}:
                 connection.execute(delete(table))
         connection.execute(update(alarm_state).values(holder=None, until=0))
-        connection.execute(update(feed).values(cursor=0, writer=None))
+        connection.execute(update(feed).values(cursor=feed.c.slot, writer=None))
 
     store.write(clear).result(120)
     return store
@@ -220,6 +232,13 @@ class PlainIds(OpaqueIds):
 
     def write(self, *numbers: int) -> str:
         return ".".join(map(str, numbers))
+
+    def write_position(self, position: FeedPosition) -> str:
+        return str(position.total)
+
+    def read_position(self, text: str) -> FeedPosition:
+        (number,) = self.read(text, 1)
+        return position(number)
 
     def read(self, text: str, count: int) -> list[int]:
         try:

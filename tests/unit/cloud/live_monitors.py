@@ -6,9 +6,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from eskin_cloud.alarms.evaluator import Evaluator
-from eskin_cloud.live.feed import last_cursor, read_entries
+from eskin_cloud.live.feed import read_entries
 from eskin_cloud.store.descriptions import find_layout
+from eskin_cloud.store.feed_position import last_position
 from eskin_cloud.store.schema.alarm_tables import monitors
+from eskin_cloud.store.slot import SLOTS
 from eskin_cloud.store.write.alarms import apply_changes, list_alarms, take_lease
 from eskin_cloud.store.write.monitors import MonitorDefinition, put_monitor, settle_monitors
 from sqlalchemy import update
@@ -58,27 +60,30 @@ class Live:
         lease = partial(take_lease, holder=self.evaluator.holder, now=store.clock(), alone=True)
         assert store.write(lease).result(120)
         with store.read() as connection:
-            self._cursor = last_cursor(connection)
+            self._position = last_position(connection)
 
     def step(self, *, most: int | None = None) -> None:
         """Evaluate what came since the last step, and store what follows.
 
         Args:
-            most: Entries of the feed, which then is behind the store.
+            most: Entries of each slot of the feed, which then is behind the store.
         """
         evaluator, store = self.evaluator, self.store
         evaluator.load()
         with store.read() as connection:
-            end = last_cursor(connection)
-            end = end if most is None else min(end, self._cursor + most)
-            entries = read_entries(connection, self._cursor, end)
+            end = last_position(connection)
+            if most is not None:
+                spans = list(self._position.spans(end))
+                end = self._position.advance(each.after + most * SLOTS for each in spans)
+                end = end.no_later_than(last_position(connection))
+            entries = read_entries(connection, self._position.spans(end))
             layouts = {
                 each.layout: find_layout(connection, each.node, each.layout)
                 for each in entries
                 if each.layout is not None
             }
-        self._cursor = end
-        changes, settled = evaluator.evaluate(entries, layouts, cursor=end)
+        self._position = end
+        changes, settled = evaluator.evaluate(entries, layouts, position=end)
 
         def work(connection: Connection) -> None:
             now = store.clock()

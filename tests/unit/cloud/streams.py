@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING, Any
 from eskin_cloud.live.stream import stream
 from eskin_cloud.live.subscription import Subscription
 
+from tests.unit.cloud.clouds import position
+
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
+
+    from eskin_cloud.store.feed_position import FeedPosition
 
     from tests.unit.cloud.clouds import Stand
 
@@ -35,14 +39,18 @@ def events_of(piece: bytes) -> list[dict[str, Any]]:
 
 
 def listen(
-    stand: Stand, cursor: int = 0, selection: Subscription = EVERYTHING, **options: Any
+    stand: Stand,
+    cursor: int | FeedPosition = 0,
+    selection: Subscription = EVERYTHING,
+    **options: Any,
 ) -> AsyncIterator[bytes]:
-    """A stream on a cloud's feed."""
+    """A stream on a cloud's feed, after so many entries of the usual node, or a position."""
     chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0}
     chosen["reveal"] = lambda entry: [entry]
     chosen["sealed"] = True
     chosen |= options
-    return stream(stand.cloud.feed, selection, cursor=cursor, **chosen)
+    begin = position(cursor) if isinstance(cursor, int) else cursor
+    return stream(stand.cloud.feed, selection, position=begin, **chosen)
 
 
 async def take(stand: Stand, count: int, **options: Any) -> list[dict[str, Any]]:

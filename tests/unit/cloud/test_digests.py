@@ -13,6 +13,7 @@ from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.rollup.reading import read_ranges
 from eskin_cloud.rollup.samples import read_buckets
+from eskin_cloud.store.feed_position import FEED_START
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows, patch_tiles
@@ -20,7 +21,7 @@ from eskin_cloud.store.schema.tables import dead_letters, events
 from sqlalchemy import and_, select, update
 
 from tests.unit.cloud.brute_force import compact_all
-from tests.unit.cloud.clouds import batch, put
+from tests.unit.cloud.clouds import batch, position, put
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, gap, peak, status, stretch
 
 if TYPE_CHECKING:
@@ -187,4 +188,4 @@ async def test_export_and_live_backlog_leave_a_damaged_frame_out(stand: Stand) -
     answer = await stand.get("/api/v1/export", channel=f"{NODE}/{CHANNEL}")
     assert answer.status_code == 200, answer.text
     with store.read() as connection:
-        assert len(read_entries(connection, 0, 10**9)) == 7
+        assert len(read_entries(connection, FEED_START.spans(position(10**9)))) == 7

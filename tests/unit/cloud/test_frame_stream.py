@@ -17,10 +17,11 @@ from eskin_cloud.api.dependencies import cookie_name
 from eskin_cloud.api.middleware import answer
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.settings import LiveSection
+from eskin_cloud.store.feed_position import FEED_START
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from eskin.wire.frames import Frame
-from tests.unit.cloud.clouds import batch, standing
+from tests.unit.cloud.clouds import batch, position, standing
 from tests.unit.cloud.frame_clients import PATIENCE_S, Received, dial, serving
 from tests.unit.cloud.messages import NODE, peak
 from tests.unit.cloud.skins import HAND, PATCHES, describe, frame, statements
@@ -326,5 +327,5 @@ async def test_damaged_frame_is_left_out(stand: Stand) -> None:
     described(stand)
     await stand.ingest(batch(*stretch(0)))
     with stand.cloud.store.read() as connection:
-        found = read_entries(connection, 0, 100)
+        found = read_entries(connection, FEED_START.spans(position(100)))
     assert [entry.frame for entry in found if entry.frame] == [each.encode() for each in stretch(0)]

@@ -10,6 +10,7 @@ import cbor2
 import pytest
 from eskin_cloud.live.frame_selection import FrameSelection
 from eskin_cloud.live.frame_stream import FrameStream
+from eskin_cloud.store.feed_position import FEED_START
 
 from eskin.wire.frames import Frame
 from eskin.wire.messages import Position
@@ -66,7 +67,7 @@ async def received(stand: Stand, *, sealed: bool, backlog: int) -> list[Any]:
         feed,
         stand.cloud.contacts,
         selection=FrameSelection(),
-        cursor=0,
+        position=FEED_START,
         backlog=backlog,
         heartbeat=0.2,
         reveal=stand.cloud.key_access.reveal([], stand.cloud.feed.layouts),

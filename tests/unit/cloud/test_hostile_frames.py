@@ -30,7 +30,7 @@ from eskin.wire.frames import (
 from eskin.wire.messages import Kind
 from eskin.wire.messages.cbor_map import MOST_BYTES, dump
 from eskin.wire.timestamp import MOST_MOMENT
-from tests.unit.cloud.clouds import batch, put
+from tests.unit.cloud.clouds import batch, numbers, put
 from tests.unit.cloud.messages import NODE, START, stretch
 from tests.unit.cloud.skins import (
     FAST,
@@ -350,7 +350,7 @@ def test_contacts_and_verdicts_become_events(stand: Stand) -> None:
     said = replace(statements(0), peaks=(), gaps=(), contacts=(contact,), verdicts=verdicts)
     outcome = put(store, said)
     assert results(outcome) == [STORED]
-    assert [entry.cursor for entry in outcome.entries] == [1, 2, 3]
+    assert numbers(entry.cursor for entry in outcome.entries) == [1, 2, 3]
     listed = [entry.event for entry in outcome.entries if entry.event is not None]
     assert [(row["kind"], row["verdict"]) for row in listed] == [
         ("contact", "certain"),

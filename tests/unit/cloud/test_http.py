@@ -13,7 +13,7 @@ import pytest
 
 from eskin.interval import Verdict
 from eskin.wire.messages import Energy, Shedding, TaxelFaults
-from tests.unit.cloud.clouds import batch, problem, put
+from tests.unit.cloud.clouds import batch, numbers, problem, put
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, gap, peak, skin_of, status, stretch
 from tests.unit.eskin.senml import read_senml
 
@@ -258,7 +258,7 @@ async def test_events_pages_hold_each_event_once(stand: Stand, order: str) -> No
     while True:
         params = {"limit": 3, "order": order} | ({} if cursor is None else {"cursor": cursor})
         page = (await stand.get("/api/v1/events", **params)).json()
-        seen += [int(item["id"]) - 1 for item in page["items"]]
+        seen += [number - 1 for number in numbers(int(item["id"]) for item in page["items"])]
         cursor = page["next"]
         if cursor is None:
             break

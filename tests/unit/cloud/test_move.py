@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import pytest
 from eskin_cloud.service import only_one
 from eskin_cloud.store import Store
+from eskin_cloud.store.feed_position import last_position
 from eskin_cloud.store.move import TABLES, move
 from eskin_cloud.store.schema.frame_tables import frames
-from eskin_cloud.store.schema.tables import feed
+from eskin_cloud.store.slot import SLOTS, slot_of
 from eskin_cloud.store.write.clock_state import ClockReading, save_clock
 from sqlalchemy import func, select, text
 
@@ -113,11 +114,11 @@ def test_killed_move_resumes_and_copies_everything(source: Path, cluster: Cluste
     assert stated[-1] == (2 * total, 2 * total)
     check(target, source)
     with Store(source) as store, store.read() as connection:
-        last = connection.execute(select(feed.c.cursor)).scalar_one()
+        last = last_position(connection)
     with Store(target) as store:
         outcome = put(store, stretch(1000, [-float("inf")], [0.1]), stretch(5000))
         assert [receipt.result for receipt in outcome.results] == ["duplicate", "stored"]
-        assert outcome.entries[0].cursor == last + 1
+        assert outcome.entries[0].cursor == last.cursors[slot_of("fingertip")] + SLOTS
 
 
 def test_command_moves_everything_and_draws_a_progress_bar(

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import pytest
 from eskin_cloud.settings import StoreSection
 from eskin_cloud.store import Store, version
+from eskin_cloud.store.feed_position import FEED_START, last_position
 from eskin_cloud.store.schema.frame_tables import frames, pages
 from eskin_cloud.store.schema.tables import (
     audit_log,
-    feed,
     nodes,
     sequences,
     versions,
@@ -22,7 +22,7 @@ from sqlalchemy import delete, func, select, text, update
 
 from eskin.errors import StoreError
 from eskin.identity.identity import ROOT_FILE
-from tests.unit.cloud.clouds import problem, put, standing
+from tests.unit.cloud.clouds import numbers, problem, put, standing
 from tests.unit.cloud.messages import NODE, START, stretch
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def test_concurrent_starts_create_the_tables_once(cluster: Cluster) -> None:
     with Store(place) as store, store.read() as connection:
         applied = connection.execute(select(versions.c.version).order_by(versions.c.version))
         assert list(applied.scalars()) == [version.VERSION]
-        assert connection.execute(select(feed.c.cursor)).scalar_one() == 0
+        assert last_position(connection) == FEED_START
 
 
 def test_store_of_another_version_is_not_written(store: Store) -> None:
@@ -89,7 +89,7 @@ def test_two_processes_store_each_message_once(store: Store) -> None:
     assert stored.count("stored") == 54
     with store.read() as connection:
         cursors = list(connection.execute(select(frames.c.cursor)).scalars())
-        assert sorted(cursors) == list(range(1, 61))
+        assert numbers(sorted(cursors)) == list(range(1, 61))
         assert connection.execute(select(pages.c.frames)).scalar_one() == 60
         assert connection.execute(select(sequences.c.first, sequences.c.last)).all() == [(0, 59)]
 

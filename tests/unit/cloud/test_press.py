@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_cloud.live.subscription import Subscription
+from eskin_cloud.store.feed_position import FEED_START
 
-from tests.unit.cloud.clouds import batch
+from tests.unit.cloud.clouds import batch, position
 from tests.unit.cloud.messages import peak, stretch
 from tests.unit.cloud.streams import EVERYTHING, events_of
 
@@ -21,17 +22,16 @@ pytestmark = pytest.mark.anyio
 async def test_viewers_of_the_same_get_the_same_bytes(stand: Stand) -> None:
     await stand.ingest(batch(stretch(0), peak(1), stretch(2)))
     feed = stand.cloud.feed
-    found, _ = await feed.after(0, 64)
+    found, _ = await feed.after(FEED_START, 64)
     await feed.layouts.load(found)
-    first = feed.encoder.page(found, EVERYTHING)
-    assert feed.encoder.page(list(found), replace(EVERYTHING)) is first
+    begun = FEED_START
+    first = feed.encoder.page(found, EVERYTHING, begun)
+    assert feed.encoder.page(list(found), replace(EVERYTHING), replace(begun)) is first
     assert [event["event"] for event in events_of(first)] == ["frame", "peak", "frame"]
     elsewhere = Subscription(frozenset({"palm"}), frozenset(), 50)
-    assert feed.encoder.page(found, elsewhere) == b""
-    assert [event["id"] for event in events_of(feed.encoder.page(found[1:], EVERYTHING))] == [
-        "2",
-        "3",
-    ]
+    assert feed.encoder.page(found, elsewhere, begun) == b""
+    rest = feed.encoder.page(found[1:], EVERYTHING, position(1))
+    assert [event["id"] for event in events_of(rest)] == ["2", "3"]
     for points in range(1, 100):
-        feed.encoder.page(found, Subscription(frozenset(), frozenset(), points))
+        feed.encoder.page(found, Subscription(frozenset(), frozenset(), points), begun)
     assert len(feed.encoder._pages) <= 16

@@ -15,6 +15,7 @@ from eskin_cloud.jobs.retention import sweep
 from eskin_cloud.live.frame_selection import FrameSelection
 from eskin_cloud.live.frame_stream import FrameStream
 from eskin_cloud.settings import RetentionSection
+from eskin_cloud.store.feed_position import FEED_START
 from eskin_cloud.store.schema.frame_tables import frames, pages
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, removals, sealed_messages
 from eskin_cloud.store.schema.tables import dead_letters, events
@@ -281,8 +282,8 @@ async def test_live_streams_show_it_with_the_scope_alone(stand: Stand, site: Sit
             assert len({each["data"]["id"] for each in received[1:4]}) == 3
         messages: list[Any] = []
         frame_stream = FrameStream(
-            feed, stand.cloud.contacts, selection=FrameSelection(), cursor=0, backlog=1000,
-            heartbeat=0.2, reveal=reveal, sealed=sealed,
+            feed, stand.cloud.contacts, selection=FrameSelection(), position=FEED_START,
+            backlog=1000, heartbeat=0.2, reveal=reveal, sealed=sealed,
         )  # fmt: skip
         async with asyncio.timeout(20), aclosing(frame_stream.messages()) as stream:
             async for message in stream:

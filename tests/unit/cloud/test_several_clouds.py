@@ -12,6 +12,7 @@ from eskin_cloud.live.feed import read_entries
 from eskin_cloud.privacy import key_access
 from eskin_cloud.service import make_cloud
 from eskin_cloud.store import Store
+from eskin_cloud.store.feed_position import FEED_START
 
 from eskin.errors import NoKeyError, PrivacyError, StoreError
 from eskin.runtime.settings import KeysSection
@@ -73,7 +74,7 @@ async def wear(stand: Stand, site: Site) -> Any:
 
 def entries(stand: Stand) -> list[FeedEntry]:
     with stand.cloud.store.read() as connection:
-        found = read_entries(connection, 0, stand.cloud.feed.last)
+        found = read_entries(connection, FEED_START.spans(stand.cloud.feed.last))
     return [entry for entry in found if entry.sealed is not None]
 
 

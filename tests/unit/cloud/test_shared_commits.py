@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from eskin_cloud.store import Store
+from eskin_cloud.store.feed_position import last_position
 from eskin_cloud.store.schema.frame_tables import descriptions, frames, pages
 from eskin_cloud.store.schema.tables import (
     dead_letters,
     events,
-    feed,
     nodes,
     sequences,
 )
@@ -45,7 +45,7 @@ def contents(store: Store) -> dict[str, list[tuple[Any, ...]]]:
             table.name: [tuple(row) for row in connection.execute(_sorted(table)).all()]
             for table in _COMPARED
         }
-        found["feed"] = [tuple(connection.execute(select(feed.c.cursor)).one())]
+        found["feed"] = [last_position(connection).cursors]
     return found
 
 

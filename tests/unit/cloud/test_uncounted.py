@@ -10,6 +10,7 @@ import pytest
 from eskin_cloud.live.stream import stream
 from eskin_cloud.live.subscription import Subscription
 from eskin_cloud.query.opaque_ids import OpaqueIds
+from eskin_cloud.store.feed_position import FEED_START
 
 from eskin.wire.messages import Position
 from eskin.wire.timestamp import SECOND
@@ -22,6 +23,8 @@ from tests.unit.cloud.worn import describe_worn, worn
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+    from eskin_cloud.store.feed_position import FeedPosition
 
     from tests.support.identities import Identities
 
@@ -66,13 +69,15 @@ def two(tmp_path: Path, identities: Identities, site: Site) -> Iterator[tuple[St
         yield few, many
 
 
-async def live(stand: Stand, cursor: int, *, sealed: bool, backlog: int = 10_000) -> bytes:
+async def live(
+    stand: Stand, position: FeedPosition, *, sealed: bool, backlog: int = 10_000
+) -> bytes:
     """What a stream tells from a place on until its first sign of life."""
     heard = b""
     pieces = stream(
         stand.cloud.feed,
         EVERYTHING,
-        cursor=cursor,
+        position=position,
         backlog=backlog,
         heartbeat=0.2,
         reveal=stand.cloud.key_access.reveal([], stand.cloud.feed.layouts),
@@ -168,7 +173,7 @@ async def test_live_stream_without_the_scope_tells_nothing_of_what_is_sealed(
     shapes = []
     for stand in two:
         for backlog in (10_000, 12, 5):
-            heard = (await live(stand, 0, sealed=False, backlog=backlog)).decode()
+            heard = (await live(stand, FEED_START, sealed=False, backlog=backlog)).decode()
             ids = re.findall(r"^id: (\S+)$", heard, re.MULTILINE)
             names: dict[str, int] = {}
             order = [names.setdefault(each, len(names)) for each in ids]

@@ -88,7 +88,7 @@ frames = Table(
     Column("data", LargeBinary, nullable=False),
     Column("digest", LargeBinary, nullable=False),
     Column("head", BigInteger, nullable=False),
-    Index("frames_by_cursor", "cursor"),
+    Index("frames_by_cursor", "slot", "cursor"),
     Index("frames_by_time", "slot", "node", "page", "t", "t_end"),
 )
 """Frames byte for byte.

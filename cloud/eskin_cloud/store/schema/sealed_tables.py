@@ -12,6 +12,7 @@ from eskin_cloud.store.schema.tables import (
     SITE_LENGTH,
     metadata,
     node_sites,
+    slot_column,
 )
 from eskin_cloud.store.text_type import Text
 
@@ -26,6 +27,7 @@ PLACE_LENGTH: Final = 68
 sealed_messages = Table(
     "sealed_messages",
     metadata,
+    slot_column(),
     Column("node", Text(NODE_LENGTH), primary_key=True),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
     Column("sequence", BigInteger, primary_key=True, autoincrement=False),
@@ -37,7 +39,7 @@ sealed_messages = Table(
     Column("t_hi", BigInteger, nullable=False),
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary, nullable=False),
-    Index("sealed_by_cursor", "cursor"),
+    Index("sealed_by_cursor", "slot", "cursor"),
     Index("sealed_by_time", "node", "place", "t_lo"),
     Index("sealed_by_coming", "node", "place", "received"),
     Index("sealed_by_subject", "subject"),

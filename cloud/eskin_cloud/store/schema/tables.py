@@ -6,7 +6,7 @@ Times are UTC ns since 1970, 64 bit. An unbounded side is an infinite float.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import (
     DDL,
@@ -22,9 +22,11 @@ from sqlalchemy import (
 )
 
 from eskin_cloud.store.row_digests import add_row_digest
+from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.text_type import Text
 
 if TYPE_CHECKING:
+    from sqlalchemy.engine.default import DefaultExecutionContext
     from sqlalchemy.schema import ExecutableDDLElement
 
 
@@ -58,6 +60,16 @@ def _after_create(table: Table, dialect: str, statement: str) -> None:
     event.listen(table, "after_create", made.execute_if(dialect=dialect))
 
 
+def slot_column() -> Column[int]:
+    """The slot of a row's node, which an insert derives from the name."""
+
+    def slot(context: DefaultExecutionContext) -> int:
+        row: dict[str, Any] = context.get_current_parameters()  # type: ignore[no-untyped-call]  # untyped there
+        return slot_of(row["node"])
+
+    return Column("slot", Integer, nullable=False, default=slot)
+
+
 metadata = MetaData()
 
 NODE_LENGTH: Final = 63
@@ -71,22 +83,25 @@ versions = Table(
     metadata,
     Column("version", Integer, primary_key=True, autoincrement=False),
     Column("applied", BigInteger, nullable=False),
+    Column("cursor_key", LargeBinary),
 )
-"""The version of the schema (`eskin_cloud.store.version`), and when the tables were created."""
+"""The version of the schema (`eskin_cloud.store.version`), and when the tables were created.
+
+``cursor_key`` encrypts cursors for clients (`eskin_cloud.query.opaque_ids`).
+"""
 
 feed = Table(
     "feed",
     metadata,
-    Column("name", Text(16), primary_key=True),
+    Column("slot", Integer, primary_key=True, autoincrement=False),
     Column("cursor", BigInteger, nullable=False),
     Column("writer", Text(32)),
-    Column("cursor_key", LargeBinary),
 )
-"""The last cursor; it never decreases.
+"""The last cursor of each slot; it never decreases. A row is the lock of its slot's writer.
 
-``cursor_key`` encrypts cursors for clients (`eskin_cloud.query.opaque_ids`).
+A cursor is 64 times a number within its slot, plus the slot: unique in the store.
 
-``writer`` names the last writer; another writer then drops its cache.
+``writer`` names the last writer; another writer then drops what it has cached of the slot.
 """
 
 nodes = Table(
@@ -134,6 +149,7 @@ nodes = Table(
 events = Table(
     "events",
     metadata,
+    slot_column(),
     Column("node", Text(NODE_LENGTH), primary_key=True),
     Column("cursor", BigInteger, primary_key=True, autoincrement=False),
     Column("boot", BigInteger, nullable=False),
@@ -154,7 +170,7 @@ events = Table(
     Column("detail", Text()),
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary),
-    Index("events_by_cursor", "cursor"),
+    Index("events_by_cursor", "slot", "cursor"),
     Index("events_by_time", "t_lo", "cursor"),
     Index("events_by_node", "node", "t_lo", "cursor"),
 )

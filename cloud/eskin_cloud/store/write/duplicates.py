@@ -17,6 +17,7 @@ from eskin.runtime.digest import DIGEST_BYTES
 from eskin.wire.sequence_set import SequenceRanges
 from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.schema.tables import digests
+from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -98,7 +99,7 @@ class StoredDigests:
 
     def __init__(self) -> None:
         self._added: dict[tuple[str, int], dict[int, bytes]] = defaultdict(dict)
-        self._open: dict[tuple[str, int], tuple[int, bytes]] = {}
+        self._open: defaultdict[int, dict[tuple[str, int], tuple[int, bytes]]] = defaultdict(dict)
         self._fetched: dict[tuple[str, int], list[tuple[int, bytes]]] = {}
 
     def added(self, node: str, boot: int) -> dict[int, bytes]:
@@ -146,23 +147,28 @@ class StoredDigests:
         self._added.clear()
         if rows:
             connection.execute(_WRITE, rows)
-        if len(self._open) > _MAX_OPEN_ROWS:
+        if sum(map(len, self._open.values())) > _MAX_OPEN_ROWS:
             self._open.clear()
+
+    def forget(self, slot: int) -> None:
+        """Drop what is cached of a slot, which another process has written."""
+        self._open.pop(slot, None)
 
     def _joined(
         self, place: tuple[str, int], added: Mapping[int, bytes]
     ) -> Iterator[tuple[int, bytes]]:
         """The rows of a boot that hold the added digests."""
+        extended = self._open[slot_of(place[0])]
         for numbers in _consecutive(sorted(added)):
-            first, data = self._open.get(place, (0, b""))
+            first, data = extended.get(place, (0, b""))
             if first + len(data) // DIGEST_BYTES != numbers[0]:
                 first, data = numbers[0], b""
             data += b"".join(map(added.__getitem__, numbers))
             yield first, data
             if len(data) < _FULL_ROW * DIGEST_BYTES:
-                self._open[place] = first, data
+                extended[place] = first, data
             else:
-                self._open.pop(place, None)
+                extended.pop(place, None)
 
 
 def find_digest(connection: Connection, node: str, boot: int, sequence: int) -> bytes | None:

@@ -40,7 +40,7 @@ def event_row(
 
 def store_event(connection: Connection, cache: WriteCache, row: Row, *, now: int) -> FeedEntry:
     """Store an event's row; returns its entry for the live feed."""
-    cursor = cache.next_cursor(connection)
+    cursor = cache.next_cursor(row["node"])
     row |= {"cursor": cursor, "received": now}
     connection.execute(insert(events), row)
     return FeedEntry(cursor, row["node"], row["channel"], row, now)

@@ -146,7 +146,7 @@ class _Batch:
     def add_event(self, row: Row | None) -> None:
         if row is None:
             return
-        cursor = self.cache.next_cursor(self.connection)
+        cursor = self.cache.next_cursor(row["node"])
         row |= {"cursor": cursor, "received": self.now}
         self.events.append(row)
         self.entries.append(FeedEntry(cursor, row["node"], row["channel"], row, self.now))
@@ -386,7 +386,7 @@ def _store_frame(
     if frame.page in described.biometric_pages:
         raise MessageError(UNSEALED)
     _record_layout(batch, item.node, frame.position, frame.layout)
-    cursor = batch.cache.next_cursor(batch.connection)
+    cursor = batch.cache.next_cursor(item.node)
     row = FrameRow.of(
         *(item.node, frame, fitting, item.data, item.digest), cursor=cursor, now=batch.now
     )
@@ -444,7 +444,7 @@ def _store_sealed_by_layout(
 
 
 def _add_sealed(batch: _Batch, node: str, message: SealedMessage, data: bytes) -> None:
-    cursor = batch.cache.next_cursor(batch.connection)
+    cursor = batch.cache.next_cursor(node)
     batch.sealed.append(_sealed_row(node, message, data, cursor, batch.now))
     head = cursor, node, None, None, batch.now, data
     batch.entries.append(FeedEntry(*head, layout=message.layout))

@@ -58,7 +58,7 @@ def accept_layouts(
         accepted[node, name] = described
         if isinstance(described, Exception):
             continue
-        units = cache.units[node]
+        units = cache.units(node) or {}
         if name not in used[node]:  # else it was accepted by an earlier process
             try:
                 units = _acceptable_units(units, node, described)
@@ -93,13 +93,16 @@ def _read_units(
     stated: Mapping[DescriptionKey, LayoutResult],
 ) -> None:
     """Read the units of the channels in the layouts that nodes have used."""
-    unread = [(node, name) for node in used if node not in cache.units for name in used[node]]
-    cache.units |= {node: {} for node in used if node not in cache.units}
-    found = {**stated, **find_stated_layouts(connection, set(unread) - stated.keys())}
-    for node, name in unread:
-        described = found[node, name]
-        if not isinstance(described, Exception):  # else damaged, and reported
-            cache.units[node] = cache.units[node] | described.units
+    unread = {node: names for node, names in used.items() if cache.units(node) is None}
+    named = {(node, name) for node, names in unread.items() for name in names}
+    found = {**stated, **find_stated_layouts(connection, named - stated.keys())}
+    for node, names in unread.items():
+        units: dict[str, str] = {}
+        for name in names:
+            described = found[node, name]
+            if not isinstance(described, Exception):  # else damaged, and reported
+                units |= described.units
+        cache.keep_units(node, units)
 
 
 def _acceptable_units(

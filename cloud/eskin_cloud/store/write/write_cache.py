@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import secrets
+from collections import defaultdict
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from sqlalchemy import and_, bindparam, delete, insert, select, tuple_, update
@@ -15,6 +16,7 @@ from eskin_cloud.store.notify import FEED, notify
 from eskin_cloud.store.row_digests import intact_rows, without_digest
 from eskin_cloud.store.schema.frame_tables import pages
 from eskin_cloud.store.schema.tables import feed, nodes, sequences
+from eskin_cloud.store.slot import SLOTS, slot_of
 from eskin_cloud.store.write.duplicates import StoredDigests, StoredSequences, stored_spans
 from eskin_cloud.store.write.node_sites import sites_of
 
@@ -34,7 +36,18 @@ MOVING: Final = "moving"
 _MAX_BOOTS: Final = 10_000
 _MAX_ROWS: Final = 100_000
 """Rows of nodes and pages together."""
-_WRITER: Final = select(feed.c.writer)
+_FEED: Final = (
+    select(feed.c.slot, feed.c.cursor, feed.c.writer)
+    .where(feed.c.slot.in_(bindparam("slots", expanding=True)))
+    .order_by(feed.c.slot)
+    .with_for_update()
+)
+"""Locks slots in ascending order, so that no two writers wait for each other."""
+_SAVE_FEED: Final = (
+    update(feed)
+    .where(feed.c.slot == bindparam("at_slot"))
+    .values(cursor=bindparam("cursor"), writer=bindparam("writer"))
+)
 
 
 def _by_key(table: Table) -> ColumnElement[bool]:
@@ -49,66 +62,96 @@ _UPDATE: Final = {table: update(table).where(_by_key(table)) for table in _TABLE
 _DELETE: Final = {table: delete(table).where(_by_key(table)) for table in _TABLES}
 
 
-class WriteCache:
-    """Rows of nodes, pages and sequences, and the last cursor; `save` writes them back.
+class _SlotRows:
+    """What is cached of the nodes of one slot.
 
-    Only the writer thread uses it. A rollback clears it, and so does a write of another process.
+    Attributes:
+        sites: The site of each node.
+        ranges: Stored sequence numbers, by node and boot.
+        rows: Rows of nodes and pages; ``None`` where there is none.
+        layouts: Accepted layouts, with their nodes.
+        units: By node, the units of the channels in its layouts.
+    """
+
+    __slots__ = ("layouts", "ranges", "rows", "sites", "units")
+
+    def __init__(self) -> None:
+        self.sites: dict[str, str] = {}
+        self.ranges: dict[tuple[str, int], StoredSequences] = {}
+        self.rows: dict[Table, dict[Key, Row | None]] = {nodes: {}, pages: {}}
+        self.layouts: set[tuple[str, bytes]] = set()
+        self.units: dict[str, dict[str, str]] = {}
+
+
+class WriteCache:
+    """Rows of nodes, pages and sequences, and the last cursors; `save` writes them back.
+
+    Only the writer thread uses it. A rollback clears it; what another process has written of a
+    slot drops that slot.
 
     Attributes:
         name: Identifies this writer to other processes.
         digests: Digests of stored messages.
-        units: By node, the units of the channels in its layouts.
     """
 
     def __init__(self) -> None:
         self.name = secrets.token_hex(16)
+        self._cursors: dict[int, int] = {}
         self.clear()
 
-    def refresh(self, connection: Connection) -> None:
-        """Clear the cache if another process wrote; at the beginning of each transaction.
+    def __len__(self) -> int:
+        """The number of nodes, pages and boots that are kept."""
+        known = self._slots.values()
+        rows = sum(len(rows) for each in known for rows in each.rows.values())
+        return rows + sum(len(each.ranges) for each in known)
+
+    def lock(self, connection: Connection, slots: Collection[int]) -> None:
+        """Lock slots until the commit, and drop what is cached of those that others wrote.
+
+        The first statement of a transaction that writes rows of nodes: what it reads afterwards
+        is what the last writer of the slot has committed.
+
+        Args:
+            connection: The writer's, at the beginning of a transaction.
+            slots: Those of all nodes whose rows the transaction writes.
 
         Raises:
             StoreError: A store is being moved here.
         """
-        writer = connection.execute(_WRITER).scalar_one()
-        if writer == MOVING:
-            raise StoreError(
-                "a store is being moved here; wait for `eskin cloud move`, or start it again"
-            )
-        if writer != self.name:
-            self.clear()
+        self._cursors.clear()
+        for slot, cursor, writer in connection.execute(_FEED, {"slots": sorted(slots)}):
+            if writer == MOVING:
+                raise StoreError(
+                    "a store is being moved here; wait for `eskin cloud move`, or start it again"
+                )
+            if writer != self.name:
+                self._slots.pop(slot, None)
+                self.digests.forget(slot)
+            self._cursors[slot] = cursor
 
     def clear(self) -> None:
         """Drop all cached rows and unsaved changes."""
-        self._cursor: int | None = None
-        self._moved = False
+        self._moved: set[int] = set()
         self.digests = StoredDigests()
-        self._sites: dict[str, str] = {}
-        self._ranges: dict[tuple[str, int], StoredSequences] = {}
-        self._rows: dict[Table, dict[Key, Row | None]] = {nodes: {}, pages: {}}
-        self._layouts: set[tuple[str, bytes]] = set()
-        self.units: dict[str, dict[str, str]] = {}
+        self._slots: defaultdict[int, _SlotRows] = defaultdict(_SlotRows)
         self._new: set[tuple[Table, Key]] = set()
         self._changed: dict[tuple[Table, Key], None] = {}
         self._added: dict[tuple[str, int], None] = {}
 
     def sites(self, connection: Connection, named: Collection[str]) -> dict[str, str]:
         """The sites of those nodes that have one; sites never change."""
-        unknown = [node for node in named if node not in self._sites]
+        unknown = [node for node in named if node not in self._of(node).sites]
         if unknown:
-            if len(self._sites) > _MAX_ROWS:
-                self._sites.clear()
-                unknown = list(named)
-            self._sites |= sites_of(connection, unknown)
-        return {node: self._sites[node] for node in named if node in self._sites}
+            for node, site in sites_of(connection, unknown).items():
+                self._of(node).sites[node] = site
+        return {node: self._of(node).sites[node] for node in named if node in self._of(node).sites}
 
-    def next_cursor(self, connection: Connection) -> int:
-        """The next cursor of the feed."""
-        if self._cursor is None:
-            self._cursor = connection.execute(select(feed.c.cursor)).scalar_one()
-        self._cursor += 1
-        self._moved = True
-        return self._cursor
+    def next_cursor(self, node: str) -> int:
+        """The next cursor of a node's slot, which the transaction has locked."""
+        slot = slot_of(node)
+        self._moved.add(slot)
+        self._cursors[slot] += SLOTS
+        return self._cursors[slot]
 
     def prepare(
         self,
@@ -124,7 +167,7 @@ class WriteCache:
             boots: Nodes and their boots.
             of_pages: Keys of pages.
         """
-        unknown = [key for key in dict.fromkeys(boots) if key not in self._ranges]
+        unknown = [key for key in dict.fromkeys(boots) if key not in self._of(key[0]).ranges]
         self._prepare_rows(connection, nodes, dict.fromkeys((node,) for node, _ in unknown))
         self._prepare_rows(connection, pages, of_pages)
         if not unknown:
@@ -136,7 +179,7 @@ class WriteCache:
             for row in intact_rows(connection, sequences, connection.execute(query).mappings()):
                 found[row["node"], row["boot"]].append((row["first"], row["last"]))
         for key, written in found.items():
-            self._ranges[key] = StoredSequences(sorted(written))
+            self._of(key[0]).ranges[key] = StoredSequences(sorted(written))
         if damaged_rows.of(sequences.name):
             for node, boot in unknown:
                 self._restore_ranges(connection, node, boot)
@@ -146,31 +189,31 @@ class WriteCache:
         restored = StoredSequences()
         for first, last in stored_spans(connection, node, boot):
             restored.add(first, last)
-        if list(restored) != list(self._ranges[node, boot]):
+        ranges = self._of(node).ranges
+        if list(restored) != list(ranges[node, boot]):
             log.warning("stored ranges restored from digests: node=%s boot=%d", node, boot)
             s = sequences.c
             connection.execute(delete(sequences).where(s.node == node, s.boot == boot))
-            self._ranges[node, boot] = restored
+            ranges[node, boot] = restored
             self.mark_ranges_changed(node, boot)
 
     def _prepare_rows(self, connection: Connection, table: Table, keys: Iterable[Key]) -> None:
-        rows = self._rows[table]
-        unknown = [key for key in keys if key not in rows]
-        if not unknown:
-            return
+        unknown = [key for key in keys if key not in self._rows(table, key)]
         columns = table.primary_key.columns
-        rows.update(dict.fromkeys(unknown))
+        for key in unknown:
+            self._rows(table, key)[key] = None
         for part in key_batches(unknown):
             query = select(table).where(tuple_(*columns).in_(part))
             for row in connection.execute(query).mappings():
-                rows[tuple(row[column.name] for column in columns)] = without_digest(row)
+                key = tuple(row[column.name] for column in columns)
+                self._rows(table, key)[key] = without_digest(row)
 
     def ranges(self, connection: Connection, node: str, boot: int) -> StoredSequences:
         """The stored sequence numbers of a node's boot."""
-        key = node, boot
-        if key not in self._ranges:
+        key, ranges = (node, boot), self._of(node).ranges
+        if key not in ranges:
             self.prepare(connection, boots=[key])
-        return self._ranges[key]
+        return ranges[key]
 
     def add(
         self, connection: Connection, node: str, boot: int, sequence: int, digest: bytes
@@ -186,7 +229,7 @@ class WriteCache:
 
     def row(self, connection: Connection, table: Table, *key: Any) -> Row | None:
         """A node's or a page's row; call `change` after changing it."""
-        rows = self._rows[table]
+        rows = self._rows(table, key)
         if key not in rows:
             query = select(table)
             for column, value in zip(table.primary_key.columns, key, strict=True):
@@ -197,7 +240,7 @@ class WriteCache:
 
     def is_accepted(self, node: str, layout: bytes) -> bool:
         """Whether a node's messages may be read by a layout (`write.layouts`)."""
-        return (node, layout) in self._layouts
+        return (node, layout) in self._of(node).layouts
 
     def accept(self, node: str, layout: bytes, units: dict[str, str]) -> None:
         """Accept a layout.
@@ -207,12 +250,20 @@ class WriteCache:
             layout: The layout's hash.
             units: The units of the channels in all layouts of the node.
         """
-        self._layouts.add((node, layout))
-        self.units[node] = units
+        self._of(node).layouts.add((node, layout))
+        self.keep_units(node, units)
+
+    def units(self, node: str) -> dict[str, str] | None:
+        """The units of the channels in a node's layouts; ``None`` if they were not read."""
+        return self._of(node).units.get(node)
+
+    def keep_units(self, node: str, units: dict[str, str]) -> None:
+        """Keep the units of the channels in a node's layouts."""
+        self._of(node).units[node] = units
 
     def create(self, table: Table, key: Key, row: Row) -> None:
         """Add a new row."""
-        self._rows[table][key] = row
+        self._rows(table, key)[key] = row
         self._new.add((table, key))
         self._changed[table, key] = None
 
@@ -227,16 +278,21 @@ class WriteCache:
         self._trim()
 
     def _write(self, connection: Connection) -> None:
-        values = {"writer": self.name} | ({"cursor": self._cursor} if self._moved else {})
-        connection.execute(update(feed).values(values))
+        touched = self._moved | {_slot_of_key(key) for _, key in self._changed}
+        touched |= {slot_of(node) for node, _ in self._added}
+        feeds = [
+            {"at_slot": slot, "cursor": self._cursors[slot], "writer": self.name}
+            for slot in touched
+        ]
+        connection.execute(_SAVE_FEED, feeds)
         if self._moved:
-            notify(connection, FEED, self._cursor, self.name)
-        self._moved = False
+            notify(connection, FEED, self.name, *(self._cursors[slot] for slot in self._moved))
+        self._moved.clear()
         # One statement a table: a batch of a fleet changes thousands of rows.
         changed: dict[Table, list[Row]] = {}
         fresh: dict[Table, list[Row]] = {}
         for table, key in self._changed:
-            row = self._rows[table][key]
+            row = self._rows(table, key)[key]
             if row is not None:
                 kind = fresh if (table, key) in self._new else changed
                 kind.setdefault(table, []).append(row)
@@ -253,7 +309,7 @@ class WriteCache:
         grown: list[Row] = []
         fresh: list[Row] = []
         for node, boot in self._added:
-            ranges = self._ranges[node, boot]
+            ranges = self._of(node).ranges[node, boot]
             for first, before, now in ranges.changes():
                 place: Row = {"node": node, "boot": boot, "first": first}
                 if now is None:
@@ -272,15 +328,26 @@ class WriteCache:
 
     def _trim(self) -> None:
         """Drop written rows if there are many."""
-        if len(self._ranges) > _MAX_BOOTS:
-            self._ranges.clear()
-        if sum(map(len, self._rows.values())) > _MAX_ROWS:
-            for rows in self._rows.values():
-                rows.clear()
-        if len(self._layouts) > _MAX_ROWS:
-            self._layouts.clear()
-        if sum(map(len, self.units.values())) > _MAX_ROWS:
-            self.units.clear()
+        known = self._slots.values()
+        if (
+            sum(len(each.ranges) for each in known) > _MAX_BOOTS
+            or sum(len(rows) for each in known for rows in each.rows.values()) > _MAX_ROWS
+            or sum(len(each.layouts) + len(each.sites) for each in known) > _MAX_ROWS
+            or sum(len(units) for each in known for units in each.units.values()) > _MAX_ROWS
+        ):
+            self._slots.clear()
+
+    def _of(self, node: str) -> _SlotRows:
+        return self._slots[slot_of(node)]
+
+    def _rows(self, table: Table, key: Key) -> dict[Key, Row | None]:
+        return self._slots[_slot_of_key(key)].rows[table]
+
+
+def _slot_of_key(key: Key) -> int:
+    """The slot of a node's or a page's key."""
+    first: int | str = key[0]
+    return first if isinstance(first, int) else slot_of(first)
 
 
 def _with_key_parameters(table: Table, rows: Iterable[Row]) -> list[Row]:
