@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 import cbor2
 from eskin_cloud.store import Store
 from eskin_cloud.store.descriptions import read_description, store_descriptions
+from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.ingest import STORED, ingest
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
@@ -92,21 +93,25 @@ class Stored:
         self._case = case
         self._store = store = stack.enter_context(Store(place, queue=_BATCHES + 1))
         known = [read_description(data) for data in descriptions(case)]
-        store.write_and_wait(lambda connection: store_descriptions(connection, NODE, known))
+        store.write_node(
+            NODE, lambda connection, _: store_descriptions(connection, NODE, known)
+        ).result(600)
 
     def run(self, number: int) -> float:
         """Batches are read while those before them are written."""
         batches, samples = _said(self._case, number)
         store = self._store
 
-        def keep(batch: list[tuple[str, bytes]]) -> Callable[[Any], object]:
+        def keep(batch: list[tuple[str, bytes]]) -> Callable[[Any, Any], object]:
             items = [ParsedMessage.parse(*each) for each in batch]
-            return lambda connection: ingest(
-                connection, store.cache, items, gateway="g", now=START, dead_letters=1
+            return lambda connection, cache: ingest(
+                connection, cache, items, gateway="g", now=START, dead_letters=1
             )
 
         def work() -> None:
-            for future in [store.write(keep(batch), shared=True) for batch in batches]:
+            for future in [
+                store.write_slots([slot_of(NODE)], keep(batch), shared=True) for batch in batches
+            ]:
                 outcome: Any = future.result(600)
                 assert {receipt.result for receipt in outcome.results} == {STORED}
 

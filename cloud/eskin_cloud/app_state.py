@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from eskin.runtime.http_server.rate_limit import RateLimit
     from eskin_cloud.alarms.evaluator import Evaluator
     from eskin_cloud.commands import Notifier
+    from eskin_cloud.ingest.gateway_contacts import GatewayContacts
     from eskin_cloud.ingest.gateway_trust import GatewayTrust
     from eskin_cloud.ingest.upload_budget import UploadBudget
     from eskin_cloud.live import Feed, LiveContacts
@@ -32,6 +33,7 @@ class AppState:
         contacts: Contacts of the nodes that streams of frames have chosen.
         notifier: Wakes gateways that wait for commands.
         gateway_trust: Verifies certificates of gateways, and those of nodes that they present.
+        gateway_contacts: Writes when gateways brought something.
         uploads: Room for what gateways bring.
         metrics: Counts.
         sign_ins: Counts refused sign-ins that the audit log keeps.
@@ -47,6 +49,7 @@ class AppState:
     contacts: LiveContacts
     notifier: Notifier
     gateway_trust: GatewayTrust
+    gateway_contacts: GatewayContacts
     uploads: UploadBudget
     metrics: Metrics
     sign_ins: RateLimit

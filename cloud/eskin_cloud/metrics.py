@@ -114,7 +114,7 @@ class Metrics:
             self._use = self._use.coarse()
 
     def _watch(self, store: Store) -> None:
-        self._gauge("writes_waiting", "Writes that wait.", lambda: store.writer.waiting)
+        self._gauge("writes_waiting", "Writes that wait.", lambda: store.waiting)
         self._gauge("store_bytes", "What the store takes of the disk.", lambda: self._use.taken)
         self._gauge(
             "store_free_bytes",
@@ -135,10 +135,10 @@ class Metrics:
         self._gauge(
             "commits",
             "Commits since the start; NaN where biometric channels are, whose beats it would show.",
-            lambda: math.nan if self._sealed else store.writer.commits,
+            lambda: math.nan if self._sealed else store.commits,
         )
         self._gauge(
-            "store_fault", "1 while the store cannot be written.", lambda: bool(store.writer.fault)
+            "store_fault", "1 while the store cannot be written.", lambda: bool(store.fault)
         )
 
     def _counter(self, name: str, text: str, *labels: str) -> Counter:

@@ -27,6 +27,7 @@ from eskin_cloud.api.live import MOST_MESSAGE_BYTES
 from eskin_cloud.app import gateway_application, people_application
 from eskin_cloud.app_state import AppState
 from eskin_cloud.commands import Notifier
+from eskin_cloud.ingest.gateway_contacts import GatewayContacts
 from eskin_cloud.ingest.gateway_trust import GatewayTrust
 from eskin_cloud.ingest.upload_budget import UploadBudget
 from eskin_cloud.jobs.alarm_delivery import deliver_alarms
@@ -111,6 +112,7 @@ def make_cloud(
         gateway_trust=GatewayTrust(
             trust, gateways=own.revocations, nodes=settings.nodes.revocations
         ),
+        gateway_contacts=GatewayContacts(store, clock),
         uploads=UploadBudget(own.uploads_bytes),
         metrics=metrics,
         sign_ins=RateLimit.per_minute(settings.limits.refusals_per_min),

@@ -1,6 +1,8 @@
 """Certificates: gateways present those of their nodes, so that the cloud knows their sites."""
 
 import asyncio
+from functools import partial
+from operator import itemgetter
 
 from fastapi import APIRouter, Request
 from pydantic import BaseModel
@@ -14,6 +16,7 @@ from eskin_cloud.api.request_body import received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.ingest.node_certificates import judge_chains, read_chains
 from eskin_cloud.store.write.node_sites import store_sites
+from eskin_cloud.store.write.write_cache import WriteCache
 
 router = APIRouter(tags=["ingest"])
 
@@ -48,10 +51,17 @@ async def post_certificates(cloud: CloudState, request: Request) -> Response:
         judged = await asyncio.to_thread(judge_chains, cloud.gateway_trust, chains, site)
         good = [(each.node, each.certificate) for each in judged if each.reason is None]
 
-        def work(connection: Connection) -> dict[str, str]:
-            return store_sites(connection, good, site=site, gateway=gateway, now=cloud.clock())
+        def work(
+            ours: list[tuple[str, bytes]], connection: Connection, cache: WriteCache
+        ) -> dict[str, str]:
+            del cache
+            return store_sites(connection, ours, site=site, gateway=gateway, now=cloud.clock())
 
-        sites = await asyncio.wrap_future(cloud.store.write(work)) if good else {}
+        sites: dict[str, str] = {}
+        for each in cloud.store.shares(good, itemgetter(0)):
+            written = cloud.store.write_slots(each.slots, partial(work, each.items))
+            stored = await asyncio.wrap_future(written)
+            sites |= stored
     items = []
     for node, _, refused in judged:
         other = refused is None and sites[node] != site

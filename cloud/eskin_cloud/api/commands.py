@@ -1,6 +1,7 @@
 """Commands to nodes, and how nodes should be and are set."""
 
 import asyncio
+import json
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Path, Query
@@ -16,14 +17,16 @@ from eskin.wire.messages.cbor_map import MOST_COUNT
 from eskin.wire.messages.command_schema import MOST_FORMULA, RANGES, check_arguments
 from eskin.wire.timestamp import SECOND
 from eskin.wire.topics import Stream, node_topic
-from eskin_cloud.api.dependencies import CloudState, Operator, Reader
+from eskin_cloud.api.dependencies import Access, CloudState, Operator, Reader
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
+from eskin_cloud.app_state import AppState
 from eskin_cloud.commands.issue import Order, issue
 from eskin_cloud.schemas.base import NoQuery
 from eskin_cloud.schemas.commands import CommandDocument, StateDocument
 from eskin_cloud.store.read.lookup import UnknownChannelError, find_node
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 from eskin_cloud.store.write.commands import find_command, find_state
+from eskin_cloud.store.write.write_cache import WriteCache
 
 router = APIRouter(tags=["commands"])
 
@@ -116,20 +119,23 @@ async def post_command(
     def signed(command: Command) -> bytes:
         return sign(command.encode(), own=own, topic=topic)
 
-    def work(connection: Connection) -> RowMapping:
-        now = cloud.clock()
-        row = issue(connection, order, sign=signed, now=now)
-        said = f"{row['id']}: {row['name']} {row['arguments']}"
-        audit_entry = AuditEntry(
-            access.actor.name, access.actor.address, Action.COMMAND, node, said
-        )
-        record(connection, audit_entry, now=now)
-        return row
+    def work(connection: Connection, _: WriteCache) -> RowMapping:
+        return issue(connection, order, sign=signed, now=cloud.clock())
 
-    row = await asyncio.wrap_future(cloud.store.write(work))
+    # The audit log is central, so an entry before the command states the intent.
+    await _audit(cloud, access, Action.COMMAND_ASKED, node, f"{name} {json.dumps(arguments)}")
+    row = await asyncio.wrap_future(cloud.store.write_node(node, work))
+    said = f"{row['id']}: {row['name']} {row['arguments']}"
+    await _audit(cloud, access, Action.COMMAND, node, said)
     cloud.notifier.wake()
     response.headers["Location"] = f"/api/v1/nodes/{node}/commands/{row['id']}"
     return CommandDocument.of(row, now=cloud.clock())
+
+
+async def _audit(cloud: AppState, access: Access, action: Action, node: str, detail: str) -> None:
+    entry = AuditEntry(access.actor.name, access.actor.address, action, node, detail)
+    written = cloud.store.write(lambda connection: record(connection, entry, now=cloud.clock()))
+    await asyncio.wrap_future(written)
 
 
 @router.get(

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections import defaultdict
+from functools import partial
 
 from fastapi import APIRouter, Request
 from sqlalchemy import Connection
@@ -18,6 +19,7 @@ from eskin_cloud.schemas.ingest import ConfirmedDocument
 from eskin_cloud.store.write.missing_messages import find_missing_tails, record_boot_ends
 from eskin_cloud.store.write.node_sites import sites_of
 from eskin_cloud.store.write.presence import add_offline_node
+from eskin_cloud.store.write.write_cache import WriteCache
 
 log = logging.getLogger(__name__)
 
@@ -51,15 +53,14 @@ async def post_confirmed(cloud: CloudState, request: Request) -> Response:
 
         missing, unknown = await asyncio.to_thread(find)
 
-        def keep(connection: Connection) -> None:
-            ends = defaultdict(list)
-            for node, boot, _, last in missing:
-                ends[node].append((boot, last))
-            for node, stated in ends.items():
-                add_offline_node(
-                    connection, cloud.store.cache, node, max(stated), now=cloud.clock()
-                )
-                record_boot_ends(connection, node, stated)
+        ends = defaultdict(list)
+        for node, boot, _, last in missing:
+            ends[node].append((boot, last))
+
+        def keep(nodes: list[str], connection: Connection, cache: WriteCache) -> None:
+            for node in nodes:
+                add_offline_node(connection, cache, node, max(ends[node]), now=cloud.clock())
+                record_boot_ends(connection, node, ends[node])
 
         if missing:
             log.error(
@@ -69,7 +70,9 @@ async def post_confirmed(cloud: CloudState, request: Request) -> Response:
                 sum(last - first + 1 for _, _, first, last in missing),
                 extra={"source": posted.gateway.name},
             )
-            await asyncio.wrap_future(cloud.store.write(keep))
+            for each in cloud.store.shares(ends, str):
+                written = cloud.store.write_slots(each.slots, partial(keep, each.items))
+                await asyncio.wrap_future(written)
     names = ("node", "boot", "first", "last")
     items = [dict(zip(names, each, strict=True)) for each in missing]
     return as_json({"items": items, "unknown_nodes": sorted(unknown)})

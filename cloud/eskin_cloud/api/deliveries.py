@@ -3,6 +3,8 @@
 import asyncio
 import time
 from dataclasses import replace
+from functools import partial
+from operator import itemgetter
 from typing import Final
 
 from fastapi import APIRouter, Request
@@ -24,6 +26,7 @@ from eskin_cloud.commands.command_queue import (
     mark_delivered,
 )
 from eskin_cloud.store.write.gateways import record_contact
+from eskin_cloud.store.write.write_cache import WriteCache
 
 router = APIRouter(tags=["ingest"])
 
@@ -71,9 +74,16 @@ async def _mark(cloud: AppState, posted: Received, holding: Holding) -> None:
 
     sent = await asyncio.to_thread(unmarked) if holding.sent else []
 
+    def mark(ours: list[tuple[str, int]], connection: Connection, cache: WriteCache) -> None:
+        del cache
+        mark_delivered(connection, ours, now=cloud.clock())
+
+    for each in cloud.store.shares(sent, itemgetter(0)):
+        written = cloud.store.write_slots(each.slots, partial(mark, each.items))
+        await asyncio.wrap_future(written)
+
     def work(connection: Connection) -> None:
         now, wait = cloud.clock(), round(holding.wait_s * SECOND)
-        mark_delivered(connection, sent, now=now)
         if holding.published:
             note_published(connection, posted.gateway.site, holding.published)
         record_contact(

@@ -1,7 +1,8 @@
 """Descriptions: gateways present their nodes' patches and layouts, by which frames are read."""
 
 import asyncio
-from collections.abc import Sequence
+from functools import partial
+from operator import attrgetter
 
 from fastapi import APIRouter, Request
 from sqlalchemy import Connection
@@ -12,8 +13,10 @@ from eskin_cloud.api.dependencies import CloudState
 from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import apart, received
 from eskin_cloud.api.responses import as_json
-from eskin_cloud.ingest.posted_descriptions import PostedResult, read_posted, store_posted
+from eskin_cloud.ingest.posted_descriptions import Posted, PostedResult, read_posted, store_posted
 from eskin_cloud.schemas.ingest import DescriptionsDocument
+from eskin_cloud.store.slot import in_order
+from eskin_cloud.store.write.write_cache import WriteCache
 
 router = APIRouter(tags=["ingest"])
 
@@ -33,8 +36,17 @@ async def post_descriptions(cloud: CloudState, request: Request) -> Response:
         body, site = posted.body, posted.gateway.site
         presented = await apart(len(body), lambda: read_posted(body))
 
-        def work(connection: Connection) -> Sequence[PostedResult]:
-            return store_posted(connection, cloud.store.cache, presented, site=site)
+        def work(
+            ours: list[Posted], connection: Connection, cache: WriteCache
+        ) -> list[PostedResult]:
+            return store_posted(connection, cache, ours, site=site)
 
-        results = await asyncio.wrap_future(cloud.store.write(work))
+        shares = cloud.store.shares(presented, attrgetter("node"))
+        stored = [
+            await asyncio.wrap_future(
+                cloud.store.write_slots(each.slots, partial(work, each.items))
+            )
+            for each in shares
+        ]
+        results = in_order(shares, stored)
     return as_json({"items": [result._asdict() for result in results]})

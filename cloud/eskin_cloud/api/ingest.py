@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
+from operator import attrgetter
 
 from fastapi import APIRouter, Request
 from sqlalchemy import Connection
@@ -22,7 +23,7 @@ from eskin_cloud.app_state import AppState
 from eskin_cloud.ingest.batch import read_batch
 from eskin_cloud.schemas.base import Json
 from eskin_cloud.schemas.ingest import IngestDocument
-from eskin_cloud.store.write.gateways import record_contact
+from eskin_cloud.store.slot import in_order
 from eskin_cloud.store.write.ingest import (
     IngestResult,
     Receipt,
@@ -30,6 +31,7 @@ from eskin_cloud.store.write.ingest import (
     ingest_individually,
 )
 from eskin_cloud.store.write.parsed_message import ParsedMessage
+from eskin_cloud.store.write.write_cache import WriteCache
 
 log = logging.getLogger(__name__)
 
@@ -51,18 +53,18 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
         body = posted.body
         begun = time.perf_counter()
         items = await apart(len(body), lambda: read_batch(body))
-        outcome = await _store(cloud, posted, items)
+        receipts = await _store(cloud, posted, items)
     # A reader of the metrics must not be able to count what is sealed.
     kinds = Counter(
         receipt.result
-        for item, receipt in zip(items, outcome.results, strict=True)
+        for item, receipt in zip(items, receipts, strict=True)
         if not isinstance(item.message, SealedMessage)
     )
     for kind, count in kinds.items():
         cloud.metrics.items.labels(kind).inc(count)
     if kinds:
         cloud.metrics.ingest_seconds.observe(time.perf_counter() - begun)
-    reasons = [result.reason for result in outcome.results if result.reason is not None]
+    reasons = [receipt.reason for receipt in receipts if receipt.reason is not None]
     if reasons:
         log.warning(
             "messages rejected: gateway=%s count=%d last=%s",
@@ -71,10 +73,7 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
             reasons[-1],
             extra={"source": posted.gateway.name},
         )
-    cloud.metrics.dead_letters_dropped.inc(outcome.dropped)
-    cloud.metrics.conflicts.inc(outcome.conflicts)
-    results = [_describe(result) for result in outcome.results]
-    return as_json({"items": results})
+    return as_json({"items": [_describe(receipt) for receipt in receipts]})
 
 
 def _describe(receipt: Receipt) -> Json:
@@ -84,30 +83,50 @@ def _describe(receipt: Receipt) -> Json:
     return document
 
 
-async def _store(cloud: AppState, posted: Received, items: Sequence[ParsedMessage]) -> IngestResult:
+async def _store(
+    cloud: AppState, posted: Received, items: Sequence[ParsedMessage]
+) -> list[Receipt]:
+    """Store a batch: the messages of each group of slots in a transaction of their own."""
     store, most = cloud.store, cloud.settings.store.dead_letters
+    gateway, site = posted.gateway.name, posted.gateway.site
 
-    def work(take: Callable[..., IngestResult], connection: Connection) -> IngestResult:
-        now, gateway, site = cloud.clock(), posted.gateway.name, posted.gateway.site
-        outcome = take(
+    def work(
+        take: Callable[..., IngestResult],
+        ours: Sequence[ParsedMessage],
+        connection: Connection,
+        cache: WriteCache,
+    ) -> IngestResult:
+        return take(
             connection,
-            store.cache,
-            items,
+            cache,
+            ours,
             gateway=gateway,
             site=site,
-            now=now,
+            now=cloud.clock(),
             dead_letters=most,
         )
-        record_contact(
-            connection, gateway, site=site, condition=posted.condition, now=now, outcome=outcome
-        )
-        return outcome
 
-    written = store.write(
-        partial(work, ingest), fallback=partial(work, ingest_individually), shared=True
-    )
-    cloud.feed.follow(written, asyncio.get_running_loop())
-    outcome = await asyncio.wrap_future(written)
+    shares = store.shares(items, attrgetter("node"))
+    writes = []
+    for each in shares:
+        written = store.write_slots(
+            each.slots,
+            partial(work, ingest, each.items),
+            fallback=partial(work, ingest_individually, each.items),
+            shared=True,
+        )
+        cloud.feed.follow(written, asyncio.get_running_loop())
+        writes.append(written)
+    # All are waited for, also if one fails: what the others stored is then a duplicate.
+    done = await asyncio.gather(*map(asyncio.wrap_future, writes), return_exceptions=True)
+    outcomes = [each for each in done if isinstance(each, IngestResult)]
+    for outcome in outcomes:
+        cloud.gateway_contacts.note(gateway, site=site, condition=posted.condition, outcome=outcome)
+        cloud.metrics.dead_letters_dropped.inc(outcome.dropped)
+        cloud.metrics.conflicts.inc(outcome.conflicts)
+    for failed in done:
+        if isinstance(failed, BaseException):
+            raise failed
     if any(isinstance(item.message, Result) for item in items):
         cloud.notifier.wake()
-    return outcome
+    return in_order(shares, [outcome.results for outcome in outcomes])

@@ -1,8 +1,11 @@
 """Notices of subjects: gateways send assignments, keys and erasures."""
 
 import asyncio
+from functools import partial
+from operator import attrgetter
 
 from fastapi import APIRouter, Request
+from sqlalchemy import Connection
 from starlette.responses import Response
 
 from eskin.runtime.http_server.problems import documented
@@ -11,11 +14,12 @@ from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
-from eskin_cloud.privacy.subject_notice import SubjectNotice, note
+from eskin_cloud.privacy.subject_notice import SubjectNotice, Worn, note, store_assignments
 from eskin_cloud.schemas.ingest import NoticeDocument
 from eskin_cloud.store.schema.sealed_tables import find_erased
 from eskin_cloud.store.write.ingest import UNKNOWN_NODE
 from eskin_cloud.store.write.node_sites import sites_of
+from eskin_cloud.store.write.write_cache import WriteCache
 
 router = APIRouter(tags=["ingest"])
 
@@ -48,6 +52,14 @@ async def post_subjects(cloud: CloudState, request: Request) -> Response:
             )
         )
         await asyncio.wrap_future(written)
+
+        def assign(worn: list[Worn], connection: Connection, cache: WriteCache) -> None:
+            del cache
+            store_assignments(connection, worn, now=cloud.clock())
+
+        for each in cloud.store.shares(own.worn, attrgetter("node")):
+            written = cloud.store.write_slots(each.slots, partial(assign, each.items))
+            await asyncio.wrap_future(written)
     cloud.metrics.conflicts.inc(len(conflicts))
     return as_json({"items": items})
 

@@ -12,7 +12,7 @@ from eskin.errors import CommandError, EskinError
 from eskin.wire.messages import Command, CommandName
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.commands.desired_state import merge_desired_state
-from eskin_cloud.store.notify import COMMANDS, notify
+from eskin_cloud.store.notify import News, announce
 from eskin_cloud.store.read.lookup import find_node
 from eskin_cloud.store.read.patch_runs import find_layouts
 from eskin_cloud.store.schema.tables import commands
@@ -85,7 +85,7 @@ def issue(
         "data": sign(command),
     }
     connection.execute(insert(commands), row)
-    notify(connection, COMMANDS)
+    announce(connection, News(commands=True))
     known = find_state(connection, node)
     desired_state = json.loads(known["desired"]) if known is not None and known["desired"] else {}
     desired_state = merge_desired_state(desired_state, order.name, order.arguments)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import exists, select
+from sqlalchemy import select
 
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.periodic import run_periodically
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin_cloud.app_state import AppState
+    from eskin_cloud.store.write.write_cache import WriteCache
 
 _LOOKS: Final = 10
 """In the time after which a hole is named."""
@@ -42,18 +44,19 @@ async def look(cloud: AppState) -> None:
         return
     patience = round(cloud.settings.nodes.missing_s * SECOND)
 
-    def work(connection: Connection) -> IngestResult:
-        now, cache = cloud.clock(), cloud.store.cache
-        return IngestResult(
-            [], update_missing(connection, cache, found, patience=patience, now=now), 0
-        )
+    def work(nodes: list[str], connection: Connection, cache: WriteCache) -> IngestResult:
+        now = cloud.clock()
+        ours = {boot: spans for boot, spans in found.items() if boot[0] in nodes}
+        entries = update_missing(connection, cache, nodes, ours, patience=patience, now=now)
+        return IngestResult([], entries, 0)
 
-    written = cloud.store.write(work)
-    cloud.feed.follow(written, asyncio.get_running_loop())
-    await asyncio.wrap_future(written)
+    for each in cloud.store.shares(sorted({node for node, _ in found} | known), str):
+        written = cloud.store.write_slots(each.slots, partial(work, each.items))
+        cloud.feed.follow(written, asyncio.get_running_loop())
+        await asyncio.wrap_future(written)
 
 
-def _find(cloud: AppState) -> tuple[dict[Boot, list[Span]], bool]:
+def _find(cloud: AppState) -> tuple[dict[Boot, list[Span]], set[str]]:
     with cloud.store.read() as connection:
-        known = connection.execute(select(exists(select(missing_ranges.c.node)))).scalar_one()
-        return find_missing(connection), bool(known)
+        known = connection.execute(select(missing_ranges.c.node).distinct()).scalars()
+        return find_missing(connection), set(known)

@@ -40,5 +40,5 @@ async def _catch_up(cloud: AppState, stopping: asyncio.Event) -> None:
 
 
 async def _rest(cloud: AppState, begun: float) -> None:
-    if cloud.store.writer.waiting:
+    if cloud.store.waiting:
         await asyncio.sleep(_RESTS * (time.monotonic() - begun))

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _PAUSE_S: Final = 1.0
+_POLL_S: Final = 1.0
+"""A notification may be lost, so the feed is also read."""
 
 
 async def listen(cloud: AppState, place: URL, stopping: asyncio.Event) -> None:
@@ -47,11 +49,12 @@ async def _listen(cloud: AppState, place: URL) -> None:
     try:
         async with connection:
             await connection.execute(f"LISTEN {CHANNEL}".encode())
-            # What was notified while this process did not listen.
-            await cloud.feed.catch_up()
             cloud.notifier.wake()
-            async for notice in connection.notifies():
-                receive(cloud, notice.payload)
+            while True:
+                # What was notified while this process did not listen, or was lost.
+                await cloud.feed.catch_up()
+                async for notice in connection.notifies(timeout=_POLL_S):
+                    receive(cloud, notice.payload)
     except (psycopg.Error, StoreError) as error:
         log.warning("PostgreSQL listener disconnected: reason=%s", error)
 
@@ -63,5 +66,5 @@ def receive(cloud: AppState, text: str) -> None:
         cloud.notifier.wake()
     elif kind == FEED:
         writer, *cursors = words
-        if writer != cloud.store.cache.name:
+        if writer != cloud.store.name:
             cloud.feed.advance(cloud.feed.last.advance(map(int, cursors)))

@@ -18,6 +18,7 @@ from eskin.privacy.sealed_message import name_place
 from eskin.wire.frames import Privacy
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.clock_guard import ClockGuard
+from eskin_cloud.jobs.erasure import pass_barrier, record_outcome
 from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.store.compaction import Due, PageKey, compact_frames
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
@@ -28,6 +29,7 @@ from eskin_cloud.store.removal import (
     remove_node_events,
     remove_rows,
     sweeps_of_erased,
+    unfinished_erasures,
 )
 from eskin_cloud.store.schema.frame_tables import pages
 from eskin_cloud.store.write.alarms import remove_cleared
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
     from eskin_cloud.app_state import AppState
     from eskin_cloud.settings import RetentionSection
     from eskin_cloud.store.write.clock_state import ClockReading
+    from eskin_cloud.store.write.write_cache import WriteCache
 
 log = logging.getLogger(__name__)
 
@@ -103,12 +106,17 @@ async def sweep(cloud: AppState, *, clock: Callable[[], int] | None = None) -> i
     """
     total = 0
     now = (clock or cloud.clock)()
+    erasures = await asyncio.to_thread(_unfinished, cloud)
+    if erasures:
+        await pass_barrier(cloud)
     for due in await asyncio.to_thread(_due, cloud, now):
         removed = most = cloud.settings.retention.at_once
         while removed >= most:
             removed = await _step(cloud, due)
             total += removed
             await asyncio.sleep(_PAUSE_S)
+    if erasures:
+        await record_outcome(cloud, erasures)
     for each in await asyncio.to_thread(_due_patches, cloud, now):
         total += await _sweep_patches(cloud, each)
     before = now - round(cloud.settings.alarms.days * 86_400 * SECOND)
@@ -126,13 +134,13 @@ async def _sweep_patches(cloud: AppState, due: _DueNode) -> int:
             more = await asyncio.to_thread(compact_frames, store, page, ended)
             await asyncio.sleep(_PAUSE_S)
         if due.before is not None:
-            drop = partial(_drop_damaged, cloud, page, due.before)
-            total += await asyncio.wrap_future(store.write(drop))
+            drop = partial(remove_damaged_frames, page=page, before=due.before)
+            total += await asyncio.wrap_future(store.write_slots([page[0]], drop))
     for each in due.patches:
         removed = most
         while removed >= most:
             work = partial(_remove_rows, cloud, each)
-            removed = await asyncio.wrap_future(store.write(work))
+            removed = await asyncio.wrap_future(store.write_node(each.node, work))
             total += removed
             if removed:
                 _report(cloud, each.node, each.patch, RemovalReason.AGE, removed)
@@ -144,10 +152,13 @@ async def _sweep_patches(cloud: AppState, due: _DueNode) -> int:
 
 async def _sweep_node_events(cloud: AppState, node: str, before: int) -> int:
     total, most = 0, cloud.settings.retention.at_once
-    work = partial(remove_node_events, node=node, before=before, most=most)
+
+    def work(connection: Connection, _: WriteCache) -> int:
+        return remove_node_events(connection, node, before, most=most)
+
     removed = most
     while removed >= most:
-        removed = await asyncio.wrap_future(cloud.store.write(work))
+        removed = await asyncio.wrap_future(cloud.store.write_node(node, work))
         total += removed
         if removed:
             _report(cloud, node, "events", RemovalReason.AGE, removed)
@@ -155,13 +166,12 @@ async def _sweep_node_events(cloud: AppState, node: str, before: int) -> int:
     return total
 
 
-def _remove_rows(cloud: AppState, due: PatchSweep, connection: Connection) -> int:
+def _remove_rows(
+    cloud: AppState, due: PatchSweep, connection: Connection, cache: WriteCache
+) -> int:
+    del cache
     most = cloud.settings.retention.at_once
     return remove_rows(connection, due, most=most, now=cloud.clock())
-
-
-def _drop_damaged(cloud: AppState, page: PageKey, before: int, connection: Connection) -> int:
-    return remove_damaged_frames(connection, cloud.store.cache, page, before)
 
 
 def kept_for(rules: RetentionSection, node: str, channel: str) -> float:
@@ -175,9 +185,12 @@ def kept_for(rules: RetentionSection, node: str, channel: str) -> float:
 
 
 async def _step(cloud: AppState, due: Sweep) -> int:
-    most, store = cloud.settings.retention.at_once, cloud.store
-    written = store.write(lambda c: remove(c, store.cache, due, most=most, now=cloud.clock()))
-    removed = await asyncio.wrap_future(written)
+    most = cloud.settings.retention.at_once
+
+    def work(connection: Connection, cache: WriteCache) -> int:
+        return remove(connection, cache, due, most=most, now=cloud.clock())
+
+    removed = await asyncio.wrap_future(cloud.store.write_node(due.node, work))
     if removed:
         _report(cloud, due.node, due.place, due.reason, removed)
     return removed
@@ -186,6 +199,11 @@ async def _step(cloud: AppState, due: Sweep) -> int:
 def _report(cloud: AppState, node: str, place: str, reason: RemovalReason, removed: int) -> None:
     cloud.metrics.removed.labels(reason.value).inc(removed)
     log.info("removed: node=%s place=%s reason=%s messages=%d", node, place, reason, removed)
+
+
+def _unfinished(cloud: AppState) -> list[tuple[str, str]]:
+    with cloud.store.read() as connection:
+        return unfinished_erasures(connection)
 
 
 def _due(cloud: AppState, now: int) -> list[Sweep]:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.store.write.ingest import IngestResult
-from eskin_cloud.store.write.presence import mark_silent_offline
+from eskin_cloud.store.write.presence import find_silent, mark_silent_offline
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin_cloud.app_state import AppState
+    from eskin_cloud.store.write.write_cache import WriteCache
 
 _INTERVAL_S: Final = 1.0
 
@@ -23,18 +25,22 @@ async def watch_silence(cloud: AppState, stopping: asyncio.Event) -> None:
     begun = cloud.clock()
     silence = int(cloud.settings.nodes.silence_s * SECOND)
 
-    def mark(connection: Connection) -> IngestResult:
+    def find() -> list[str]:
         now = cloud.clock()
-        events = mark_silent_offline(
-            connection, cloud.store.cache, silent_since=now - silence, now=now
-        )
+        with cloud.store.read() as connection:
+            return find_silent(connection, silent_since=now - silence, now=now)
+
+    def mark(nodes: list[str], connection: Connection, cache: WriteCache) -> IngestResult:
+        now = cloud.clock()
+        events = mark_silent_offline(connection, cache, nodes, silent_since=now - silence, now=now)
         return IngestResult([], events, 0)
 
     async def look() -> None:
         # After a start, each node first has time to send.
         if cloud.clock() - begun >= silence:
-            written = cloud.store.write(mark)
-            cloud.feed.follow(written, asyncio.get_running_loop())
-            await asyncio.wrap_future(written)
+            for each in cloud.store.shares(await asyncio.to_thread(find), str):
+                written = cloud.store.write_slots(each.slots, partial(mark, each.items))
+                cloud.feed.follow(written, asyncio.get_running_loop())
+                await asyncio.wrap_future(written)
 
     await run_periodically("silence", look, cloud=cloud, stopping=stopping, every_s=_INTERVAL_S)

@@ -16,7 +16,7 @@ from eskin_cloud.store.schema.sealed_tables import erased_subjects, subject_node
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterable
 
     from sqlalchemy import Connection
 
@@ -65,10 +65,12 @@ def note(
     now: int,
     conflicts: Collection[str] = (),
 ) -> None:
-    """Keep what is new of a notice, with the erasures in it, within a transaction.
+    """Store the erasures of a notice, and log what is new in it, within a transaction.
+
+    `store_assignments` follows: rows of nodes have transactions of their own.
 
     Args:
-        connection: The writing thread's.
+        connection: That of central rows.
         notice: Of nodes of the site.
         site: The gateway's.
         gateway: Who tells.
@@ -76,10 +78,7 @@ def note(
         conflicts: Subjects whose key is another one than the one that is kept.
     """
     for worn in notice.worn:
-        here = (subject_nodes.c.node == worn.node) & (subject_nodes.c.subject == worn.subject)
-        if connection.execute(select(subject_nodes.c.reported).where(here)).first() is None:
-            row = {"node": worn.node, "subject": worn.subject, "reported": now}
-            connection.execute(insert(subject_nodes), row)
+        if not _is_assigned(connection, worn):
             audit_entry = AuditEntry(gateway, "", Action.SUBJECT_ASSIGNED, worn.node, worn.subject)
             record(connection, audit_entry, now=now)
     for subject in sorted(set(conflicts)):
@@ -94,6 +93,19 @@ def note(
             record(
                 connection, AuditEntry(gateway, "", Action.SUBJECT_ERASED, subject, site), now=now
             )
+
+
+def store_assignments(connection: Connection, worn: Iterable[Worn], *, now: int) -> None:
+    """Store which nodes subjects wear, within a transaction that locks the nodes' slots."""
+    for each in worn:
+        if not _is_assigned(connection, each):
+            row = {"node": each.node, "subject": each.subject, "reported": now}
+            connection.execute(insert(subject_nodes), row)
+
+
+def _is_assigned(connection: Connection, worn: Worn) -> bool:
+    here = (subject_nodes.c.node == worn.node) & (subject_nodes.c.subject == worn.subject)
+    return connection.execute(select(subject_nodes.c.reported).where(here)).first() is not None
 
 
 def _worn(item: object) -> Worn:

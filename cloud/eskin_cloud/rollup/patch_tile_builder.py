@@ -108,7 +108,7 @@ def claim(store: Store, place: Place) -> bool:
     Raises:
         StoreError: The store cannot be written.
     """
-    return store.write(lambda connection: _claim(connection, place)).result()
+    return store.write_node(place.node, lambda connection, _: _claim(connection, place)).result()
 
 
 def _claim(connection: Connection, place: Place) -> bool:
@@ -169,7 +169,7 @@ def rebuild(store: Store, place: Place) -> bool:
         made = _build(connection, place)
     if made is None:
         return False
-    return store.write(lambda connection: _write(connection, made)).result()
+    return store.write_node(place.node, lambda connection, _: _write(connection, made)).result()
 
 
 def _build(connection: Connection, place: Place) -> BuiltTiles | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from eskin.wire.frames import Patch
     from eskin_cloud.store.patch_run import PatchRun
     from eskin_cloud.store.store import Store
-    from eskin_cloud.store.write.write_cache import Row
+    from eskin_cloud.store.write.write_cache import Row, WriteCache
 
 SHORTEST: Final = 10 * SECOND
 """Least span of a row, if frames follow each other."""
@@ -137,7 +138,8 @@ def compact_frames(store: Store, page: PageKey, due: Due) -> bool:
     if made is None:
         return False
     store.compacted += made.size
-    return store.write(lambda connection: _replace(connection, store, made)).result()
+    work = partial(_replace, made=made)
+    return store.write_slots([page[0]], work).result()
 
 
 def _within(page: PageKey) -> ColumnElement[bool]:
@@ -285,9 +287,9 @@ def _measure(run: PatchRun, patch: Patch) -> _Measures:
     return _Measures(run.t + first, run.t + last, lo.size, float(lo.min()), float(hi.max()))
 
 
-def _replace(connection: Connection, store: Store, made: CompactedFrames) -> bool:
+def _replace(connection: Connection, cache: WriteCache, made: CompactedFrames) -> bool:
     """Replace frames by their rows, unless a frame changed meanwhile."""
-    f, row = frames.c, store.cache.row(connection, pages, *made.page)
+    f, row = frames.c, cache.row(connection, pages, *made.page)
     if row is None or row["compacted"] != made.since:
         return False
     if made.gone:
@@ -308,7 +310,7 @@ def _replace(connection: Connection, store: Store, made: CompactedFrames) -> boo
     since = select(func.min(f.t)).where(_within(made.page), f.cursor > made.cursor)
     late = connection.execute(since.where(f.t < made.until)).scalar_one()
     row["compacted"] = made.until if late is None else late
-    store.cache.change(pages, *made.page)
+    cache.change(pages, *made.page)
     return True
 
 

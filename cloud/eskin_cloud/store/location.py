@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from sqlalchemy import Engine
 
 StoreLocation: TypeAlias = Path | URL
+GROUPS: Final = 4
+"""Groups of slots that a process writes to PostgreSQL at once, each by a connection."""
 
 _INVALID_URL: Final = "is no PostgreSQL URL; write postgresql://USER@HOST:PORT/DATABASE"
 
@@ -40,10 +42,20 @@ def parse_url(text: str) -> URL:
 
 
 def writing_engine(place: StoreLocation) -> Engine:
-    """An engine with one connection, whose transactions hold the write lock."""
+    """An engine with one connection, whose transactions hold the write lock of central rows."""
     if isinstance(place, Path):
         return sqlite.writing_engine(place)
     return postgres.writing_engine(place)
+
+
+def slot_engines(place: StoreLocation) -> list[Engine]:
+    """Engines that write rows of nodes, one for each group of slots.
+
+    None for SQLite, which has one writer: that of `writing_engine`.
+    """
+    if isinstance(place, Path):
+        return []
+    return [postgres.slot_engine(place) for _ in range(GROUPS)]
 
 
 def reading_engine(place: StoreLocation, *, readers: int) -> Engine:

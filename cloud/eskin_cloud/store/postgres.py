@@ -1,4 +1,4 @@
-"""PostgreSQL engines: one connection a process writes, one process at a time."""
+"""PostgreSQL engines: for central rows, for rows of nodes, and for reading."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
 WRITE_LOCK: Final = 0x65736B696E
-"""Key of the advisory lock that a writer holds until its commit: "eskin" in ASCII."""
+"""Key of the advisory lock of the central rows' writer: "eskin" in ASCII."""
 _CONNECT_S: Final = 5
 # Keepalives let the server notice a connection that was reset on the way; otherwise it would keep
 # that connection's locks for a minute.
@@ -29,17 +29,24 @@ _READER_OPTIONS: Final = (
 
 
 def writing_engine(url: URL) -> Engine:
-    """An engine with one connection, whose transactions take the write lock when they begin.
+    """An engine with one connection that writes central rows, as one process at a time does.
 
-    So a transaction sees all that was written before, by whichever process, as with SQLite.
+    Its transactions take a lock when they begin, so each sees all that was written before, by
+    whichever process, as with SQLite.
     """
-    engine = _engine(url, size=1, options=_WRITER_OPTIONS)
-    end_copy_before_statements(engine)
+    engine = slot_engine(url)
 
     @event.listens_for(engine, "begin")
     def lock(connection: Connection) -> None:
         connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({WRITE_LOCK})")
 
+    return engine
+
+
+def slot_engine(url: URL) -> Engine:
+    """An engine with one connection that writes rows of nodes, whose slots it locks."""
+    engine = _engine(url, size=1, options=_WRITER_OPTIONS)
+    end_copy_before_statements(engine)
     return engine
 
 

@@ -9,13 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sqlalchemy import and_, delete, func, select, tuple_
+from sqlalchemy import and_, delete, exists, func, select, tuple_
 
 from eskin.privacy.sealed_message import read_page
 from eskin_cloud.store.patch_totals import Place, subtract_rows
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
-from eskin_cloud.store.schema.sealed_tables import is_of_erased_subject, sealed_messages
-from eskin_cloud.store.schema.tables import events
+from eskin_cloud.store.schema.sealed_tables import (
+    erased_subjects,
+    is_of_erased_subject,
+    sealed_messages,
+)
+from eskin_cloud.store.schema.tables import events, node_sites
 from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.removal_counts import RemovalReason, Sweep, record_removal
 
@@ -159,6 +163,20 @@ def sweeps_of_erased(connection: Connection) -> list[Sweep]:
     query = select(v.node, v.place, func.max(v.t_hi)).where(is_of_erased_subject())
     rows = connection.execute(query.group_by(v.node, v.place)).all()
     return [Sweep(row[0], row[1], RemovalReason.ERASURE, row[2]) for row in rows]
+
+
+def unfinished_erasures(connection: Connection) -> list[tuple[str, str]]:
+    """Site and subject of the erasures whose rows may not all be deleted."""
+    e = erased_subjects.c
+    query = select(e.site, e.subject).where(e.removed.is_(None)).order_by(e.site, e.subject)
+    return [(site, subject) for site, subject in connection.execute(query)]
+
+
+def has_messages(connection: Connection, site: str, subject: str) -> bool:
+    """Whether sealed messages of a site's subject are stored."""
+    v, n = sealed_messages.c, node_sites.c
+    here = (v.subject == subject) & (n.node == v.node) & (n.site == site)
+    return bool(connection.execute(select(exists(select(v.node).where(here)))).scalar_one())
 
 
 def _conditions(sweep: Sweep) -> list[ColumnElement[bool]]:

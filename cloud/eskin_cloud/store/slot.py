@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Final
+from typing import TYPE_CHECKING, Final, Generic, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+T = TypeVar("T")
+U = TypeVar("U")
 
 SLOTS: Final = 64
 
@@ -13,6 +20,57 @@ SLOTS: Final = 64
 def slot_of(node: str) -> int:
     """The slot of a node, from 0 to 63: the first 8 bytes of its name's SHA-256, modulo 64."""
     return int.from_bytes(hashlib.sha256(node.encode()).digest()[:8]) % SLOTS
+
+
+def group_of(slot: int, groups: int) -> int:
+    """The group of a slot, of so many groups of neighbouring slots."""
+    return slot * groups // SLOTS
+
+
+@dataclass(frozen=True, slots=True)
+class Share(Generic[T]):
+    """Items of the nodes of one group of slots, which one transaction may write.
+
+    Attributes:
+        slots: The slots of their nodes.
+        numbers: Their places among all items.
+        items: The items.
+    """
+
+    slots: set[int] = field(default_factory=set)
+    numbers: list[int] = field(default_factory=list)
+    items: list[T] = field(default_factory=list)
+
+
+def share_out(items: Iterable[T], node_of: Callable[[T], str], groups: int) -> list[Share[T]]:
+    """Share items out by the groups of their nodes' slots.
+
+    Args:
+        items: The items.
+        node_of: Gives an item's node.
+        groups: How many groups there are.
+    """
+    shares: dict[int, Share[T]] = {}
+    for number, item in enumerate(items):
+        slot = slot_of(node_of(item))
+        own = shares.setdefault(group_of(slot, groups), Share())
+        own.slots.add(slot)
+        own.numbers.append(number)
+        own.items.append(item)
+    return list(shares.values())
+
+
+def in_order(shares: Iterable[Share[T]], results: Iterable[Sequence[U]]) -> list[U]:
+    """The results of all items, in the items' order.
+
+    Args:
+        shares: As `share_out` gives them.
+        results: Those of each share, in the order of its items.
+    """
+    found: dict[int, U] = {}
+    for each, own in zip(shares, results, strict=True):
+        found.update(zip(each.numbers, own, strict=True))
+    return [found[number] for number in sorted(found)]
 
 
 def slot_of_cursor(cursor: int) -> int:

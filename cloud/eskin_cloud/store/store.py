@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import secrets
 import time
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self, TypeVar
 
-from sqlalchemy import update
 from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import StoreError
@@ -15,20 +16,28 @@ from eskin.runtime.sqlite_integrity import UNREADABLE
 from eskin_cloud.store.damage import damaged_rows
 from eskin_cloud.store.db_errors import explain
 from eskin_cloud.store.integrity import check_small_tables
-from eskin_cloud.store.location import StoreLocation, describe, reading_engine, writing_engine
-from eskin_cloud.store.pg_copy import finish_copy
-from eskin_cloud.store.schema.tables import feed
-from eskin_cloud.store.slot import SLOTS
+from eskin_cloud.store.location import (
+    StoreLocation,
+    describe,
+    reading_engine,
+    slot_engines,
+    writing_engine,
+)
+from eskin_cloud.store.notify import NoticeSender
+from eskin_cloud.store.postgres import driver_arguments
+from eskin_cloud.store.slot import Share, group_of, share_out, slot_of
 from eskin_cloud.store.version import create_tables, require_version
-from eskin_cloud.store.write.write_cache import WriteCache
-from eskin_cloud.store.write.writer import Writer
+from eskin_cloud.store.write.slot_writer import SlotWriter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Collection, Iterable, Iterator
     from concurrent.futures import Future
     from types import TracebackType
 
     from sqlalchemy import Connection
+
+    from eskin_cloud.store.write.write_cache import WriteCache
+    from eskin_cloud.store.write.writer import Writer
 
 T = TypeVar("T")
 
@@ -43,8 +52,7 @@ class Store:
         clock: Returns UTC ns.
         readers: Number of connections that read.
         compacted: Bytes of frames that were compacted since the start.
-        cache: The writer's cache of stored rows.
-        writer: The thread that writes.
+        name: Identifies this process to the others on the store.
         damage: Why the store is not read any more (`jobs.integrity`); ``None`` if it is intact.
     """
 
@@ -65,10 +73,11 @@ class Store:
         self.clock = clock
         self.readers = readers
         self.compacted = 0
-        self.cache = WriteCache()
+        self.name = secrets.token_hex(16)
         self.damage: str | None = None
         damaged_rows.clear()
         self._writing = writing_engine(location)
+        self._of_slots = slot_engines(location)
         self._reading = reading_engine(location, readers=readers)
         try:
             if isinstance(location, Path):
@@ -79,14 +88,14 @@ class Store:
         except (OSError, SQLAlchemyError, StoreError, *UNREADABLE) as error:
             self._dispose()
             raise StoreError(f"{self}: the store cannot be opened: {explain(error)}") from error
-        self.writer = Writer(
-            self._writing,
-            capacity=queue,
-            on_begin=self._begin,
-            on_save=self._save,
-            on_rollback=self.cache.clear,
-            probe=_probe,
-        )
+        self._notices: NoticeSender | None = None
+        if not isinstance(location, Path):
+            self._notices = NoticeSender(driver_arguments(location), name=self.name)
+        self._central = SlotWriter(self._writing, self._notices, name=self.name, queue=queue)
+        self._groups = [
+            SlotWriter(engine, self._notices, name=self.name, queue=queue)
+            for engine in self._of_slots
+        ] or [self._central]
 
     def __str__(self) -> str:
         return describe(self.location)
@@ -102,17 +111,35 @@ class Store:
     ) -> None:
         self.close()
 
-    def write(
-        self,
-        work: Callable[[Connection], T],
-        *,
-        fallback: Callable[[Connection], T] | None = None,
-        shared: bool = False,
-    ) -> Future[T]:
-        """Queue work for a transaction; the future is done once it is durable.
+    def write(self, work: Callable[[Connection], T], *, shared: bool = False) -> Future[T]:
+        """Queue work on central rows for a transaction; the future is done once it is durable.
 
         Args:
-            work: Runs in the transaction; its changes of the cache are saved.
+            work: Runs in the transaction. It writes no rows of nodes.
+            shared: Whether ``work`` needs no savepoint. See `Writer.submit`.
+
+        Raises:
+            StoreError: Too many writes wait, or the store is closed.
+        """
+        return self._central.writer.submit(work, shared=shared)
+
+    def write_slots(
+        self,
+        slots: Collection[int],
+        work: Callable[[Connection, WriteCache], T],
+        *,
+        fallback: Callable[[Connection, WriteCache], T] | None = None,
+        shared: bool = False,
+    ) -> Future[T]:
+        """Queue work on rows of nodes for a transaction; the future is done once it is durable.
+
+        The transaction locks the slots first. Writers of different slots do not wait for each
+        other, nor for those of central rows.
+
+        Args:
+            slots: The slots of the nodes, of one group (`shares`).
+            work: Runs in the transaction; its changes of the cache are saved. It writes no central
+                rows.
             fallback: Runs instead if ``work`` raises anything but an `EskinError`.
             shared: Whether ``work`` reads by SQL nothing that other shared work changes through
                 the cache. See `Writer.submit`.
@@ -120,7 +147,40 @@ class Store:
         Raises:
             StoreError: Too many writes wait, or the store is closed.
         """
-        return self.writer.submit(work, fallback=fallback, shared=shared)
+        (group,) = {group_of(slot, len(self._groups)) for slot in slots}
+        return self._groups[group].submit(slots, work, fallback=fallback, shared=shared)
+
+    def write_node(self, node: str, work: Callable[[Connection, WriteCache], T]) -> Future[T]:
+        """Queue work on the rows of one node. See `write_slots`."""
+        return self.write_slots([slot_of(node)], work)
+
+    def shares(self, items: Iterable[T], node_of: Callable[[T], str]) -> list[Share[T]]:
+        """Share items out by the groups of their nodes' slots, which are written apart."""
+        return share_out(items, node_of, len(self._groups))
+
+    @property
+    def waiting(self) -> int:
+        """Number of waiting writes."""
+        return sum(each.waiting for each in self._writers)
+
+    @property
+    def commits(self) -> int:
+        """Number of commits."""
+        return sum(each.commits for each in self._writers)
+
+    @property
+    def jobs(self) -> int:
+        """Number of committed writes."""
+        return sum(each.jobs for each in self._writers)
+
+    @property
+    def fault(self) -> str | None:
+        """Why a last commit failed; ``None`` after a success of all writers."""
+        return next((each.fault for each in self._writers if each.fault is not None), None)
+
+    @property
+    def _writers(self) -> list[Writer]:
+        return list(dict.fromkeys(each.writer for each in [self._central, *self._groups]))
 
     def write_and_wait(self, work: Callable[[Connection], T]) -> T:
         """Run work in a transaction, and wait until it is durable.
@@ -128,15 +188,12 @@ class Store:
         Raises:
             StoreError: The commit takes too long, too many writes wait, or the write fails.
         """
-        written = self.write(work)
-        try:
-            return written.result(_WRITE_TIMEOUT_S)
-        except TimeoutError as error:
-            written.cancel()
-            raise StoreError(
-                f"{self}: nothing was written for {_WRITE_TIMEOUT_S:g} s; "
-                "check what else uses the store, then retry"
-            ) from error
+        return _wait(self, self.write(work))
+
+    def clear_caches(self) -> None:
+        """Drop what the writers have cached, after their present transactions."""
+        for each in self._groups:
+            _wait(self, each.writer.submit(partial(_clear, each.cache)))
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
@@ -162,8 +219,9 @@ class Store:
         """
         with self.read():
             pass
-        if self.writer.fault is not None:
-            self.write_and_wait(lambda _: None)
+        for each in self._writers:
+            if each.fault is not None:
+                _wait(self, each.submit(lambda _: None))
 
     def shrink(self) -> None:
         """Free the page caches of SQLite's connections, up to 32 MiB each.
@@ -180,27 +238,36 @@ class Store:
 
     def close(self) -> None:
         """Run queued writes, then close the store."""
-        self.writer.close()
+        for each in self._writers:
+            each.close()
+        if self._notices is not None:
+            self._notices.close()
         self._dispose()
 
-    def _begin(self, connection: Connection) -> None:
-        """Check the version and refresh the cache: other processes may have written."""
-        require_version(connection)
-        self.cache.lock(connection, range(SLOTS))
-
-    def _save(self, connection: Connection) -> None:
-        """Write the cache's changes, and finish a COPY."""
-        self.cache.save(connection)
-        finish_copy(connection)
-
     def _dispose(self) -> None:
-        self._writing.dispose()
-        self._reading.dispose()
+        for engine in (self._writing, *self._of_slots, self._reading):
+            engine.dispose()
+
+
+def _wait(store: Store, written: Future[T]) -> T:
+    """Wait until a write is durable.
+
+    Raises:
+        StoreError: The commit takes too long, or the write fails.
+    """
+    try:
+        return written.result(_WRITE_TIMEOUT_S)
+    except TimeoutError as error:
+        written.cancel()
+        raise StoreError(
+            f"{store}: nothing was written for {_WRITE_TIMEOUT_S:g} s; "
+            "check what else uses the store, then retry"
+        ) from error
+
+
+def _clear(cache: WriteCache, _: Connection) -> None:
+    cache.clear()
 
 
 def _shrink(connection: Connection) -> None:
     connection.exec_driver_sql("PRAGMA shrink_memory")
-
-
-def _probe(connection: Connection) -> None:
-    connection.execute(update(feed).values(cursor=feed.c.cursor))

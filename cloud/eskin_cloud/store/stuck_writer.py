@@ -1,4 +1,4 @@
-"""End a process that hangs while it holds PostgreSQL's write lock."""
+"""End a process that hangs while other writers of PostgreSQL wait for its locks."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import text
 
-from eskin_cloud.store.postgres import WRITE_LOCK
-
 if TYPE_CHECKING:
     from eskin_cloud.store.store import Store
 
@@ -18,15 +16,16 @@ log = logging.getLogger(__name__)
 _TIMEOUT_S: Final = 60.0
 """The server's own timeout for an idle transaction."""
 _TERMINATE: Final = text(
-    "SELECT pg_terminate_backend(a.pid) FROM pg_locks l JOIN pg_stat_activity a ON a.pid = l.pid "
-    "WHERE l.locktype = 'advisory' AND l.granted AND a.datname = current_database() "
-    "AND (l.classid::bigint << 32 | l.objid::bigint) = :lock AND a.wait_event = 'ClientRead' "
-    "AND a.state = 'active' AND a.state_change < clock_timestamp() - make_interval(secs => :after)"
+    "SELECT pg_terminate_backend(a.pid) FROM pg_stat_activity a "
+    "WHERE a.pid IN (SELECT unnest(pg_blocking_pids(w.pid)) FROM pg_stat_activity w "
+    "WHERE w.datname = current_database() AND w.wait_event_type = 'Lock') "
+    "AND a.wait_event = 'ClientRead' AND a.state = 'active' "
+    "AND a.state_change < clock_timestamp() - make_interval(secs => :after)"
 )
 
 
 def end_stuck_writer(store: Store, *, after_s: float = _TIMEOUT_S) -> bool:
-    """End the session of a writer that hangs in the middle of a COPY.
+    """End the session of a writer that hangs in the middle of a COPY while others wait for it.
 
     The server ends idle transactions and slow statements by itself, but no timeout of it covers a
     COPY whose rows do not arrive.
@@ -44,7 +43,7 @@ def end_stuck_writer(store: Store, *, after_s: float = _TIMEOUT_S) -> bool:
     if isinstance(store.location, Path):
         return False
     with store.read() as connection:
-        ended = connection.execute(_TERMINATE, {"lock": WRITE_LOCK, "after": after_s}).all()
+        ended = connection.execute(_TERMINATE, {"after": after_s}).all()
     if ended:
         log.warning("stuck writer ended: idle_s=%g", after_s)
     return bool(ended)

@@ -13,13 +13,10 @@ from tests.robustness.model.mutants import MUTANTS, Mutant
 from tests.robustness.model.tlc import MODULES, check, find_jar
 
 _SOURCE: Final = (MODULES / "Delivery.tla").read_text()
-_ROW: Final = re.compile(r"^\| (\w+) \| (?:`([\w.]+)`)? ?\| ?([\w.]*) ?\|$", re.MULTILINE)
+_ROW: Final = re.compile(r"^\| (\w+) \| `([\w.]+)` \|$", re.MULTILINE)
 _BROKEN_DOWN: Final = {"Closed", "OnlyErasure"}
 """Parts of actions."""
-_ROWS: Final = {
-    action: (built, planned)
-    for action, built, planned in _ROW.findall((MODULES / "README.md").read_text())
-}
+_ROWS: Final = dict(_ROW.findall((MODULES / "README.md").read_text()))
 
 
 def _exists(name: str) -> bool:
@@ -44,11 +41,8 @@ def test_table_names_the_actions_of_the_module() -> None:
 
 
 @pytest.mark.parametrize("action", _ROWS)
-def test_code_of_an_action_exists_unless_it_is_planned(action: str) -> None:
-    built, planned = _ROWS[action]
-    assert built or planned
-    assert not built or _exists(built), f"{built} is gone: name what does it now"
-    assert not planned or not _exists(planned), f"{planned} exists: remove the mark"
+def test_code_of_an_action_exists(action: str) -> None:
+    assert _exists(_ROWS[action]), f"{_ROWS[action]} is gone: name what does it now"
 
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import timedelta
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Protocol
 
 import cbor2
@@ -19,13 +20,13 @@ from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin_cloud.service import make_cloud
 from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from eskin_cloud.store import Store
-from eskin_cloud.store.descriptions import read_description, store_descriptions
+from eskin_cloud.store.descriptions import Description, read_description, store_descriptions
 from eskin_cloud.store.feed_position import FEED_START, FeedPosition
 from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.tables import audit_log, feed, metadata, versions
-from eskin_cloud.store.slot import SLOTS, slot_of
-from eskin_cloud.store.write.ingest import IngestResult, ingest
+from eskin_cloud.store.slot import SLOTS, in_order, slot_of
+from eskin_cloud.store.write.ingest import IngestResult, ingest, ingest_individually
 from eskin_cloud.store.write.node_sites import store_sites
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from sqlalchemy import delete, func, select, update
@@ -37,11 +38,12 @@ from tests.support.identities import SITE
 from tests.unit.cloud.messages import NODE, SKINS, START
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
     from eskin_cloud.app_state import AppState
     from eskin_cloud.store.location import StoreLocation
+    from eskin_cloud.store.write.write_cache import WriteCache
     from fastapi import FastAPI
     from sqlalchemy import Connection
     from starlette import types as asgi
@@ -78,10 +80,10 @@ def skins_behind(pairs: Iterable[tuple[str, bytes]]) -> set[tuple[str, bytes]]:
     return {(node, name) for node, data in pairs for name in SKINS if name in data}
 
 
-def present(connection: Connection, store: Store, items: Sequence[ParsedMessage]) -> None:
+def present(connection: Connection, cache: WriteCache, items: Sequence[ParsedMessage]) -> None:
     """Store what describes messages of one channel, as if it had been sent ahead."""
     for node, name in skins_behind((item.node, item.data) for item in items):
-        if not store.cache.is_accepted(node, name):
+        if not cache.is_accepted(node, name):
             described = [read_description(each.encode()) for each in SKINS[name]]
             store_descriptions(connection, node, described)
 
@@ -95,11 +97,13 @@ def put(store: Store, *messages: Said, node: str = NODE, dead_letters: int = 100
 def admit(store: Store, *nodes: str, site: str = SITE) -> None:
     """Have the store know nodes of a site, as if their certificates had been presented."""
 
-    def work(connection: Connection) -> None:
-        named = [(node, b"") for node in dict.fromkeys(nodes)]
+    def work(ours: list[str], connection: Connection, cache: WriteCache) -> None:
+        del cache
+        named = [(node, b"") for node in ours]
         store_sites(connection, named, site=site, gateway="gateway.g1", now=store.clock())
 
-    store.write(work).result(120)
+    for each in store.shares(dict.fromkeys(nodes), str):
+        store.write_slots(each.slots, partial(work, each.items)).result(120)
 
 
 def position(number: int, node: str = NODE) -> FeedPosition:
@@ -127,19 +131,57 @@ def is_pair(item: Any) -> bool:
 
 
 def put_items(
-    store: Store, items: Sequence[ParsedMessage], *, dead_letters: int = 100
+    store: Store,
+    items: Sequence[ParsedMessage],
+    *,
+    dead_letters: int = 100,
+    described: bool = False,
 ) -> IngestResult:
-    """Store items in one batch."""
+    """Store items in one batch, each group of slots in its transaction, as the cloud does.
 
-    def work(connection: Connection) -> IngestResult:
-        present(connection, store, items)
+    Args:
+        store: The store.
+        items: The batch.
+        dead_letters: Most dead letters that are kept.
+        described: Whether what describes them is stored; else it is stored first, and an error
+            is raised rather than a dead letter stored.
+    """
+
+    def work(
+        take: Callable[..., IngestResult],
+        ours: Sequence[ParsedMessage],
+        connection: Connection,
+        cache: WriteCache,
+    ) -> IngestResult:
+        if not described:
+            present(connection, cache, ours)
         now = store.clock()
         gateway = "gateway.g1"
-        return ingest(
-            connection, store.cache, items, gateway=gateway, now=now, dead_letters=dead_letters
-        )
+        return take(connection, cache, ours, gateway=gateway, now=now, dead_letters=dead_letters)
 
-    return store.write(work, shared=True).result(120)
+    shares = store.shares(items, attrgetter("node"))
+    futures = [
+        store.write_slots(
+            each.slots,
+            partial(work, ingest, each.items),
+            fallback=partial(work, ingest_individually, each.items) if described else None,
+            shared=True,
+        )
+        for each in shares
+    ]
+    found = [future.result(120) for future in futures]
+    return IngestResult(
+        results=in_order(shares, [each.results for each in found]),
+        entries=[entry for each in found for entry in each.entries],
+        dropped=sum(each.dropped for each in found),
+        lag=next((each.lag for each in reversed(found) if each.lag is not None), None),
+        conflicts=sum(each.conflicts for each in found),
+    )
+
+
+def cached_rows(store: Store) -> int:
+    """How many rows the writer of the usual node has cached."""
+    return store.write_node(NODE, lambda _, cache: len(cache)).result(120)
 
 
 def emptied(store: Store) -> Store:
@@ -210,7 +252,9 @@ class Stand:
             self.admitted |= fresh
         self.present(body)
         async with self.ingest_client() as client:
-            return await client.post("/api/v1/ingest", content=body, headers=headers)
+            answer = await client.post("/api/v1/ingest", content=body, headers=headers)
+        await self.cloud.gateway_contacts.written()
+        return answer
 
     def present(self, body: bytes) -> None:
         """Store what describes a batch's messages of one channel, as the gateway posts it."""
@@ -218,8 +262,17 @@ class Stand:
         self.described |= skins
         for node, name in skins:
             described = [read_description(each.encode()) for each in SKINS[name]]
-            work = partial(store_descriptions, node=node, presented=described)
-            self.cloud.store.write(work).result(120)
+
+            def work(
+                connection: Connection,
+                cache: WriteCache,
+                node: str = node,
+                described: list[Description] = described,
+            ) -> None:
+                del cache
+                store_descriptions(connection, node, described)
+
+            self.cloud.store.write_node(node, work).result(120)
 
     async def get(self, path: str, **params: Any) -> httpx.Response:
         """Ask as a reader."""

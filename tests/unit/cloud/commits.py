@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.ingest import ingest, ingest_individually
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from eskin_cloud.store import Store
     from eskin_cloud.store.write.ingest import IngestResult
+    from eskin_cloud.store.write.write_cache import WriteCache
     from sqlalchemy import Connection
 
     from tests.unit.cloud.clouds import Said
@@ -32,29 +34,31 @@ def bring(
     """Have messages stored as ingest has, in a batch that may do something more before its end."""
     items = [ParsedMessage.parse(NODE, message.encode()) for message in said]
 
-    def work(take: Callable[..., IngestResult], connection: Connection) -> IngestResult:
+    def work(
+        take: Callable[..., IngestResult], connection: Connection, cache: WriteCache
+    ) -> IngestResult:
         now = store.clock()
-        present(connection, store, items)
-        outcome = take(connection, store.cache, items, gateway="g", now=now, dead_letters=9)
+        present(connection, cache, items)
+        outcome = take(connection, cache, items, gateway="g", now=now, dead_letters=9)
         if then is not None:
             then(connection)
         return outcome
 
     ways = partial(work, ingest), partial(work, ingest_individually)
-    return store.write(ways[0], fallback=ways[1], shared=shared)
+    return store.write_slots([slot_of(NODE)], ways[0], fallback=ways[1], shared=shared)
 
 
 @contextmanager
 def one_commit(store: Store) -> Iterator[None]:
-    """Writes wait meanwhile, and then share a commit."""
+    """Writes of the usual node wait meanwhile, and then share a commit."""
     started: Future[None] = Future()
     held: Future[None] = Future()
 
-    def wait(_: Connection) -> None:
+    def wait(_: Connection, __: WriteCache) -> None:
         started.set_result(None)
         held.result(120)
 
-    first = store.write(wait)
+    first = store.write_node(NODE, wait)
     started.result(120)
     try:
         yield

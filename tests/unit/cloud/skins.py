@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from eskin_cloud.ingest.posted_descriptions import read_posted, store_posted
-from eskin_cloud.store.write.ingest import IngestResult, ingest, ingest_individually
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
 from eskin.interval import Interval, Verdict
 from eskin.wire.frames import Frame, Gap, Grid, Layout, Patch, PatchSamples, Peak, Statements
 from eskin.wire.messages import Position
 from tests.support.identities import SITE
-from tests.unit.cloud.clouds import admit, batch
+from tests.unit.cloud.clouds import admit, batch, put_items
 from tests.unit.cloud.messages import NODE, START
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from eskin_cloud.ingest.posted_descriptions import PostedResult
     from eskin_cloud.store import Store
-    from sqlalchemy import Connection
+    from eskin_cloud.store.write.ingest import IngestResult
 
     from tests.unit.cloud.clouds import Said
 
@@ -95,25 +93,12 @@ def describe(
     """Present descriptions as a gateway does."""
     admit(store, node)
     posted = read_posted(batch(*descriptions, node=node))
-    return store.write(
-        lambda connection: store_posted(connection, store.cache, posted, site=site)
+    return store.write_node(
+        node, lambda connection, cache: store_posted(connection, cache, posted, site=site)
     ).result(120)
 
 
 def bring_all(store: Store, *said: tuple[str, Said]) -> IngestResult:
     """Store messages of nodes in one batch, as ingest does."""
     items = [ParsedMessage.parse(node, message.encode()) for node, message in said]
-
-    def work(take: Callable[..., IngestResult], connection: Connection) -> IngestResult:
-        return take(
-            connection,
-            store.cache,
-            items,
-            gateway="gateway.g1",
-            now=store.clock(),
-            dead_letters=100,
-        )
-
-    return store.write(
-        partial(work, ingest), fallback=partial(work, ingest_individually), shared=True
-    ).result(120)
+    return put_items(store, items, described=True)

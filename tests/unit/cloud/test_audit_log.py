@@ -76,6 +76,7 @@ async def test_actions_are_logged(stand: Stand) -> None:
         ("login link", "sign in", ""),
         ("login link", "sign out", ""),
         ("boss", "sign in", ""),
+        ("boss", "command asked for", NODE),
         ("boss", "command issued", NODE),
         ("command line", "token revoked", token_id(digest(stand.token))),
     ]

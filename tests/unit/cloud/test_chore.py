@@ -114,7 +114,7 @@ async def test_lasting_store_error_is_logged_once_by_the_silence_job(
 
     monkeypatch.setattr("eskin_cloud.jobs.silence._INTERVAL_S", 0.001)
     monkeypatch.setattr("eskin_cloud.jobs.silence.SECOND", 0)  # so that every silence is too long
-    monkeypatch.setattr(stand.cloud.store, "write", away)
+    monkeypatch.setattr("eskin_cloud.jobs.silence.find_silent", away)
     async with asyncio.timeout(60):
         await watch_silence(stand.cloud, stopping)
     assert times >= 5

@@ -165,7 +165,7 @@ async def test_damage_does_not_revive_a_token(stand: Stand, change: str) -> None
 def test_damaged_row_that_is_written_again_stays_damaged(store: Store, place: Path) -> None:
     put(store, stretch(1))
     damage(place, "UPDATE pages SET samples = 7")
-    store.cache.clear()
+    store.clear_caches()
     put(store, stretch(2, time=(START + DT,) * 2))
     with store.read() as connection:
         assert len(find_damaged(connection, pages)) == 1
@@ -177,7 +177,7 @@ def test_sequences_under_a_name_that_is_no_text_are_restored(store: Store, place
     put(store, stretch(1), stretch(2, time=(START + DT,) * 2))
     damage(place, "UPDATE sequences SET node = CAST(x'e669' AS TEXT)")
     look_at(store, sequences)
-    store.cache.clear()
+    store.clear_caches()
     assert [each.result for each in put(store, stretch(1)).results] == [DUPLICATE]
 
 
@@ -199,13 +199,13 @@ async def test_damaged_ranges_are_restored_from_digests(stand: Stand, change: st
     put(store, *(stretch(n, time=(START + n * DT,) * 2) for n in numbers))
     damage(path_of(stand), f"UPDATE sequences SET {change} WHERE first = 5")  # noqa: S608 - ours
     look_at(store, sequences)
-    store.cache.clear()
+    store.clear_caches()
     for number in (6, 2, 7):
         result = put(store, stretch(number, time=(START + number * DT,) * 2))
         assert [each.result for each in result.results] == (
             ["duplicate"] if number in numbers else ["stored"]
         )
-    store.cache.clear()
+    store.clear_caches()
     with store.read() as connection:
         s = sequences.c
         here = select(s.first, s.last).where(s.node == NODE).order_by(s.first)

@@ -106,7 +106,7 @@ def test_numbers_are_compared_in_any_order_and_after_a_restart(store: Store) -> 
         assert {each.result for each in outcome.results} == {"duplicate"}
         outcome = put(store, *(said(number, level=9.0) for number in range(300)), dead_letters=10)
         assert {each.result for each in outcome.results} == {"rejected"}
-        store.cache.clear()
+        store.clear_caches()
 
 
 def test_conflict_with_compacted_and_removed_frames_is_detected(store: Store) -> None:

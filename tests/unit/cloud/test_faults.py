@@ -14,9 +14,9 @@ import pytest
 from eskin_cloud.access import Scope, create_token
 from eskin_cloud.store import postgres, sqlite, store
 from eskin_cloud.store.location import writing_engine
-from eskin_cloud.store.schema.tables import events, versions
+from eskin_cloud.store.schema.tables import events, feed, versions
 from eskin_cloud.store.version import VERSION
-from sqlalchemy import delete, func, insert, select, text
+from sqlalchemy import delete, func, insert, select, text, update
 
 from tests.unit.cloud.clouds import batch, count_frames, problem, put
 from tests.unit.cloud.messages import CHANNEL, NODE, START, peak, stretch
@@ -116,7 +116,8 @@ def held(stand: Stand) -> tuple[int, int]:
 @contextmanager
 def slow(bed: Bed) -> Iterator[str]:
     """Another program holds the write lock."""
-    with elsewhere(bed.location):
+    with elsewhere(bed.location) as connection:
+        connection.execute(update(feed).values(cursor=feed.c.cursor))
         yield "has locked the file" if isinstance(bed.location, Path) else "is too slow"
 
 
@@ -237,7 +238,7 @@ async def test_write_times_out(stand: Stand, monkeypatch: pytest.MonkeyPatch) ->
     token = create_token(kept, scopes=[Scope.ADMIN], name="boss", lifetime=timedelta(hours=1))
     monkeypatch.setattr(store, "_WRITE_TIMEOUT_S", 0.2)
     with elsewhere(kept.location):
-        kept.writer.fault = "it was slow before"
+        kept._central.writer.fault = "it was slow before"
         assert "nothing was written for 0.2 s" in problem(await stand.get("/readyz"), 503)
         async with stand.client(token=token) as boss:
             desired_state = {"name": "lab", "scopes": ["read"]}

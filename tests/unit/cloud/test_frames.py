@@ -151,7 +151,7 @@ def test_duplicate_and_conflicting_frames(store: Store) -> None:
         DUPLICATE,
         REJECTED,
     ]
-    store.cache.clear()
+    store.clear_caches()
     assert results(put(store, frame(0, seed=2), frame(0), statements(0))) == [
         REJECTED,
         DUPLICATE,

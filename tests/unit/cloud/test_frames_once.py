@@ -133,11 +133,11 @@ def present(store: Store, model: Model, node: str, some: Sequence[Layout | Patch
 @given(steps=STEPS)
 def test_each_is_stored_once_and_none_is_lost(store: Store, steps: list[Any]) -> None:
     emptied(store)
-    store.cache.clear()
+    store.clear_caches()
     model, everything = Model(), list[Said]()
     for step in steps:
         if step == "restart":
-            store.cache.clear()
+            store.clear_caches()
             check(store, model)
         elif isinstance(step, tuple):
             present(store, model, *step)

@@ -288,7 +288,7 @@ def test_channel_keeps_its_unit(store: Store) -> None:
         outcome = put(store, frame(sequence, of=of))
         assert results(outcome) == [REJECTED]
         assert "keeps its unit" in str(outcome.results[0].reason)
-    store.cache.clear()
+    store.clear_caches()
     assert results(put(store, frame(4, of=layout((PALM, colder, TIP))), frame(5))) == [
         REJECTED,
         STORED,
@@ -316,7 +316,7 @@ def test_channels_of_all_layouts_of_a_node_count(
         assert results(outcome)[0] == REJECTED
         assert "at most 9" in str(outcome.results[0].reason)
         assert results(outcome)[1] in {STORED, "duplicate"}
-        store.cache.clear()
+        store.clear_caches()
     assert results(put(store, frame(4), stretch(5))) == [STORED] * 2
     outcome = put(store, stretch(6, channel="t02.pressure", unit="Pa"))
     assert results(outcome) == [REJECTED]

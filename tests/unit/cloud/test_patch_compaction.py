@@ -279,11 +279,11 @@ def test_frame_that_comes_meanwhile_is_compacted_later(
     replace = compaction._replace
     brought: list[int] = []
 
-    def and_another(connection: Any, *rest: Any) -> bool:
+    def and_another(connection: Any, *rest: Any, **more: Any) -> bool:
         if not brought:
             brought.append(0)
-            waiting.append(store.write(lambda _: None))
-        return replace(connection, *rest)
+            waiting.append(store.write_node(NODE, lambda *_: None))
+        return replace(connection, *rest, **more)
 
     waiting: list[Any] = []
     (page,) = find_compactable_frames(store, REST)
@@ -292,7 +292,7 @@ def test_frame_that_comes_meanwhile_is_compacted_later(
     assert made is not None
     put(store, said(0))
     monkeypatch.setattr(compaction, "_replace", and_another)
-    store.write(lambda c: compaction._replace(c, store, made)).result(120)
+    store.write_node(NODE, lambda c, cache: compaction._replace(c, cache, made)).result(120)
     assert count(store, frames) == 1
     compact_all(store)
     assert count(store, frames) == 0
@@ -407,7 +407,7 @@ def test_any_order_of_frames_and_compaction_keeps_all(
     store: Store, steps: list[tuple[str, int, int]], boots: int
 ) -> None:
     emptied(store)
-    store.cache.clear()
+    store.clear_caches()
     describe(store, HAND, *PATCHES)
     expected: dict[tuple[int, int], list[Sampled]] = {}
     for step, first, size in steps:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from eskin_cloud.store.write.ingest import DUPLICATE, REJECTED, STORED
 
-from tests.unit.cloud.clouds import batch, put
+from tests.unit.cloud.clouds import batch, cached_rows, put
 from tests.unit.cloud.messages import NODE, peak, status, stretch
 from tests.unit.cloud.sealing import NODE as HAND
 from tests.unit.cloud.sealing import Site, declared, pulse, sealing
@@ -35,7 +35,7 @@ def test_channels_of_a_node_are_limited(stand: Stand, monkeypatch: pytest.Monkey
     outcome = put(store, *said)
     assert results(outcome) == [STORED] * 3 + [REJECTED] * 2
     assert "at most 3 are allowed" in str(outcome.results[-1].reason)
-    store.cache.clear()
+    store.clear_caches()
     assert results(put(store, stretch(10, channel=CHANNELS[3]))) == [REJECTED]
     assert results(put(store, peak(12, channel=CHANNELS[4]))) == [REJECTED]
     assert results(put(store, stretch(13), peak(14), status(15))) == [STORED] * 3
@@ -67,7 +67,7 @@ def test_ranges_of_a_boot_are_limited(stand: Stand, monkeypatch: pytest.MonkeyPa
     outcome = put(store, *(stretch(number) for number in (0, 2, 4, 6, 4)), peak(8))
     assert results(outcome) == [STORED] * 3 + [REJECTED, DUPLICATE, REJECTED]
     assert "gaps" in str(outcome.results[3].reason)
-    store.cache.clear()
+    store.clear_caches()
     assert results(put(store, stretch(8))) == [REJECTED]
     assert results(put(store, stretch(5), peak(6))) == [STORED] * 2, "these leave no other hole"
     assert results(put(store, stretch(1), stretch(9))) == [STORED] * 2, "one hole was filled"
@@ -81,11 +81,10 @@ async def test_rejected_messages_leave_no_cache_entry(
     monkeypatch.setattr("eskin_cloud.store.write.layouts.MOST_CHANNELS", 1)
     monkeypatch.setattr("eskin_cloud.store.write.write_cache._MAX_ROWS", 5)
     monkeypatch.setattr("eskin_cloud.store.write.write_cache._MAX_BOOTS", 5)
-    cache = stand.cloud.store.cache
     assert (await stand.ingest(batch(stretch(0)))).status_code == 200
     for number in range(30):
         refused = stretch(0, boot=2 + number, channel=f"t{number:02}.pressure")
         answer = await stand.ingest(batch(refused))
         assert [item["result"] for item in answer.json()["items"]] == [REJECTED]
-        assert len(cache) <= 13
+        assert cached_rows(stand.cloud.store) <= 13
     assert results(put(stand.cloud.store, stretch(0), stretch(1), node=NODE)) == [DUPLICATE, STORED]

@@ -47,7 +47,7 @@ async def test_ingest_goes_on_between_the_steps(
         await stand.ingest(site.batch(*map(pulse, range(200))))
         at_day(stand, 3)
         stopping = asyncio.Event()
-        before = stand.cloud.store.writer.jobs
+        before = stand.cloud.store.jobs
         running = asyncio.create_task(apply_retention(stand.cloud, stopping))
         moment = START + 3 * DAY * SECOND
         answer = await stand.ingest(batch(stretch(1, time=(moment, moment)), node="palm"))
@@ -57,7 +57,7 @@ async def test_ingest_goes_on_between_the_steps(
             await asyncio.sleep(0.01)
         stopping.set()
         await running
-        assert stand.cloud.store.writer.jobs - before >= 21
+        assert stand.cloud.store.jobs - before >= 21
         assert rows(stand, sealed_messages) == []
         assert len(rows(stand, frames)) == 1
 

@@ -19,18 +19,19 @@ from eskin_cloud.store.schema.tables import (
 from eskin_cloud.store.write.bulk_insert import bulk_insert
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from sqlalchemy import event, func, select
+from sqlalchemy import Engine, event, func, select
 from sqlalchemy.exc import IntegrityError
 
 from eskin.errors import QueryError
 from tests.support.examples import examples
 from tests.unit.cloud.clouds import emptied, put
 from tests.unit.cloud.commits import bring, kinds, one_commit
-from tests.unit.cloud.messages import gap, peak, status, stretch
+from tests.unit.cloud.messages import NODE, gap, peak, status, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from eskin_cloud.store.write.write_cache import WriteCache
     from sqlalchemy import Connection, Table
 
     from tests.unit.cloud.clouds import Clock, Said
@@ -51,6 +52,10 @@ def contents(store: Store) -> dict[str, list[tuple[Any, ...]]]:
 
 def _sorted(table: Table) -> Any:
     return select(table).order_by(*table.primary_key.columns)
+
+
+def _count(connection: Connection, table: Table) -> int:
+    return connection.execute(select(func.count()).select_from(table)).scalar_one()
 
 
 def refuse(_: Connection) -> None:
@@ -79,27 +84,28 @@ def test_shared_commit_saves_the_cache_once(store: Store) -> None:
         saved.append(" ".join(statement.split()[:2]))
 
     put(store, stretch(0), status(1))
-    event.listen(store._writing, "before_cursor_execute", note)
+    event.listen(Engine, "before_cursor_execute", note)
     with one_commit(store):
         written = [bring(store, stretch(10 * k), stretch(10 * k + 1)) for k in range(1, 9)]
     assert [kinds(each.result(120)) for each in written] == [["stored"] * 2] * 8
+    event.remove(Engine, "before_cursor_execute", note)
     assert saved.count("UPDATE pages") == saved.count("UPDATE nodes") == 1
     assert saved.count("UPDATE feed") == 1
-    store.cache.clear()
+    store.clear_caches()
     assert kinds(put(store, stretch(80), stretch(82))) == ["duplicate", "stored"]
 
 
 def test_other_work_sees_earlier_batches(store: Store) -> None:
-    def count(connection: Connection) -> tuple[int, int]:
+    def count(connection: Connection, _: WriteCache) -> tuple[int, int]:
         rows = select(func.count()).select_from(frames)
         counted = select(func.coalesce(func.sum(pages.c.frames), 0))
         return connection.execute(rows).scalar_one(), connection.execute(counted).scalar_one()
 
     with one_commit(store):
         bring(store, stretch(0), stretch(1))
-        first = store.write(count)
+        first = store.write_node(NODE, count)
         bring(store, stretch(2))
-        second = store.write(count)
+        second = store.write_node(NODE, count)
     assert first.result(120) == (2, 2)
     assert second.result(120) == (3, 3)
 
@@ -118,7 +124,9 @@ def test_failed_batch_affects_no_other(
         before = bring(store, stretch(1), peak(2))
         broken = bring(store, stretch(3), then=then)
         after = bring(store, stretch(4))
-        other = store.write(lambda c: c.execute(select(func.count()).select_from(frames)).scalar())
+        other = store.write_node(
+            NODE, lambda c, _: c.execute(select(func.count()).select_from(frames)).scalar()
+        )
     with pytest.raises(stated):
         broken.result(120)
     assert kinds(before.result(120)) == ["stored", "stored"]
@@ -172,7 +180,9 @@ def test_shared_commits_equal_single_commits(
         for numbers, then, between in work:
             written.append(bring(shared, *map(_said, numbers), then=then))
             if between:
-                shared.write(lambda c: c.execute(select(func.count()).select_from(nodes)).scalar())
+                shared.write_node(
+                    NODE, lambda c, _: c.execute(select(func.count()).select_from(nodes)).scalar()
+                )
     stated = [_outcome(each) for each in written]
     apart = [
         _outcome(bring(alone, *map(_said, numbers), then=then, shared=False))

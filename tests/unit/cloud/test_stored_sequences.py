@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sqlalchemy import select
 
 from eskin.wire.sequence_set import SequenceRanges
-from tests.unit.cloud.clouds import batch, count_frames
+from tests.unit.cloud.clouds import batch, cached_rows, count_frames
 from tests.unit.cloud.messages import stretch
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ async def test_cost_of_a_commit_is_independent_of_gaps(
     missing = [stretch(number) for number in range(1, 600, 2)]
     answer = await stand.ingest(batch(*missing))
     assert {item["result"] for item in answer.json()["items"]} == {"stored"}
-    stand.cloud.store.cache.clear()
+    stand.cloud.store.clear_caches()
     answer = await stand.ingest(batch(*even, *missing))
     assert {item["result"] for item in answer.json()["items"]} == {"duplicate"}
     assert count_frames(stand) == 602
@@ -83,5 +83,5 @@ async def test_cache_of_rows_is_bounded(stand: Stand, monkeypatch: pytest.Monkey
         said = stretch(2 * number, channel=f"t{number:02}.pressure"), stretch(2 * number + 1)
         answer = await stand.ingest(batch(*said))
         assert {item["result"] for item in answer.json()["items"]} == {"stored"}
-        assert len(stand.cloud.store.cache) <= 3 + 3
+        assert cached_rows(stand.cloud.store) <= 3 + 3
     assert count_frames(stand) == 12

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import pytest
 from eskin_cloud.store import Store
 from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.schema.frame_tables import frames
+from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.stuck_writer import end_stuck_writer
 from eskin_cloud.store.write.bulk_insert import bulk_insert
 from sqlalchemy import func, select
@@ -21,6 +22,7 @@ from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import NODE, START, skin_of, stretch
 
 if TYPE_CHECKING:
+    from eskin_cloud.store.write.write_cache import WriteCache
     from sqlalchemy import URL, Connection
 
     from tests.support.postgresql import Cluster
@@ -31,7 +33,7 @@ def test_stuck_writer_is_ended_and_retries(cluster: Cluster, shared_database: UR
     begun: Future[None] = Future()
     held: Future[None] = Future()
 
-    def hang(connection: Connection) -> None:
+    def hang(connection: Connection, _: WriteCache) -> None:
         into = bulk_insert(connection, frames)
         data = stretch(0).encode()
         said = FrameSummary.decode(data)
@@ -43,11 +45,14 @@ def test_stuck_writer_is_ended_and_retries(cluster: Cluster, shared_database: UR
 
     with Store(shared_database) as hung, Store(shared_database) as other:
         assert not end_stuck_writer(other, after_s=0.0)
-        broken = hung.write(hang, shared=True)
+        broken = hung.write_slots([slot_of(NODE)], hang, shared=True)
         begun.result(120)
         assert not end_stuck_writer(other, after_s=3600.0)
-        wait_until(lambda: end_stuck_writer(other, after_s=0.05), "the one that hangs is ended")
-        assert put(other, stretch(1)).results[0].result == "stored"
+        assert not end_stuck_writer(other, after_s=0.0), "no other writer waits"
+        with ThreadPoolExecutor(1) as pool:
+            waiting = pool.submit(put, other, stretch(1))
+            wait_until(lambda: end_stuck_writer(other, after_s=0.05), "the one that hangs is ended")
+            assert waiting.result(120).results[0].result == "stored"
         held.set_result(None)
         with pytest.raises(StoreError, match="then retry"):
             broken.result(120)

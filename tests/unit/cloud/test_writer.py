@@ -11,11 +11,11 @@ import pytest
 from eskin_cloud.store import Store, version
 from eskin_cloud.store.schema.frame_tables import frames, pages
 from eskin_cloud.store.schema.tables import dead_letters, feed, nodes, versions
-from eskin_cloud.store.slot import SLOTS
+from eskin_cloud.store.slot import SLOTS, slot_of
 from eskin_cloud.store.write.ingest import ingest, ingest_individually
 from eskin_cloud.store.write.pages import add_frames
 from eskin_cloud.store.write.parsed_message import ParsedMessage
-from eskin_cloud.store.write.writer import Writer
+from eskin_cloud.store.write.write_cache import WriteCache
 from sqlalchemy import func, insert, select, text
 
 from eskin.errors import StoreError
@@ -43,6 +43,9 @@ def results(outcome: Any) -> list[str]:
     return [result.result for result in outcome.results]
 
 
+SLOT = [slot_of(NODE)]
+
+
 @pytest.fixture
 def file_store(tmp_path: Path) -> Iterator[Store]:
     """One that is an SQLite file."""
@@ -51,15 +54,15 @@ def file_store(tmp_path: Path) -> Iterator[Store]:
 
 
 def test_failed_job_is_rolled_back_alone(store: Store) -> None:
-    def fails(connection: Connection) -> None:
+    def fails(connection: Connection, cache: WriteCache) -> None:
         items = [ParsedMessage.parse(NODE, stretch(0).encode())]
-        present(connection, store, items)
-        ingest(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
+        present(connection, cache, items)
+        ingest(connection, cache, items, gateway="g", now=START, dead_letters=9)
         raise ValueError("after its work")
 
     failed, good = (
-        store.write(fails),
-        store.write(lambda c: c.execute(select(func.max(feed.c.cursor))).all()),
+        store.write_node(NODE, fails),
+        store.write_node(NODE, lambda c, _: c.execute(select(func.max(feed.c.cursor))).all()),
     )
     with pytest.raises(ValueError, match="after its work"):
         failed.result(120)
@@ -82,10 +85,10 @@ def test_full_disk_acknowledges_nothing(file_store: Store) -> None:
     store.write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all()).result(120)
     with pytest.raises(StoreError, match="full"):
         put(store, *map(noise, range(1, 40)))
-    assert "full" in str(store.writer.fault)
+    assert "full" in str(store.fault)
     store.write(lambda c: c.execute(text("PRAGMA max_page_count=1000000")).all()).result(120)
     store.check()
-    assert not store.writer.fault
+    assert not store.fault
     again = put(store, *map(noise, range(1, 40)))
     assert results(again) == ["stored"] * 39
     assert len(rows(store, frames)) == 40
@@ -102,18 +105,18 @@ def test_shortage_rejects_no_message(
             raise shortage
         add_frames(*args)
 
-    def work(take: Callable[..., Any], connection: Connection) -> Any:
+    def work(take: Callable[..., Any], connection: Connection, cache: WriteCache) -> Any:
         items = [ParsedMessage.parse(NODE, stretch(n).encode()) for n in range(3)]
-        present(connection, store, items)
-        return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
+        present(connection, cache, items)
+        return take(connection, cache, items, gateway="g", now=START, dead_letters=9)
 
     monkeypatch.setattr("eskin_cloud.store.write.ingest.add_frames", short)
     ways = partial(work, ingest), partial(work, ingest_individually)
     with pytest.raises(StoreError, match=r"out of memory|Input/output"):
-        store.write(ways[0], fallback=ways[1]).result(120)
+        store.write_slots(SLOT, ways[0], fallback=ways[1]).result(120)
     assert rows(store, frames) == []
-    assert results(store.write(ways[0], fallback=ways[1]).result(120)) == ["stored"] * 3
-    assert store.writer.fault is None
+    assert results(store.write_slots(SLOT, ways[0], fallback=ways[1]).result(120)) == ["stored"] * 3
+    assert store.fault is None
 
 
 def test_shortage_in_the_fallback_rejects_no_message(
@@ -124,14 +127,15 @@ def test_shortage_in_the_fallback_rejects_no_message(
     def short(*_: Any) -> None:
         raise next(faults)
 
-    def work(take: Callable[..., Any], connection: Connection) -> Any:
+    def work(take: Callable[..., Any], connection: Connection, cache: WriteCache) -> Any:
         items = [ParsedMessage.parse(NODE, stretch(0).encode())]
-        present(connection, store, items)
-        return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
+        present(connection, cache, items)
+        return take(connection, cache, items, gateway="g", now=START, dead_letters=9)
 
     monkeypatch.setattr("eskin_cloud.store.write.ingest.add_frames", short)
+    ways = partial(work, ingest), partial(work, ingest_individually)
     with pytest.raises(StoreError, match="out of memory"):
-        store.write(partial(work, ingest), fallback=partial(work, ingest_individually)).result(120)
+        store.write_slots(SLOT, ways[0], fallback=ways[1]).result(120)
     assert rows(store, dead_letters) == []
 
 
@@ -139,15 +143,15 @@ def test_unexpected_error_does_not_stop_the_writer(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken = iter([MemoryError(), RuntimeError("unforeseen")])
-    begin = store.writer._on_begin
+    lock = WriteCache.lock
 
-    def breaks(connection: Connection) -> None:
+    def breaks(*arguments: Any) -> None:
         fault = next(broken, None)
         if fault is not None:
             raise fault
-        begin(connection)
+        lock(*arguments)
 
-    monkeypatch.setattr(store.writer, "_on_begin", breaks)
+    monkeypatch.setattr(WriteCache, "lock", breaks)
     for stated in ("out of memory", "unforeseen"):
         with pytest.raises(StoreError, match=stated):
             put(store, stretch(0))
@@ -156,12 +160,14 @@ def test_unexpected_error_does_not_stop_the_writer(
 
 def test_waiting_jobs_share_a_commit(store: Store) -> None:
     with one_commit(store):
-        before = store.writer.commits
+        before = store.commits
         cursor = select(func.min(feed.c.cursor))
-        more = [store.write(lambda c: c.execute(cursor).scalar_one()) for _ in range(9)]
+        more = [
+            store.write_node(NODE, lambda c, _: c.execute(cursor).scalar_one()) for _ in range(9)
+        ]
     assert [future.result(120) for future in more] == [0] * 9
     store.close()
-    assert store.writer.commits == before + 2
+    assert store.commits == before + 2
 
 
 def test_full_queue_refuses(tmp_path: Path) -> None:
@@ -238,4 +244,3 @@ def test_durability_is_asked_of_sqlite(file_store: Store) -> None:
         )
 
     assert file_store.write(pragmas).result(120) == ("wal", 2)
-    assert isinstance(file_store.writer, Writer)

@@ -165,9 +165,9 @@ class Worn(Demo):
     def remove(self, reason: RemovalReason, before: int) -> None:
         """Remove sealed frames."""
         sweep = Sweep(NODE, self.place, reason, before)
-        self.change(
-            lambda db: remove(db, self.store.cache, sweep, most=10**6, now=START + 3600 * SECOND)
-        )
+        now = START + 3600 * SECOND
+        work = partial(remove, sweep=sweep, most=10**6, now=now)
+        self.store.write_node(NODE, work).result(60)
 
 
 @pytest.fixture

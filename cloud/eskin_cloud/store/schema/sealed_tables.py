@@ -59,8 +59,12 @@ erased_subjects = Table(
     Column("site", Text(SITE_LENGTH), primary_key=True),
     Column("subject", Text(32), primary_key=True),
     Column("erased", BigInteger, nullable=False),
+    Column("removed", BigInteger),
 )
-"""Pseudonyms, by site, whose keys are destroyed; a job deletes their rows."""
+"""Pseudonyms, by site, whose keys are destroyed; a job deletes their rows.
+
+``removed`` is when none was left, and none can come any more (`eskin_cloud.jobs.erasure`).
+"""
 add_row_digest(erased_subjects)
 
 

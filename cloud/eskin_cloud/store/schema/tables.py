@@ -261,6 +261,7 @@ digests = Table(
 dead_letters = Table(
     "dead_letters",
     metadata,
+    slot_column(),
     Column("node", Text(NODE_LENGTH), primary_key=True),
     Column("digest", Text(64), primary_key=True),
     Column("reason", Text(), nullable=False),

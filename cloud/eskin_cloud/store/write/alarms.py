@@ -8,7 +8,7 @@ import orjson
 from sqlalchemy import delete, func, insert, select, update
 
 from eskin.wire.timestamp import format_timestamp
-from eskin_cloud.store.notify import COMMANDS, notify
+from eskin_cloud.store.notify import News, announce
 from eskin_cloud.store.row_digests import intact_rows, require_intact_row
 from eskin_cloud.store.schema.alarm_tables import (
     alarm_receivers,
@@ -364,7 +364,8 @@ def _append(
         "document": orjson.dumps(document).decode(),
     }
     connection.execute(insert(alarm_transitions), row)
-    notify(connection, COMMANDS)  # gateways that wait for commands wait for alarms, too
+    # Gateways that wait for commands wait for alarms, too.
+    announce(connection, News(commands=True))
 
 
 def _sites(connection: Connection, nodes: Iterable[str]) -> str:

@@ -38,6 +38,7 @@ class Action(StrEnum):
     LOGIN_LINK = "login link made"
     TOKEN_CREATED = "token created"  # noqa: S105 - no secret
     TOKEN_REVOKED = "token revoked"  # noqa: S105 - no secret
+    COMMAND_ASKED = "command asked for"
     COMMAND = "command issued"
     MONITOR_DEFINED = "monitor defined"
     MONITOR_DELETED = "monitor deleted"
@@ -45,6 +46,7 @@ class Action(StrEnum):
     ALARM_ACKNOWLEDGED = "alarm acknowledged"
     SUBJECT_ASSIGNED = "subject assigned"
     SUBJECT_ERASED = "subject erased"
+    SUBJECT_REMOVED = "subject's messages removed"
     KEY_CONFLICT = "subject key differs"
     SUBJECT_EXPORTED = "subject exported"
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import insert, select, update
 
 from eskin.wire.messages.command_schema import MONITOR_PLACE
-from eskin_cloud.store.notify import COMMANDS, notify
+from eskin_cloud.store.notify import News, announce
 from eskin_cloud.store.row_digests import require_intact_row
 from eskin_cloud.store.schema.tables import commands, states
 from eskin_cloud.store.write.events import event_row
@@ -71,7 +71,7 @@ def store_result(connection: Connection, node: str, result: Result, data: bytes)
         .where(here)
         .values(outcome=outcome, reason=result.reason, t_lo=result.time[0], t_hi=result.time[1])
     )
-    notify(connection, COMMANDS)
+    announce(connection, News(commands=True))
     result_text = outcome if result.reason is None else f"{outcome}: {result.reason}"
     detail = f"{command['name']} {_format_arguments(json.loads(command['arguments']))}".rstrip()
     return event_row(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sqlalchemy import insert, select, update
@@ -38,6 +39,25 @@ class GatewayStatus(NamedTuple):
     nodes: int
 
 
+@dataclass(slots=True)
+class ContactCounts:
+    """What a gateway's batches came to.
+
+    Attributes:
+        results: How many messages had each result.
+        lag: Enclosure of the lag of the latest frame, ns.
+    """
+
+    results: Counter[str] = field(default_factory=Counter)
+    lag: tuple[int, int] | None = None
+
+    def add(self, outcome: IngestResult) -> None:
+        """Add a batch."""
+        results = (receipt.result for receipt in outcome.results)
+        self.results.update(result for result in results if result in _COUNTED)
+        self.lag = outcome.lag or self.lag
+
+
 def record_contact(
     connection: Connection,
     gateway: str,
@@ -46,7 +66,7 @@ def record_contact(
     condition: GatewayStatus | None,
     now: int,
     wait: int = 0,
-    outcome: IngestResult | None = None,
+    counts: ContactCounts | None = None,
 ) -> None:
     """Record a gateway's contact.
 
@@ -57,27 +77,26 @@ def record_contact(
         condition: Its reported status, if any.
         now: UTC ns.
         wait: How long its request may wait, ns.
-        outcome: The result of its batch, if it sent one.
+        counts: What its batches came to, if it sent any.
     """
     values: dict[str, Any] = {"last_heard": now}
-    if outcome is None:
-        values["due"] = now + wait
+    results: dict[str, int] = {}
     if condition is not None:
         values |= {"reported": now, **condition._asdict()}
-    counts: Counter[str] = Counter()
-    if outcome is not None:
-        results = (receipt.result for receipt in outcome.results)
-        counts.update(result for result in results if result in _COUNTED)
-        if outcome.lag is not None:
-            values |= {"latest": now, "lag_lo": outcome.lag[0], "lag_hi": outcome.lag[1]}
+    if counts is None:
+        values["due"] = now + wait
+    else:
+        results |= counts.results
+        if counts.lag is not None:
+            values |= {"latest": now, "lag_lo": counts.lag[0], "lag_hi": counts.lag[1]}
     g = gateways.c
-    added = {name: g[name] + count for name, count in counts.items()}
+    added = {name: g[name] + count for name, count in results.items()}
     changed = update(gateways).where(g.gateway == gateway).values(**values, **added)
     if connection.execute(changed).rowcount:
         return
     fresh = {"gateway": gateway, "site": site, "first_heard": now, "due": now}
     fresh |= dict.fromkeys(_COUNTED, 0)
-    connection.execute(insert(gateways).values(**fresh | values | counts))
+    connection.execute(insert(gateways).values(**fresh | values | results))
 
 
 def list_gateways(connection: Connection) -> list[dict[str, Any]]:

@@ -554,7 +554,9 @@ def _reason_of(error: Exception) -> str:
 
 
 def store_dead_letters(connection: Connection, letters: Sequence[Row], *, most: int) -> int:
-    """Store dead letters, the same bytes of a node once, and delete the oldest above ``most``.
+    """Store dead letters, the same bytes of a node once.
+
+    As many of the oldest of the same slots are deleted as the store has above ``most``.
 
     Returns:
         The number of deleted ones.
@@ -568,9 +570,10 @@ def store_dead_letters(connection: Connection, letters: Sequence[Row], *, most: 
     if excess <= 0:
         return 0
     oldest = select(dead_letters.c.node, dead_letters.c.digest)
+    # The transaction has locked no other slots.
+    oldest = oldest.where(dead_letters.c.slot.in_({slot_of(letter["node"]) for letter in letters}))
     oldest = oldest.order_by(dead_letters.c.received, dead_letters.c.digest).limit(excess)
-    connection.execute(delete(dead_letters).where(key.in_(oldest)))
-    return excess
+    return connection.execute(delete(dead_letters).where(key.in_(oldest))).rowcount
 
 
 def count_dead_letters(connection: Connection) -> int:

@@ -36,7 +36,7 @@ from eskin_cloud.store.schema.tables import (
 from eskin_cloud.store.write.events import event_row, store_event
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     from sqlalchemy import Connection, Select
 
@@ -227,6 +227,7 @@ def list_missing(connection: Connection, names: Sequence[str]) -> dict[str, list
 def update_missing(
     connection: Connection,
     cache: WriteCache,
+    nodes: Collection[str],
     found: dict[Boot, list[Span]],
     *,
     patience: int,
@@ -237,7 +238,8 @@ def update_missing(
     Args:
         connection: The writer's, in a transaction.
         cache: The writer's.
-        found: The result of `find_missing`.
+        nodes: Their ranges are updated.
+        found: What `find_missing` gave of them.
         patience: Age in ns after which a range is reported.
         now: UTC ns.
 
@@ -245,7 +247,8 @@ def update_missing(
         Entries for the live feed.
     """
     known: dict[Boot, list[MissingSpan]] = defaultdict(list)
-    for row in connection.execute(select(missing_ranges).order_by(missing_ranges.c.first)):
+    stored = select(missing_ranges).where(missing_ranges.c.node.in_(nodes))
+    for row in connection.execute(stored.order_by(missing_ranges.c.first)):
         hole = MissingSpan(row.boot, row.first, row.last, row.since, reported=bool(row.reported))
         known[row.node, row.boot].append(hole)
     entries = []

@@ -14,6 +14,8 @@ from eskin_cloud.store.schema.tables import nodes
 from eskin_cloud.store.write.events import event_row, store_event
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from sqlalchemy import Connection
 
     from eskin.privacy import SealedMessage
@@ -108,29 +110,55 @@ def record_sealed_lag(
         cache.change(nodes, node)
 
 
+def find_silent(connection: Connection, *, silent_since: int, now: int) -> list[str]:
+    """The nodes that are online and silent, by name. Arguments are those of `is_silent`."""
+    n = nodes.c
+    query = select(n.node, n.last_seen).where(n.online == 1).order_by(n.node)
+    return [
+        node
+        for node, last_seen in connection.execute(query)
+        if is_silent(last_seen, silent_since=silent_since, now=now)
+    ]
+
+
+def is_silent(last_seen: int, *, silent_since: int, now: int) -> bool:
+    """Whether a node is silent.
+
+    Args:
+        last_seen: When it was last seen, UTC ns. A time far in the future was written before the
+            clock was set back; clocks of several clouds on one store differ somewhat.
+        silent_since: Nodes last seen before it are silent, UTC ns.
+        now: UTC ns.
+    """
+    return last_seen < silent_since or last_seen > now + (now - silent_since)
+
+
 def mark_silent_offline(
-    connection: Connection, cache: WriteCache, *, silent_since: int, now: int
+    connection: Connection,
+    cache: WriteCache,
+    named: Iterable[str],
+    *,
+    silent_since: int,
+    now: int,
 ) -> list[FeedEntry]:
-    """Mark silent nodes as offline.
+    """Mark nodes as offline that are silent.
 
     Args:
         connection: The writer's, in a transaction.
         cache: The writer's.
+        named: Nodes.
         silent_since: Nodes last seen before it, UTC ns, are offline.
         now: UTC ns.
 
     Returns:
         Entries for the live feed.
     """
-    # A last_seen far in the future was written before the clock was set back. Clocks of several
-    # clouds on one store differ somewhat.
-    ahead = nodes.c.last_seen > now + (now - silent_since)
-    gone = (nodes.c.last_seen < silent_since) | ahead
-    silent = select(nodes.c.node).where(nodes.c.online == 1, gone)
     entries = []
-    for node in connection.execute(silent.order_by(nodes.c.node)).scalars().all():
+    for node in named:
         row = cache.row(connection, nodes, node)
-        if row is None:
+        if row is None or not row["online"]:
+            continue
+        if not is_silent(row["last_seen"], silent_since=silent_since, now=now):
             continue
         row["online"] = 0
         cache.change(nodes, node)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import logging
-import secrets
 from collections import defaultdict
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
 
 from sqlalchemy import and_, bindparam, delete, insert, select, tuple_, update
 
 from eskin.errors import StoreError
 from eskin_cloud.store.damage import damaged_rows
 from eskin_cloud.store.key_batches import key_batches
-from eskin_cloud.store.notify import FEED, notify
+from eskin_cloud.store.notify import News, announce
 from eskin_cloud.store.row_digests import intact_rows, without_digest
 from eskin_cloud.store.schema.frame_tables import pages
 from eskin_cloud.store.schema.tables import feed, nodes, sequences
@@ -89,13 +88,16 @@ class WriteCache:
     Only the writer thread uses it. A rollback clears it; what another process has written of a
     slot drops that slot.
 
+    Args:
+        name: Identifies the process to others.
+
     Attributes:
-        name: Identifies this writer to other processes.
+        name: The same.
         digests: Digests of stored messages.
     """
 
-    def __init__(self) -> None:
-        self.name = secrets.token_hex(16)
+    def __init__(self, name: str = "") -> None:
+        self.name = name
         self._cursors: dict[int, int] = {}
         self.clear()
 
@@ -121,9 +123,7 @@ class WriteCache:
         self._cursors.clear()
         for slot, cursor, writer in connection.execute(_FEED, {"slots": sorted(slots)}):
             if writer == MOVING:
-                raise StoreError(
-                    "a store is being moved here; wait for `eskin cloud move`, or start it again"
-                )
+                refuse_moving()
             if writer != self.name:
                 self._slots.pop(slot, None)
                 self.digests.forget(slot)
@@ -285,9 +285,6 @@ class WriteCache:
             for slot in touched
         ]
         connection.execute(_SAVE_FEED, feeds)
-        if self._moved:
-            notify(connection, FEED, self.name, *(self._cursors[slot] for slot in self._moved))
-        self._moved.clear()
         # One statement a table: a batch of a fleet changes thousands of rows.
         changed: dict[Table, list[Row]] = {}
         fresh: dict[Table, list[Row]] = {}
@@ -303,6 +300,8 @@ class WriteCache:
         self._changed.clear()
         self._new.clear()
         self._save_ranges(connection)
+        announce(connection, News({slot: self._cursors[slot] for slot in self._moved}))
+        self._moved.clear()
 
     def _save_ranges(self, connection: Connection) -> None:
         gone: list[Row] = []
@@ -342,6 +341,15 @@ class WriteCache:
 
     def _rows(self, table: Table, key: Key) -> dict[Key, Row | None]:
         return self._slots[_slot_of_key(key)].rows[table]
+
+
+def refuse_moving() -> NoReturn:
+    """Refuse to write while a store is moved.
+
+    Raises:
+        StoreError: Always.
+    """
+    raise StoreError("a store is being moved here; wait for `eskin cloud move`, or start it again")
 
 
 def _slot_of_key(key: Key) -> int:

@@ -13,7 +13,8 @@ from eskin.errors import EskinError, StoreError
 from eskin_cloud.store.db_errors import explain, is_store_fault
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Collection
+    from collections.abc import Set as AbstractSet
 
     from sqlalchemy import Connection, Engine
 
@@ -28,6 +29,7 @@ class _Job:
     attempts: tuple[Callable[[Connection], Any], ...]
     future: Future[Any]
     shared: bool
+    slots: AbstractSet[int]
 
 
 class Writer:
@@ -36,9 +38,10 @@ class Writer:
     Args:
         engine: With one connection.
         capacity: Most jobs that may wait.
-        on_begin: Called at the beginning of each transaction.
+        on_begin: Called at the beginning of each transaction, with the slots of its jobs.
         on_save: Called before the commit, and around each job in a savepoint, to write cached
             changes.
+        on_commit: Called after a commit, before the futures of its jobs are done.
         on_rollback: Called after a rollback, to clear caches.
         probe: Writes a little. It runs first after a fault, so that a job which writes nothing
             cannot clear the fault.
@@ -54,15 +57,17 @@ class Writer:
         engine: Engine,
         *,
         capacity: int,
-        on_begin: Callable[[Connection], None],
+        on_begin: Callable[[Connection, AbstractSet[int]], None],
         on_save: Callable[[Connection], None],
+        on_commit: Callable[[], None],
         on_rollback: Callable[[], None],
-        probe: Callable[[Connection], None],
+        probe: Callable[[Connection, AbstractSet[int]], None],
     ) -> None:
         self._engine = engine
         self._jobs: queue.Queue[_Job | None] = queue.Queue(capacity)
         self._on_begin = on_begin
         self._on_save = on_save
+        self._on_commit = on_commit
         self._on_rollback = on_rollback
         self._probe = probe
         self._closing = threading.Event()
@@ -84,11 +89,13 @@ class Writer:
         *,
         fallback: Callable[[Connection], T] | None = None,
         shared: bool = False,
+        slots: Collection[int] = (),
     ) -> Future[T]:
         """Queue a job; its future is done after the commit.
 
         Args:
             work: The job.
+            slots: Those of the nodes whose rows it writes.
             fallback: Runs instead if ``work`` raises anything but an `EskinError`.
             shared: Whether the job needs no savepoint. If a shared job fails, the transaction is
                 rolled back, and each of its jobs runs in a transaction of its own.
@@ -102,7 +109,7 @@ class Writer:
                 raise StoreError("the store is closed")
             try:
                 attempts = (work,) if fallback is None else (work, fallback)
-                self._jobs.put_nowait(_Job(attempts, future, shared))
+                self._jobs.put_nowait(_Job(attempts, future, shared, frozenset(slots)))
             except queue.Full:
                 raise StoreError(
                     f"{self._jobs.maxsize} writes wait already; retry in a moment"
@@ -137,9 +144,10 @@ class Writer:
         working = False
         try:
             with self._engine.begin() as connection:
-                self._on_begin(connection)
+                slots = frozenset[int]().union(*(job.slots for job in batch))
+                self._on_begin(connection, slots)
                 if self.fault is not None:
-                    self._probe(connection)
+                    self._probe(connection, slots)
                 working = True
                 for job in batch:
                     self._do(connection, job, done)
@@ -150,6 +158,7 @@ class Writer:
                 return self._redo(batch, error)
             self._fail(batch, error)
             return error
+        self._on_commit()
         self.fault = None
         self.commits += 1
         self.jobs += len(done)

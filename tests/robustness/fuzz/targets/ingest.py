@@ -11,7 +11,9 @@ from eskin_cloud.ingest.errors import MalformedBatchError
 from eskin_cloud.store import Store
 from eskin_cloud.store.damage import FrameHeader, require_intact
 from eskin_cloud.store.schema.frame_tables import frames
+from eskin_cloud.store.slot import SLOTS
 from eskin_cloud.store.write.ingest import ingest
+from eskin_cloud.store.write.write_cache import WriteCache
 from sqlalchemy import select
 
 from tests.robustness.fuzz.mutations.trees import mutate_tree
@@ -45,16 +47,16 @@ def make(folder: Path) -> Target:
             items = read_batch(data)
         except MalformedBatchError:
             return
-        connection = opened.take()
+        connection, cache = opened.take(), opened.cache
         outcome = ingest(
             connection,
-            store.cache,
+            cache,
             items,
             gateway="gateway.g1",
             now=said.START,
             dead_letters=100,
         )
-        store.cache.save(connection)
+        cache.save(connection)
         assert len(outcome.results) == len(items)
         for receipt in outcome.results:
             assert receipt.result in {"stored", "duplicate", "rejected", "unknown_layout"}
@@ -81,6 +83,7 @@ class _Transaction:
     """The writer's connection, begun anew after so many uses."""
 
     def __init__(self, store: Store) -> None:
+        self.cache = WriteCache()
         self._store = store
         self._used = 0
         self._connection: Connection | None = None
@@ -89,10 +92,11 @@ class _Transaction:
         if self._connection is None or self._used == _AT_ONCE:
             if self._connection is not None:
                 self._connection.rollback()
-                self._store.cache.clear()
+                self.cache.clear()
             else:
                 self._connection = self._store._writing.connect()
             self._used = 0
             self._connection.begin()
+            self.cache.lock(self._connection, range(SLOTS))
         self._used += 1
         return self._connection
