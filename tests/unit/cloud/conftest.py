@@ -38,7 +38,7 @@ BOTH: Final = {f"tests.unit.cloud.test_{room}" for room in (
     "commands", "compaction", "faults", "frames", "hostile_frames", "live",
     "missing_messages", "frames_once", "node_monitors", "patch_compaction", "patch_retention",
     "patch_tiles", "pg_copy", "queries", "questions", "retention", "rollup",
-    "several_clouds", "shared_commits", "store", "store_settings", "stored_sequences",
+    "several_clouds", "shared_commits", "slots", "store", "store_settings", "stored_sequences",
     "stored_verdicts", "writer",
 )}  # fmt: skip
 """Tests of what depends on the kind of store: writer, locks, SQL. Others run on PostgreSQL
