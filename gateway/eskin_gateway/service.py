@@ -134,7 +134,7 @@ class Gateway:
         self.commit_loop = self._make_commit_loop()
         cloud_client = partial(
             CloudClient,
-            settings.cloud.url,
+            [settings.cloud.url, *settings.cloud.fallbacks],
             headers=StatusReport(self.spool, self._presence).headers,
             context=client_context(root, identity),
             timeout_s=settings.cloud.timeout_s,

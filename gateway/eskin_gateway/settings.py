@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, StringConstraints, field_validator
 
 from eskin.runtime.net import is_loopback
 from eskin.runtime.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
@@ -49,13 +49,21 @@ class IdentitySection(Section):
     )
 
 
+CloudUrl = Annotated[str, StringConstraints(pattern=r"^https://[^\s/@]+(/\S*)?$")]
+"""The ingest of a cloud."""
+
+
 class CloudSection(Section):
     """The cloud's ingest."""
 
-    url: str = Field(
+    url: CloudUrl = Field(
         default="https://localhost:8443/api/v1/ingest",
-        pattern=r"^https://[^\s/@]+(/\S*)?$",
         description="cloud's ingest; https only; commands come from `deliveries` beside it",
+    )
+    fallbacks: list[CloudUrl] = Field(
+        default=[],
+        max_length=16,
+        description="ingests of other clouds on the same store, used in turn when one fails",
     )
     timeout_s: float = Field(
         default=10.0, gt=0, le=600, description="seconds to wait for a response"

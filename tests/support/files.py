@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import sqlite3
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
+
+
+_PLAIN: Final = bool | int | float | list
 
 
 def write_settings(path: Path, sections: Mapping[str, Mapping[str, object]]) -> Path:
@@ -18,8 +21,8 @@ def write_settings(path: Path, sections: Mapping[str, Mapping[str, object]]) -> 
     for section, values in sections.items():
         lines.append(f"[{section}]")
         lines += [
-            # A JSON string is a TOML basic string.
-            f"{key} = {value if isinstance(value, int | float) else json.dumps(str(value))}"
+            # A JSON string is a TOML basic string, and a list of them an array.
+            f"{key} = {json.dumps(value if isinstance(value, _PLAIN) else str(value))}"
             for key, value in values.items()
         ]
     path.parent.mkdir(parents=True, exist_ok=True)

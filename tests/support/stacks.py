@@ -1,4 +1,4 @@
-"""Broker, gateway and cloud as real processes on free ports, without the demo."""
+"""Broker, gateways and clouds as real processes on free ports, without the demo."""
 
 from __future__ import annotations
 
@@ -16,19 +16,24 @@ from tests.support.brokers import Mosquitto
 from tests.support.files import ask, write_settings
 from tests.support.identities import Identities
 from tests.support.processes import ESKIN, PLAIN, Running, accepts, free_port
+from tests.support.stores import write_place
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
     from types import TracebackType
 
+    from eskin_cloud.store.location import StoreLocation
+
 
 class RealStack:
-    """Mosquitto, gateways and cloud.
+    """Mosquitto, gateways and clouds.
 
     Args:
         folder: Where all lies.
         gateways: How many; several share the site's load.
+        clouds: How many; each gateway knows all of them.
+        place: The clouds' store; an SQLite file else.
         keepalive_s: Seconds between a gateway's pings.
         missing_s: Seconds after which the cloud names missing messages.
 
@@ -39,8 +44,9 @@ class RealStack:
         broker: Mosquitto.
         gateways: All of them.
         gateway: The first.
-        cloud: The cloud.
-        store: The cloud's database.
+        clouds: All of them.
+        cloud: The first.
+        store: The clouds' database, where it is SQLite.
         spool: The first gateway's.
     """
 
@@ -49,6 +55,8 @@ class RealStack:
         folder: Path,
         *,
         gateways: int = 1,
+        clouds: int = 1,
+        place: StoreLocation | None = None,
         keepalive_s: int = 15,
         missing_s: float = 300.0,
     ) -> None:
@@ -58,18 +66,12 @@ class RealStack:
         self.identities = Identities(self.pki)
         self.identities.make(IdentityKind.SERVER, "server.cloud")
         self.store = folder / "store.sqlite"
+        self.place: StoreLocation = place or self.store
         self.spool = folder / "spool.sqlite"
-        self._ingest, self._people = free_ports(2)
-        cloud_toml = write_settings(folder / "cloud.toml", {
-            "store": {"path": self.store},
-            "people": {"port": self._people},
-            "gateways": {"port": self._ingest, "identity": self.pki / "server.cloud"},
-            "nodes": {"missing_s": missing_s},
-        })  # fmt: skip
+        self._ports = [free_ports(2) for _ in range(clouds)]
         self.broker = Mosquitto(folder / "broker", self.identities)
-        self.cloud = Running(
-            [ESKIN, "cloud", "--config", str(cloud_toml)], log=folder / "cloud.log"
-        )
+        self.clouds = [self._make_cloud(number, missing_s) for number in range(clouds)]
+        self.cloud = self.clouds[0]
         broker = {"host": "127.0.0.1", "port": self.broker.gateway_port, "keepalive_s": keepalive_s,
                   "group": "site" if gateways > 1 else ""}  # fmt: skip
         self.gateways = [self._make_gateway(n, broker) for n in range(1, gateways + 1)]
@@ -79,8 +81,9 @@ class RealStack:
     def __enter__(self) -> Self:
         with ExitStack() as running:
             running.enter_context(self.broker)
-            running.enter_context(self.cloud)
-            self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens")
+            for number, cloud in enumerate(self.clouds):
+                running.enter_context(cloud)
+                self._await_cloud(number)
             for gateway in self.gateways:
                 running.enter_context(gateway)
             for gateway in self.gateways:
@@ -96,19 +99,37 @@ class RealStack:
     ) -> None:
         self._running.__exit__(kind, error, trace)
 
-    def operator(self) -> httpx.Client:
-        """A person who may give commands."""
+    def token(self) -> str:
+        """A token of a person who may give commands."""
         scopes = [Scope.READ, Scope.OPERATE]
-        with Store(self.store) as store:
-            token = create_token(store, scopes=scopes, name="o", lifetime=timedelta(hours=1))
-        headers = {"Authorization": f"Bearer {token}"}
-        url = f"http://127.0.0.1:{self._people}/api/v1"
+        with Store(self.place) as store:
+            return create_token(store, scopes=scopes, name="o", lifetime=timedelta(hours=1))
+
+    def operator(self, cloud: int = 0, token: str | None = None) -> httpx.Client:
+        """A person who may give commands, at one of the clouds."""
+        headers = {"Authorization": f"Bearer {token or self.token()}"}
+        url = f"http://127.0.0.1:{self._ports[cloud][1]}/api/v1"
         return httpx.Client(base_url=url, headers=headers, timeout=60, verify=PLAIN)
 
-    def start_cloud(self) -> None:
-        """Start the cloud again, after it was ended."""
-        self.cloud.start()
-        self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens")
+    def start_cloud(self, number: int = 0) -> None:
+        """Start a cloud again, after it was ended."""
+        self.clouds[number].start()
+        self._await_cloud(number)
+
+    def _await_cloud(self, number: int) -> None:
+        port = self._ports[number][0]
+        self.clouds[number].wait_for(lambda: accepts(port), "the cloud listens")
+
+    def _make_cloud(self, number: int, missing_s: float) -> Running:
+        ingest, people = self._ports[number]
+        name = "cloud" if number == 0 else f"cloud-{number + 1}"
+        config = write_settings(self.folder / f"{name}.toml", {
+            "store": write_place(self.place),
+            "people": {"port": people},
+            "gateways": {"port": ingest, "identity": self.pki / "server.cloud"},
+            "nodes": {"missing_s": missing_s},
+        })  # fmt: skip
+        return Running([ESKIN, "cloud", "--config", str(config)], log=self.folder / f"{name}.log")
 
     def start_gateway(self) -> None:
         """Start the gateway again, after it was ended."""
@@ -118,11 +139,12 @@ class RealStack:
 
     def _make_gateway(self, number: int, broker: Mapping[str, object]) -> Running:
         own = self.identities.make(IdentityKind.GATEWAY, f"gateway.g{number}")
+        urls = [f"https://127.0.0.1:{ingest}/api/v1/ingest" for ingest, _ in self._ports]
         spool = self.spool if number == 1 else self.folder / f"spool-{number}.sqlite"
         config = write_settings(self.folder / f"gateway-{number}.toml", {
             "broker": broker,
             "identity": {"directory": own.directory, "site": self.pki / "site.main"},
-            "cloud": {"url": f"https://127.0.0.1:{self._ingest}/api/v1/ingest"},
+            "cloud": {"url": urls[0], "fallbacks": urls[1:]},
             "spool": {"path": spool},
             "http": {"port": free_port()},
         })  # fmt: skip

@@ -158,7 +158,7 @@ def test_node_that_the_restored_cloud_refuses_is_named_by_the_gateway(
 def forwarding(spool: Spool, cloud: Service) -> Iterator[Forwarder]:
     """A gateway's forwarder, between its spool and the cloud."""
     client = CloudClient(
-        f"https://localhost:{cloud.ingest_port}/api/v1/ingest",
+        [f"https://localhost:{cloud.ingest_port}/api/v1/ingest"],
         headers=lambda: {"Content-Type": "application/cbor"},
         context=client_context(cloud.server.directory / ROOT_FILE, cloud.gateway),
         timeout_s=PATIENCE_S,

@@ -394,7 +394,7 @@ class Forwarder:
         self._retry_queue.succeeded(messages)
         self._thread.succeeded()
         if not self.reachable:
-            log.info("cloud reached: url=%s", self._settings.url)
+            log.info("cloud reached: url=%s", self._ingest_client.url)
         self.reachable = True
         self._heap_trimmer.take(sum(len(message.body) for message in messages))
         self._settle(messages, results)

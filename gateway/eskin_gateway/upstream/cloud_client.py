@@ -1,7 +1,8 @@
-"""HTTPS requests to the cloud's resources for gateways."""
+"""HTTPS requests to the cloud's resources for gateways, and to another cloud when one fails."""
 
 from __future__ import annotations
 
+import logging
 import socket
 from contextlib import contextmanager, suppress
 from email.utils import parsedate_to_datetime
@@ -15,8 +16,15 @@ from eskin.errors import CloudError, IdentityError, MessageError
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
+log = logging.getLogger(__name__)
+
+_FAILS: Final = {
+    httpx.codes.BAD_GATEWAY,
+    httpx.codes.SERVICE_UNAVAILABLE,
+    httpx.codes.GATEWAY_TIMEOUT,
+}
 MAX_RESPONSE: Final = 8_388_608
 """Bytes of a response."""
 
@@ -24,8 +32,12 @@ MAX_RESPONSE: Final = 8_388_608
 class CloudClient:
     """Posts to resources beside the cloud's ingest. Thread-safe.
 
+    Several clouds may share a store. A request that one of them does not answer goes to the next,
+    which gets those after it, too: each request may be repeated, as the cloud stores each message
+    once. Where all fail, the last failure counts.
+
     Args:
-        url: The cloud's ingest.
+        urls: The ingest of each cloud, in the order in which they are tried.
         headers: Returns the headers of a request.
         context: Holds the root certificate, and presents the gateway's certificate.
         timeout_s: Seconds to wait.
@@ -34,14 +46,15 @@ class CloudClient:
 
     def __init__(
         self,
-        url: str,
+        urls: Sequence[str],
         *,
         headers: Callable[[], dict[str, str]],
         context: ssl.SSLContext,
         timeout_s: float,
         abortable: bool = False,
     ) -> None:
-        self._url = httpx.URL(url)
+        self._urls = [httpx.URL(url) for url in urls]
+        self._chosen = 0
         self._headers = headers
         self._timeout_s = timeout_s
         limits = httpx.Limits(max_keepalive_connections=0 if abortable else None)
@@ -60,6 +73,11 @@ class CloudClient:
         """Close all connections."""
         self._client.close()
 
+    @property
+    def url(self) -> str:
+        """The ingest of the cloud that the next request goes to."""
+        return str(self._urls[self._chosen])
+
     def post(self, resource: str, body: bytes, *, wait_s: float = 0.0) -> bytes:
         """Post a body and return that of the response.
 
@@ -71,7 +89,32 @@ class CloudClient:
         Raises:
             CloudError: There is no response, or its status is not 200, or it is too long.
         """
-        url, received = self._url.join(resource), bytearray()
+        for left in reversed(range(len(self._urls))):
+            chosen = self._chosen
+            try:
+                return self._post(self._urls[chosen].join(resource), body, wait_s)
+            except CloudError as error:
+                if self._aborted or not _is_of_one_cloud(error):
+                    raise
+                self._choose_after(chosen, error)
+                # A request that was not answered in time may be at fault itself.
+                if not left or error.unanswered:
+                    raise
+        raise AssertionError("there is a cloud")
+
+    def _choose_after(self, failed: int, error: CloudError) -> None:
+        """Choose the cloud after one that failed, unless another thread has done so."""
+        if len(self._urls) > 1 and self._chosen == failed:
+            self._chosen = (failed + 1) % len(self._urls)
+            log.warning(
+                "cloud failed, going on with the next: url=%s next=%s reason=%s",
+                self._urls[failed],
+                self.url,
+                error,
+            )
+
+    def _post(self, url: httpx.URL, body: bytes, wait_s: float) -> bytes:
+        received = bytearray()
         try:
             with self._client.stream(
                 "POST",
@@ -126,6 +169,11 @@ def parsing(body: bytes) -> Iterator[None]:
         IdentityError,
     ) as error:
         raise CloudError(f"invalid response of the cloud: {body[:100]!r}: {error}") from error
+
+
+def _is_of_one_cloud(error: CloudError) -> bool:
+    """Whether another cloud may answer: there was no answer, or that of a cloud that fails."""
+    return error.status is None or error.status in _FAILS
 
 
 def _require_ok(response: httpx.Response) -> None:

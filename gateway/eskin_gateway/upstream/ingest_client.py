@@ -48,6 +48,11 @@ class IngestClient:
     def __init__(self, client: CloudClient) -> None:
         self._client = client
 
+    @property
+    def url(self) -> str:
+        """The ingest of the cloud that the next batch goes to."""
+        return self._client.url
+
     def send(self, messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
         """Send messages (node, plaintext) and return a result for each, in order.
 

@@ -40,6 +40,10 @@ class MemoryCloud(IngestClient):
         self.stored: list[tuple[str, bytes]] = []
         self.asked: list[list[bytes]] = []
 
+    @property
+    def url(self) -> str:
+        return "memory"
+
     def send(self, messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
         self.asked.append([body for _, body in messages])
         if self.mode in {"error", "busy", "nonsense", "short"}:

@@ -19,7 +19,7 @@ from tests.unit.gateway.in_memory import quick
 def test_poller_stopped_during_a_handshake_closes_its_socket() -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
         client = CloudClient(
-            f"https://127.0.0.1:{silent.getsockname()[1]}/api/v1/ingest",
+            [f"https://127.0.0.1:{silent.getsockname()[1]}/api/v1/ingest"],
             headers=dict,
             context=ssl.create_default_context(),
             timeout_s=200.0,

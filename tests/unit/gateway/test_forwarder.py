@@ -37,7 +37,7 @@ class Https(IngestClient):
         timeout_s: float = 60.0,
     ) -> None:
         self._own = CloudClient(
-            stub.url,
+            [stub.url],
             headers=lambda: {"Content-Type": "application/cbor"},
             context=client_context(identities.gateway.directory / ROOT_FILE, identities.gateway),
             timeout_s=timeout_s,

@@ -69,7 +69,7 @@ def reach(identities: Identities, refuser: Refuser) -> Iterator[tuple[str, dict[
 
 
 def refused_batch(url: str, common: dict[str, Any]) -> None:
-    client = CloudClient(url, **common)
+    client = CloudClient([url], **common)
     try:
         IngestClient(client).send([("fingertip", b"")])
     finally:
@@ -77,7 +77,7 @@ def refused_batch(url: str, common: dict[str, Any]) -> None:
 
 
 def refused_question(url: str, common: dict[str, Any]) -> None:
-    commands_client = CommandsClient(CloudClient(url, **common))
+    commands_client = CommandsClient(CloudClient([url], **common))
     try:
         commands_client.fetch([], 0.0, None)
     finally:
@@ -85,7 +85,7 @@ def refused_question(url: str, common: dict[str, Any]) -> None:
 
 
 def refused_notice(url: str, common: dict[str, Any]) -> None:
-    client = CloudClient(url, **common)
+    client = CloudClient([url], **common)
     try:
         SubjectsClient(client).send([], ["0" * 32])
     finally:
@@ -141,7 +141,7 @@ def command_poller(
     yield CommandPoller(
         PendingCommands(5.0),
         AlarmPublisher(None),
-        commands_client=CommandsClient(CloudClient(url, **common, abortable=True)),
+        commands_client=CommandsClient(CloudClient([url], **common, abortable=True)),
         wait_s=1.0,
         backoff=patience,
         metrics=Metrics(),
@@ -154,7 +154,7 @@ def subject_sync(
 ) -> Iterator[SubjectSync]:
     keystore = KeyStore(folder / "keys", FileMasterKey(folder / "master.key"))
     keystore.shred(keystore.create("Ada").pseudonym)
-    assignments, client = SubjectAssignments(keystore), CloudClient(url, **common)
+    assignments, client = SubjectAssignments(keystore), CloudClient([url], **common)
     yield SubjectSync(
         keystore,
         assignments,

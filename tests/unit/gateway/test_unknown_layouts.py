@@ -158,7 +158,7 @@ class Answering:
         self.asked: list[bytes] = []
         self._answer = answer
         self.client = CloudClient(
-            f"https://127.0.0.1:{self._server.server_address[1]}/api/v1/ingest",
+            [f"https://127.0.0.1:{self._server.server_address[1]}/api/v1/ingest"],
             headers=lambda: {"Content-Type": "application/cbor"},
             context=client_context(
                 identities.gateway.directory / ROOT_FILE, identities.gateway

@@ -117,7 +117,7 @@ def test_node_without_a_state_has_no_certificate(tmp_path: Path, identities: Ide
     spool = Spool(tmp_path / "spool.db", capacity=10**6, max_dead_letters=10)
     context = client_context(identities.gateway.directory / "root.pem")
     client = CloudClient(
-        "https://localhost:1/api/v1/ingest", headers=dict, context=context, timeout_s=1
+        ["https://localhost:1/api/v1/ingest"], headers=dict, context=context, timeout_s=1
     )
     way = CertificatesClient(client, spool)
     assert not way.has("unknown")

@@ -1,0 +1,126 @@
+"""Two clouds on one PostgreSQL server: each is killed, and data and pictures go on at the other."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from typing import TYPE_CHECKING, Final
+
+import httpx
+from eskin_cloud.store import Store
+from eskin_cloud.store.schema.frame_tables import frames
+from eskin_cloud.store.schema.tables import sequences
+from sqlalchemy import func, select
+
+from eskin.identity.identity import CHAIN_FILE
+from tests.support.files import write_settings
+from tests.support.processes import ESKIN, Running, wait_until
+from tests.support.stacks import RealStack
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.support.postgresql import Cluster
+
+LIMIT_S: Final = 10.0
+NODE: Final = "fingertip"
+
+
+class Viewer(threading.Thread):
+    """Reads the live stream of a cloud, and goes on at the next where it breaks off.
+
+    Attributes:
+        frames: Moments of the frames that came.
+        breaks: How often the stream broke off.
+    """
+
+    def __init__(self, stack: RealStack, token: str) -> None:
+        super().__init__(daemon=True)
+        self.frames: list[str] = []
+        self.breaks = 0
+        self.ended = threading.Event()
+        self._stack = stack
+        self._token = token
+        self._id: str | None = None
+
+    def run(self) -> None:
+        cloud = 0
+        while not self.ended.is_set():
+            try:
+                self._read(cloud)
+            except httpx.HTTPError:
+                self.breaks += 1
+                cloud = (cloud + 1) % len(self._stack.clouds)
+
+    def _read(self, cloud: int) -> None:
+        headers = {} if self._id is None else {"Last-Event-ID": self._id}
+        with (
+            self._stack.operator(cloud, self._token) as client,
+            client.stream("GET", "/live", headers=headers) as answer,
+        ):
+            answer.raise_for_status()
+            kind, name = "", ""
+            for line in answer.iter_lines():
+                field, _, value = line.partition(": ")
+                if field == "event":
+                    kind = value
+                elif field == "id":
+                    name = value
+                elif field == "data" and kind == "frame":
+                    self.frames.append(json.loads(value)["t0"])
+                elif not line:
+                    self._id = name or self._id
+                if self.ended.is_set():
+                    return
+
+
+def test_kill_of_any_cloud_loses_and_doubles_nothing(tmp_path: Path, cluster: Cluster) -> None:
+    place = cluster.fresh(empty=True)
+    with RealStack(tmp_path, clouds=2, place=place) as stack, Store(place) as store:
+
+        def stored() -> int:
+            with store.read() as connection:
+                counted = select(
+                    func.coalesce(func.sum(sequences.c.last - sequences.c.first + 1), 0)
+                )
+                return int(connection.execute(counted).scalar_one())
+
+        viewer = Viewer(stack, stack.token())
+        viewer.start()
+        with sensor_node(stack) as node:
+            wait_until(lambda: len(viewer.frames) > 5, "the viewer sees frames")
+            for killed in (0, 1, 0):
+                before, begun = stored(), time.monotonic()
+                shown = len(viewer.frames)
+                stack.clouds[killed].kill()
+                wait_until(lambda: stored() > before + 20, "messages are stored again")  # noqa: B023
+                assert time.monotonic() - begun < LIMIT_S
+                wait_until(lambda: len(viewer.frames) > shown + 20, "the viewer goes on")  # noqa: B023
+                stack.start_cloud(killed)
+            node.stop()
+        with store.read() as connection:
+            spans = connection.execute(
+                select(sequences.c.boot, sequences.c.first, sequences.c.last)
+            ).all()
+            count = connection.execute(select(func.count()).select_from(frames)).scalar_one()
+        assert len(spans) == 1, "no number is missing"
+        assert spans[0].first == 0
+        wait_until(lambda: len(viewer.frames) >= count, "the viewer sees all")
+        viewer.ended.set()
+        assert viewer.breaks >= 2
+        assert len(set(viewer.frames)) == len(viewer.frames) == count, "each frame comes once"
+
+
+def sensor_node(stack: RealStack) -> Running:
+    """A node that sends 20 frames a second."""
+    config = write_settings(stack.folder / "node.toml", {
+        "node": {"name": NODE, "profile": "fingertip"},
+        "sampling": {"stretch_ms": 50.0},
+        "broker": {"host": "127.0.0.1", "port": stack.broker.node_port, "drain_s": 90.0},
+        "identity": {"directory": stack.identities.node.directory,
+                     "site": stack.identities.site.directory / CHAIN_FILE},
+        "flash": {"path": stack.folder / "flash.sqlite"},
+        "truth": {"path": stack.folder / "truth.sqlite"},
+    })  # fmt: skip
+    return Running([ESKIN, "node", "--config", str(config)], log=stack.folder / "node.log")
