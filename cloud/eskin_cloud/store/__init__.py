@@ -1,4 +1,4 @@
-"""The store: one schema, one writer thread, several readers."""
+"""The store: one schema, a writer thread for each group of slots, several readers."""
 
 from __future__ import annotations
 
