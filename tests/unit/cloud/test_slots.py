@@ -226,18 +226,18 @@ async def test_erasure_waits_for_transactions_that_do_not_know_of_it(
         node, ada, cloud = "hand", site.ada.pseudonym, stand.cloud
         await notice(stand, [[ada, node, site.ada.key]], [])
         await stand.ingest(site.batch(declared(), beat(1)))
+        (row,) = rows(cloud.store, sealed_messages)
+        row.pop("row_digest", None)
+        gone = sealed_messages.delete()
+        await asyncio.wrap_future(cloud.store.write(lambda connection: connection.execute(gone)))
         begun: Future[None] = Future()
         ended: Future[None] = Future()
 
         def late(connection: Connection, _: WriteCache) -> None:
             """Insert a message as a transaction does that looked for erasures before this one."""
-            row = connection.execute(select(sealed_messages)).mappings().first()
-            assert row is not None
             begun.set_result(None)
             ended.result(120)
-            named_ = dict(row) | {"sequence": 99, "cursor": row["cursor"] + 1000 * SLOTS}
-            named_.pop("row_digest", None)
-            connection.execute(sealed_messages.insert(), named_)
+            connection.execute(sealed_messages.insert(), row)
 
         writing = cloud.store.write_node(node, late)
         await asyncio.wrap_future(begun)
@@ -246,14 +246,16 @@ async def test_erasure_waits_for_transactions_that_do_not_know_of_it(
         if not isinstance(place, Path):  # SQLite has one writer: the notice itself waits
             assert await erasing == ["erased"]
             sweeping = asyncio.create_task(sweep(cloud))
-            await asyncio.sleep(0)
+            held_up = lambda: sweeping.done() or cloud.store.waiting  # noqa: E731
+            await asyncio.to_thread(wait_until, held_up, "the sweep waits, or is done")
+            assert not sweeping.done(), "it waits for the transaction"
         ended.set_result(None)
         await asyncio.wrap_future(writing)
         assert await erasing == ["erased"]
         await (sweeping or sweep(cloud))
         assert rows(cloud.store, sealed_messages) == []
-        (row,) = rows(cloud.store, erased_subjects)
-        assert row["removed"] is not None
+        (erased,) = rows(cloud.store, erased_subjects)
+        assert erased["removed"] is not None
         with cloud.store.read() as connection:
             page, _ = list_audit_entries(connection, before=None, limit=9)
             actions = [each["action"] for each in page]
