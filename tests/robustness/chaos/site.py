@@ -1,4 +1,4 @@
-"""The real stack on hosts of its own: Mosquitto, two gateways that share a load, cloud, nodes.
+"""The real stack on hosts of its own: Mosquitto, two gateways that share a load, clouds, nodes.
 
 Where the store is on a server: PostgreSQL, too.
 """
@@ -52,6 +52,8 @@ SKIN: Final = "small-hand"
 """A node of 336 taxels, which sends frames and is watched."""
 NODES: Final = ("fingertip", "palm", "forearm", SKIN)
 GATEWAYS: Final = ("gateway-1", "gateway-2")
+CLOUDS: Final = ("cloud", "cloud-2")
+"""On PostgreSQL; an SQLite file serves the first alone."""
 _PORTS: Final = BrokerPorts(nodes=8883, gateways=8884, clients=8885)
 _INGEST: Final = 8443
 _PEOPLE: Final = 8080
@@ -92,7 +94,7 @@ class Site:
             self.layout.store if self.database is None else self.database.place
         )
         self.broker = self._make_broker(hosts["broker"])
-        self.cloud = self._make_cloud(hosts["cloud"])
+        self.clouds = [self._make_cloud(hosts[name]) for name in CLOUDS[: 2 if server else 1]]
         self.gateways = [
             self._make_gateway(hosts[name], number) for number, name in enumerate(GATEWAYS, start=1)
         ]
@@ -105,7 +107,7 @@ class Site:
     def parts(self) -> list[Part]:
         """All of them, in the order of their start."""
         first = [] if self.database is None else [self.database]
-        return [*first, self.broker, self.cloud, *self.gateways, *self.nodes]
+        return [*first, self.broker, *self.clouds, *self.gateways, *self.nodes]
 
     @property
     def served(self) -> list[str]:
@@ -149,7 +151,7 @@ class Site:
             if status is None:
                 continue
             last = running.output()[-3000:]
-            lacked = self.database is not None and name == "cloud" and _NO_STORE in last[-500:]
+            lacked = self.database is not None and name in CLOUDS and _NO_STORE in last[-500:]
             assert status == 2 and lacked, f"{name} ended with {status}:\n{last}"  # noqa: PT018 - one condition
             running.start()
 
@@ -181,24 +183,25 @@ class Site:
         )
 
     def watch(self) -> None:
-        """Have the skin watched beside the cloud, until the end."""
+        """Have the skin watched beside the first cloud, until the end."""
         with Store(self.store) as store:
             token = create_token(
                 store, name="watcher", scopes=[Scope.READ], lifetime=timedelta(days=1)
             )
         words = ["-m", "tests.support.skin_watcher", str(_PEOPLE), SKIN, str(self.seen)]
-        argv = [*self.cloud.host.prefix, sys.executable, *words]
+        argv = [*self.clouds[0].host.prefix, sys.executable, *words]
         self.watcher = Running(argv, log=self._logs / "watcher.log", env={"ESKIN_TOKEN": token})
         self._exits.callback(_end, self.watcher)
         self.watcher.start()
 
     def raise_alarms(self, *, seed: int) -> None:
-        """Have the cloud evaluate monitors, and a receiver beside it take their alarms."""
+        """Have a cloud evaluate monitors, and receivers beside all of them take their alarms."""
         words = ["-m", "tests.support.alarm_receiver", str(_RECEIVER), str(self.taken), str(seed)]
-        argv = [*self.cloud.host.prefix, sys.executable, *words]
-        receiver = Running(argv, log=self._logs / "receiver.log")
-        self._exits.callback(_end, receiver)
-        receiver.start()
+        for cloud in self.clouds:  # the one that leads at the time delivers
+            argv = [*cloud.host.prefix, sys.executable, *words]
+            receiver = Running(argv, log=self._logs / f"receiver-{cloud.name}.log")
+            self._exits.callback(_end, receiver)
+            receiver.start()
         define(self.store)
 
     def store_is_made(self) -> bool:
@@ -289,27 +292,32 @@ class Site:
         return Database(server, host=host, folder=self._logs, **self._around(DATABASE))
 
     def _make_cloud(self, host: Host) -> Part:
-        disk = Disk(self.layout.store.parent, 2048 * _MEBIBYTE)
-        server = self._identities.make(IdentityKind.SERVER, "server.cloud", hosts=(host.address,))
+        first = host.name == CLOUDS[0]
+        folder = self.layout.store.parent if first else self.layout.root / host.name
+        disk = Disk(folder, (2048 if first else 64) * _MEBIBYTE)
+        name = f"server.{host.name}"
+        server = self._identities.make(IdentityKind.SERVER, name, hosts=(host.address,))
         store: dict[str, object] = {"path": self.store}
-        config = write_settings(self.layout.root / "cloud.toml", {
+        config = write_settings(self.layout.root / f"{host.name}.toml", {
             "store": store if self.database is None else self.database.settings,
             "people": {"port": _PEOPLE},
             "gateways": {"host": host.address, "port": _INGEST, "identity": server.directory},
             "alarms": {"timeout_s": 2.0, "retry_max_s": 2.0},
             "alarms.webhooks": {"ops": f"http://127.0.0.1:{_RECEIVER}/"},
         })  # fmt: skip
-        return self._part("cloud", [ESKIN, "cloud", "--config", str(config)], host, disk, server)
+        argv = [ESKIN, "cloud", "--config", str(config)]
+        return self._part(host.name, argv, host, disk, server)
 
     def _make_gateway(self, host: Host, number: int) -> Part:
         spool = self._spool(host.name)
+        urls = [f"https://{each.host.address}:{_INGEST}/api/v1/ingest" for each in self.clouds]
         disk = Disk(spool.parent, 256 * _MEBIBYTE)
         own = self._identities.make(IdentityKind.GATEWAY, f"gateway.g{number}")
         config = write_settings(self.layout.root / f"{host.name}.toml", {
             "broker": {"host": self.broker.host.address, "port": _PORTS.gateways, "group": "site",
                        "keepalive_s": 5},
             "identity": {"directory": own.directory, "site": self._identities.site.directory},
-            "cloud": {"url": f"https://{self.cloud.host.address}:{_INGEST}/api/v1/ingest",
+            "cloud": {"url": urls[0], "fallbacks": urls[1:],
                       "timeout_s": 3.0, "retry_max_s": 2.0},
             "spool": {"path": spool},
         })  # fmt: skip
@@ -361,7 +369,13 @@ class Site:
 
 def part_names(*, server: bool) -> tuple[str, ...]:
     """Names of all parts of a site."""
-    return "broker", "cloud", *GATEWAYS, *NODES, *((DATABASE,) if server else ())
+    return (
+        "broker",
+        *CLOUDS[: 2 if server else 1],
+        *GATEWAYS,
+        *NODES,
+        *((DATABASE,) if server else ()),
+    )
 
 
 def _end(running: Running) -> None:

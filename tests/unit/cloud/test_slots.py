@@ -246,7 +246,7 @@ async def test_erasure_waits_for_transactions_that_do_not_know_of_it(
         if not isinstance(place, Path):  # SQLite has one writer: the notice itself waits
             assert await erasing == ["erased"]
             sweeping = asyncio.create_task(sweep(cloud))
-            held_up = lambda: sweeping.done() or cloud.store.waiting  # noqa: E731
+            held_up = lambda: sweeping.done() or cloud.store.waiting > 0  # noqa: E731
             await asyncio.to_thread(wait_until, held_up, "the sweep waits, or is done")
             assert not sweeping.done(), "it waits for the transaction"
         ended.set_result(None)
