@@ -120,7 +120,7 @@ async def _store(
     # All are waited for, also if one fails: what the others stored is then a duplicate.
     done = await asyncio.gather(*map(asyncio.wrap_future, writes), return_exceptions=True)
     outcomes = [each for each in done if isinstance(each, IngestResult)]
-    for outcome in outcomes:
+    for outcome in outcomes or ([] if shares else [IngestResult([], [], 0)]):
         cloud.gateway_contacts.note(gateway, site=site, condition=posted.condition, outcome=outcome)
         cloud.metrics.dead_letters_dropped.inc(outcome.dropped)
         cloud.metrics.conflicts.inc(outcome.conflicts)

@@ -117,7 +117,7 @@ class Feed:
 
     def advance(self, position: FeedPosition) -> None:
         """Have streams read the store up to a position: another process stored some of it."""
-        if any(self._last.spans(position)):
+        if not self._last.reaches(position):
             self._leave_to_store(position)
             self.wake()
 
@@ -195,7 +195,7 @@ class Feed:
             most: How many.
             sealed: Whether sealed ones count, and are given; else nothing depends on them.
         """
-        if any(position.spans(self._floor)):
+        if not position.reaches(self._floor):
             read = partial(self._read, position, self._floor, most, sealed=sealed)
             found, end = await asyncio.to_thread(read)
             self._note_frames(found)

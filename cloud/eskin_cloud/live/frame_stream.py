@@ -87,8 +87,8 @@ class FrameStream:
             while not feed.closed:
                 if await self._skip_backlog():
                     yield self._lagging()
-                missed = any(self._position.spans(self._present))
-                most = _AT_ONCE if missed else _PENDING
+                present = self._position.reaches(self._present)
+                most = _PENDING if present else _AT_ONCE
                 found, end = await feed.after(self._position, most, sealed=self._sealed)
                 await feed.layouts.load(found)
                 for message in self._of_entries(found, end):

@@ -73,7 +73,7 @@ async def stream(
                     yield said
                     asked = time.monotonic()
                     yield b""  # goes on once there is room for more
-                    if not any(begun.spans(present)):
+                    if begun.reaches(present):
                         pace.note(time.monotonic() - asked)
                         await asyncio.sleep(pace.pause)
                 if time.monotonic() >= due:

@@ -11,6 +11,7 @@ import binascii
 import hashlib
 from typing import TYPE_CHECKING, Final, Self
 
+import numpy as np
 from cachetools import FIFOCache
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESSIV
@@ -68,8 +69,9 @@ class OpaqueIds:
         """Encrypt a position in the feed; the text has the same length for all positions."""
         text = self._positions.get(position)
         if text is None:
-            numbers = (cursor // SLOTS for cursor in position.cursors)
-            text = self._encrypt(b"".join(n.to_bytes(_NUMBER_BYTES) for n in numbers))
+            numbers = np.array(position.cursors, np.uint64) // SLOTS
+            octets = numbers.astype(">u8").view(np.uint8).reshape(SLOTS, 8)
+            text = self._encrypt(octets[:, -_NUMBER_BYTES:].tobytes())
             self._positions[position] = text
         return text
 

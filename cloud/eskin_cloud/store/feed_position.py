@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import ge
 from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 from sqlalchemy import select
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from sqlalchemy import Connection
+
+
+_SLOT_NUMBERS: Final = sum(range(SLOTS))
 
 
 class FeedSpan(NamedTuple):
@@ -70,14 +74,18 @@ class FeedPosition:
             if theirs > ours:
                 yield FeedSpan(slot, ours, theirs)
 
+    def reaches(self, other: FeedPosition) -> bool:
+        """Whether this position is in no slot earlier than another."""
+        return all(map(ge, self.cursors, other.cursors))
+
     def distance(self, end: FeedPosition) -> int:
-        """How many cursors lie between this position and a later one."""
-        return sum(span.size for span in self.spans(end))
+        """How many cursors lie between this position and one that reaches it."""
+        return end.total - self.total
 
     @property
     def total(self) -> int:
         """How many cursors have been read."""
-        return sum(cursor // SLOTS for cursor in self.cursors)
+        return (sum(self.cursors) - _SLOT_NUMBERS) // SLOTS
 
     def no_later_than(self, end: FeedPosition) -> FeedPosition:
         """This position, in no slot later than another."""

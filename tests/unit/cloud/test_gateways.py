@@ -77,6 +77,13 @@ async def test_gateway_is_listed_after_its_first_contact(stand: Stand) -> None:
     assert node["lag"] == gateway["lag"]
 
 
+async def test_batch_without_messages_is_a_contact(stand: Stand) -> None:
+    assert (await stand.ingest(cbor2.dumps([]), status=STATE)).status_code == 200
+    (gateway,) = await listed(stand)
+    assert gateway["last_heard"] == format_timestamp(stand.clock())
+    assert gateway["stored"] == 0
+
+
 async def test_batches_are_counted_and_the_last_status_stays(stand: Stand) -> None:
     said = batch(status(0), stretch(1))
     await stand.ingest(said, status=STATE)

@@ -281,6 +281,7 @@ def test_positions_are_partly_ordered(one: FeedPosition, other: FeedPosition, mo
     assert one.no_later_than(other) == other.no_later_than(one)
     assert not any(last.spans(one))
     assert not any(last.spans(other))
+    assert one.reaches(other) is not any(one.spans(other))
     assert one.distance(last) == sum(span.size for span in one.spans(last))
     assert one.distance(last) == last.total - one.total
     resumed = one.resume(last, most)
