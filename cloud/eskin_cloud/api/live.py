@@ -115,7 +115,7 @@ async def get_live(
     and ``cursor`` as its parameters, is answered with frames in CBOR, as their nodes encoded them.
     """
     feed, live = cloud.feed, cloud.settings.live
-    position = _position(cloud, last_event_id, "Last-Event-ID")
+    position = await resume(cloud, last_event_id, "Last-Event-ID")
     selection = Subscription(
         frozenset(query.node),
         frozenset(parse_channel(text) for text in query.channel),
@@ -146,7 +146,7 @@ async def watch_live(
 ) -> None:
     """Stream frames, events and contacts as they are stored, in CBOR."""
     live, scopes = cloud.settings.live, viewer.holder.scopes
-    position = _position(cloud, query.cursor, "cursor")
+    position = await resume(cloud, query.cursor, "cursor")
     nodes = frozenset(query.node)
     await asyncio.to_thread(_require_known, cloud, nodes)
     _require_room(cloud)
@@ -226,12 +226,26 @@ def _require_known(cloud: AppState, nodes: Collection[str]) -> None:
                 find_node(connection, node)
 
 
-def _position(cloud: AppState, text: str | None, parameter: str) -> FeedPosition:
-    last = cloud.feed.last
+async def resume(cloud: AppState, text: str | None, parameter: str) -> FeedPosition:
+    """The position in the feed from which a client goes on.
+
+    Args:
+        cloud: The cloud.
+        text: The last id or cursor that the client received, from any cloud on the store; without
+            one it begins at the present.
+        parameter: Its name.
+
+    Raises:
+        QueryError: No cloud on this store has issued it.
+        StoreError: The store cannot be read.
+    """
+    feed = cloud.feed
     if text is None or not text:
-        return last
+        return feed.last
     try:
-        position = cloud.feed.ids.read_position(text)
+        position = feed.ids.read_position(text)
     except QueryError as error:
         raise QueryError(parameter, f"{text!r} is no id of this stream; leave it out") from error
-    return position.no_later_than(last)
+    if not feed.last.reaches(position):  # another cloud sent what this one has not heard of yet
+        await feed.catch_up()
+    return position.no_later_than(feed.last)

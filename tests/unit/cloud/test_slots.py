@@ -11,6 +11,7 @@ from random import Random
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from eskin_cloud.api.live import resume
 from eskin_cloud.jobs.pg_listener import listen
 from eskin_cloud.jobs.retention import sweep
 from eskin_cloud.live import Feed
@@ -216,6 +217,22 @@ async def test_stream_of_one_cloud_has_all_that_any_cloud_stores(
     for task in listeners:
         task.cancel()
     await asyncio.wait(listeners)
+
+
+@pytest.mark.anyio
+async def test_client_that_goes_on_at_a_cloud_which_is_behind_gets_nothing_twice(
+    stands: tuple[Stand, Stand],
+) -> None:
+    """A cloud is killed after its commit, before it notifies the others."""
+    one, behind = stands
+    for number in range(4):
+        outcome = await asyncio.to_thread(put, one.cloud.store, stretch(number))
+        one.cloud.feed.append(outcome.entries)
+    ids = behind.cloud.feed.ids
+    stated = ids.write_position(one.cloud.feed.last)
+    assert behind.cloud.feed.last != one.cloud.feed.last
+    assert await resume(behind.cloud, stated, "cursor") == one.cloud.feed.last
+    assert behind.cloud.feed.last == one.cloud.feed.last
 
 
 @pytest.mark.anyio
