@@ -12,6 +12,7 @@ from eskin_cloud.store import Store
 
 from eskin.demo.ports import free_ports
 from eskin.identity import IdentityKind
+from eskin.identity.identity import CHAIN_FILE
 from tests.support.brokers import Mosquitto
 from tests.support.files import ask, write_settings
 from tests.support.identities import Identities
@@ -98,6 +99,19 @@ class RealStack:
         trace: TracebackType | None,
     ) -> None:
         self._running.__exit__(kind, error, trace)
+
+    def sensor_node(self) -> Running:
+        """A fingertip that sends 20 frames a second; not started."""
+        config = write_settings(self.folder / "node.toml", {
+            "node": {"name": "fingertip", "profile": "fingertip"},
+            "sampling": {"stretch_ms": 50.0},
+            "broker": {"host": "127.0.0.1", "port": self.broker.node_port, "drain_s": 90.0},
+            "identity": {"directory": self.identities.node.directory,
+                         "site": self.identities.site.directory / CHAIN_FILE},
+            "flash": {"path": self.folder / "flash.sqlite"},
+            "truth": {"path": self.folder / "truth.sqlite"},
+        })  # fmt: skip
+        return Running([ESKIN, "node", "--config", str(config)], log=self.folder / "node.log")
 
     def token(self) -> str:
         """A token of a person who may give commands."""

@@ -13,9 +13,7 @@ from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.tables import sequences
 from sqlalchemy import func, select
 
-from eskin.identity.identity import CHAIN_FILE
-from tests.support.files import write_settings
-from tests.support.processes import ESKIN, Running, wait_until
+from tests.support.processes import wait_until
 from tests.support.stacks import RealStack
 
 if TYPE_CHECKING:
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
     from tests.support.postgresql import Cluster
 
 LIMIT_S: Final = 10.0
-NODE: Final = "fingertip"
 
 
 class Viewer(threading.Thread):
@@ -93,7 +90,7 @@ def test_kill_of_any_cloud_loses_and_doubles_nothing(tmp_path: Path, cluster: Cl
 
         viewer = Viewer(stack, stack.token())
         viewer.start()
-        with sensor_node(stack) as node:
+        with stack.sensor_node() as node:
             wait_until(lambda: viewer.samples > 0, "the viewer sees frames")
             for killed in (0, 1, 0):
                 before, begun = stored(), time.monotonic()
@@ -115,17 +112,3 @@ def test_kill_of_any_cloud_loses_and_doubles_nothing(tmp_path: Path, cluster: Cl
         viewer.ended.set()
         assert viewer.breaks >= 2
         assert viewer.samples == count, "each sample comes once"
-
-
-def sensor_node(stack: RealStack) -> Running:
-    """A node that sends 20 frames a second."""
-    config = write_settings(stack.folder / "node.toml", {
-        "node": {"name": NODE, "profile": "fingertip"},
-        "sampling": {"stretch_ms": 50.0},
-        "broker": {"host": "127.0.0.1", "port": stack.broker.node_port, "drain_s": 90.0},
-        "identity": {"directory": stack.identities.node.directory,
-                     "site": stack.identities.site.directory / CHAIN_FILE},
-        "flash": {"path": stack.folder / "flash.sqlite"},
-        "truth": {"path": stack.folder / "truth.sqlite"},
-    })  # fmt: skip
-    return Running([ESKIN, "node", "--config", str(config)], log=stack.folder / "node.log")

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from eskin.identity.identity import CHAIN_FILE
-from tests.support.files import ask, write_settings
-from tests.support.processes import ESKIN, Running, wait_until
+from tests.support.files import ask
+from tests.support.processes import wait_until
 from tests.support.stacks import RealStack
 
 if TYPE_CHECKING:
@@ -25,19 +24,6 @@ pytestmark = pytest.mark.nightly
 def stack(tmp_path: Path) -> Iterator[RealStack]:
     with RealStack(tmp_path, missing_s=3.0) as running:
         yield running
-
-
-def sensor_node(stack: RealStack) -> Running:
-    config = write_settings(stack.folder / "node.toml", {
-        "node": {"name": "fingertip", "profile": "fingertip"},
-        "sampling": {"stretch_ms": 50.0},
-        "broker": {"host": "127.0.0.1", "port": stack.broker.node_port, "drain_s": 90.0},
-        "identity": {"directory": stack.identities.node.directory,
-                     "site": stack.identities.site.directory / CHAIN_FILE},
-        "flash": {"path": stack.folder / "flash.sqlite"},
-        "truth": {"path": stack.folder / "truth.sqlite"},
-    })  # fmt: skip
-    return Running([ESKIN, "node", "--config", str(config)], log=stack.folder / "node.log")
 
 
 def copy(source: Path, target: Path) -> None:
@@ -59,7 +45,7 @@ def waiting(spool: Path) -> int:
 
 def test_rolled_back_spool_is_named_by_node_event_and_metric(stack: RealStack) -> None:
     older = stack.folder / "older.sqlite"
-    with sensor_node(stack), stack.operator() as person:
+    with stack.sensor_node(), stack.operator() as person:
         wait_until(lambda: stack.stored_frames() > 20, "frames are stored")
         stack.cloud.stop()
         copy(stack.spool, older)

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from eskin.identity.identity import CHAIN_FILE
 from eskin.wire.messages.cbor_map import load
 from eskin.wire.messages.header import read_position
 from eskin.wire.timestamp import SECOND
-from tests.support.files import ask, write_settings
-from tests.support.processes import ESKIN, Running, wait_until
+from tests.support.files import ask
+from tests.support.processes import Running, wait_until
 from tests.support.stacks import RealStack
 
 if TYPE_CHECKING:
@@ -36,20 +35,6 @@ _KEEPALIVE_S = 60
 def stack(tmp_path: Path) -> Iterator[RealStack]:
     with RealStack(tmp_path, gateways=2, keepalive_s=_KEEPALIVE_S) as running:
         yield running
-
-
-def sensor_node(stack: RealStack) -> Running:
-    """A node that sends 20 frames a second."""
-    config = write_settings(stack.folder / "node.toml", {
-        "node": {"name": "fingertip", "profile": "fingertip"},
-        "sampling": {"stretch_ms": 50.0},
-        "broker": {"host": "127.0.0.1", "port": stack.broker.node_port, "drain_s": 90.0},
-        "identity": {"directory": stack.identities.node.directory,
-                     "site": stack.identities.site.directory / CHAIN_FILE},
-        "flash": {"path": stack.folder / "flash.sqlite"},
-        "truth": {"path": stack.folder / "truth.sqlite"},
-    })  # fmt: skip
-    return Running([ESKIN, "node", "--config", str(config)], log=stack.folder / "node.log")
 
 
 def spools(stack: RealStack) -> list[Path]:
@@ -125,7 +110,7 @@ def kill(stack: RealStack, gateway: Running, spool: Path) -> Death:
 
 @pytest.mark.timeout(600)
 def test_other_gateway_takes_over_with_nothing_lost_or_doubled(stack: RealStack) -> None:
-    with sensor_node(stack) as node:
+    with stack.sensor_node() as node:
         both_share(stack)
         death = kill(stack, stack.gateway, stack.spool)
         assert node.stop() == 0

@@ -49,8 +49,8 @@ def bring(
 
 
 @contextmanager
-def one_commit(store: Store) -> Iterator[None]:
-    """Writes of the usual node wait meanwhile, and then share a commit."""
+def one_commit(store: Store, node: str = NODE) -> Iterator[None]:
+    """A transaction of a node's slot lasts meanwhile; writes that wait for it share a commit."""
     started: Future[None] = Future()
     held: Future[None] = Future()
 
@@ -58,7 +58,7 @@ def one_commit(store: Store) -> Iterator[None]:
         started.set_result(None)
         held.result(120)
 
-    first = store.write_node(NODE, wait)
+    first = store.write_node(node, wait)
     started.result(120)
     try:
         yield

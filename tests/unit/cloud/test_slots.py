@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import aclosing, contextmanager
+from contextlib import aclosing
 from itertools import count
 from pathlib import Path
 from random import Random
@@ -34,7 +34,7 @@ from eskin.errors import QueryError
 from tests.support.examples import examples
 from tests.support.processes import wait_until
 from tests.unit.cloud.clouds import Stand, emptied, put, put_items
-from tests.unit.cloud.commits import kinds
+from tests.unit.cloud.commits import kinds, one_commit
 from tests.unit.cloud.messages import stretch
 from tests.unit.cloud.sealing import beat, declared, notice, sealing
 from tests.unit.cloud.streams import events_of
@@ -57,25 +57,6 @@ NODES = [f"node-{number}" for number in range(40)]
 def named(slot: int) -> str:
     """A node of a slot."""
     return next(name for k in count() if slot_of(name := f"name-{k}") == slot)
-
-
-@contextmanager
-def held(store: Store, node: str) -> Iterator[None]:
-    """A transaction of a node's slot lasts meanwhile."""
-    begun: Future[None] = Future()
-    ended: Future[None] = Future()
-
-    def wait(_: Connection, __: WriteCache) -> None:
-        begun.set_result(None)
-        ended.result(120)
-
-    waiting = store.write_node(node, wait)
-    begun.result(120)
-    try:
-        yield
-    finally:
-        ended.set_result(None)
-        waiting.result(120)
 
 
 def rows(store: Store, table: Table) -> list[dict[str, Any]]:
@@ -104,7 +85,7 @@ def test_only_writers_of_the_same_slot_wait(two: tuple[Store, Store]) -> None:
     ours, near, far = named(3), named(4), named(40)
     assert group_of(3, 4) == group_of(4, 4) != group_of(40, 4)
     with ThreadPoolExecutor(1) as pool:
-        with held(one, ours):
+        with one_commit(one, ours):
             assert kinds(put(other, stretch(0), node=near)) == ["stored"]
             assert kinds(put(other, stretch(0), node=far)) == ["stored"]
             assert kinds(put(one, stretch(1), node=far)) == ["stored"]
