@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from secrets import token_hex
+import time
+from secrets import randbelow, token_hex
 from typing import TYPE_CHECKING, Any
 
 import paho.mqtt.client as paho
@@ -44,14 +45,17 @@ def test_node_signs_a_challenge_once_its_gestures_were_entered(
 
     with serving(node, epoch=None):
         chain.wait_for_node("lid")
-        for _ in range(10):
+        for _ in range(40):
             nonce = token_hex(16)
             number = chain.ask("challenge", node="lid", nonce=nonce)
             chain.wait_for(number, "done", node="lid")
             wait_until(lambda: key()["outcome"] in {"released", "wrong"}, "it is judged")
             if key()["outcome"] == "released":
                 break
-    # The scenario repeats: an entry is right if the challenge came before it presses.
+            # The scenario repeats each half second, and an entry is right if the challenge came
+            # before it presses. An entry that is judged wrong ends at one phase of it: without a
+            # random time, the next challenge might come at the same wrong one each time.
+            time.sleep(randbelow(500) / 1000)
     found = key()
     root = identities.node.directory / ROOT_FILE
     assert (found["outcome"], found["nonce"]) == ("released", nonce)
