@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
-from sqlalchemy import Connection, RowMapping, Table, func, select
+from sqlalchemy import Connection, RowMapping, Table, exists, func, select
 from starlette.responses import Response, StreamingResponse
 
 from eskin.errors import NoKeyError, QueryError
@@ -27,6 +27,7 @@ from eskin_cloud.store.damage import are_countable
 from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.read.lookup import UnknownChannelError
 from eskin_cloud.store.row_digests import intact_rows
+from eskin_cloud.store.schema.node_key import of_same_node
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages, subject_nodes
 from eskin_cloud.store.schema.tables import node_sites
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
@@ -46,7 +47,7 @@ def get_subjects(
     """
     del query
     v = sealed_messages.c
-    counted = select(v.node, v.subject, func.count()).group_by(v.node, v.subject)
+    counted = select(v.node, v.subject, func.count()).group_by(v.slot, v.node, v.subject)
     with cloud.store.read() as connection:
         sites = dict(_sites(connection))
         held: Counter[tuple[str, str]] = Counter()
@@ -148,12 +149,12 @@ def stream_lines(
 ) -> Iterator[bytes]:
     """A subject's lines, for as long as the reader may read."""
     last = -1
-    own = select(node_sites.c.node).where(node_sites.c.site == site)
+    is_own = exists().where(of_same_node(node_sites, sealed_messages), node_sites.c.site == site)
     while True:
         query = select(sealed_messages).where(
             sealed_messages.c.subject == subject,
             sealed_messages.c.cursor > last,
-            sealed_messages.c.node.in_(own),
+            is_own,
         )
         with cloud.store.read() as connection:
             cloud.key_access.apply_erasures(connection)

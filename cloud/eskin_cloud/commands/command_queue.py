@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import cbor2
-from sqlalchemy import func, select, update
+from sqlalchemy import exists, func, select, update
 
 from eskin.errors import MessageError
 from eskin.wire.messages.cbor_map import MOST_COUNT, integer, items, load_any, real
 from eskin_cloud.ingest.errors import MalformedBatchError
+from eskin_cloud.store.schema.node_key import of_node, of_same_node
 from eskin_cloud.store.schema.tables import commands, node_sites
 from eskin_cloud.store.write.commands import find_command
 
@@ -99,7 +100,7 @@ def find_changes(connection: Connection, holding: Holding, *, site: str, now: in
     """
     c = commands.c
     waiting = select(c.node, func.min(c.id)).where(c.outcome.is_(None), c.expires > now)
-    waiting = waiting.where(_is_of(site)).group_by(c.node)
+    waiting = waiting.where(_is_of(site)).group_by(c.slot, c.node)
     current = {(row[0], row[1]) for row in connection.execute(waiting)}
     room = max(0, min(MOST_GIVEN, MOST_HELD - len(holding.held & current)))
     give = []
@@ -121,13 +122,14 @@ def mark_delivered(connection: Connection, sent: list[tuple[str, int]], *, now: 
     """Note when commands were first handed to a broker."""
     c = commands.c
     for node, number in sent:
-        here = (c.node == node) & (c.id == number) & c.delivered.is_(None)
+        here = of_node(commands, node) & (c.id == number) & c.delivered.is_(None)
         connection.execute(update(commands).where(here).values(delivered=now))
 
 
 def _is_of(site: str) -> ColumnElement[bool]:
     """Whether a command is for a node of a site."""
-    return commands.c.node.in_(select(node_sites.c.node).where(node_sites.c.site == site))
+    n = node_sites.c
+    return exists().where(of_same_node(node_sites, commands), n.site == site).correlate(commands)
 
 
 def _load(body: bytes) -> dict[object, object]:

@@ -15,6 +15,7 @@ from eskin_cloud.commands.desired_state import merge_desired_state
 from eskin_cloud.store.notify import News, announce
 from eskin_cloud.store.read.lookup import find_node
 from eskin_cloud.store.read.patch_runs import find_layouts
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import commands
 from eskin_cloud.store.write.commands import encode_state, find_command, find_state, update_state
 
@@ -100,14 +101,16 @@ def issue(
 def _next_id(connection: Connection, node: str, now: int) -> int:
     """Above all before; also above those of a store that was lost: a node remembers its last."""
     last = connection.execute(
-        select(func.max(commands.c.id)).where(commands.c.node == node)
+        select(func.max(commands.c.id)).where(of_node(commands, node))
     ).scalar_one()
     return max((last or 0) + 1, now // SECOND)
 
 
 def _require_room(connection: Connection, node: str, now: int) -> None:
     c = commands.c
-    waiting = select(func.count()).where(c.node == node, c.outcome.is_(None), c.expires > now)
+    waiting = select(func.count()).where(
+        of_node(commands, node), c.outcome.is_(None), c.expires > now
+    )
     count = connection.execute(waiting).scalar_one()
     if count >= MOST_WAITING:
         raise BacklogError(

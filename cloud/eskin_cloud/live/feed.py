@@ -26,6 +26,7 @@ from eskin_cloud.store.feed_entry import FeedEntry
 from eskin_cloud.store.feed_position import FEED_START, last_position, share
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import frames
+from eskin_cloud.store.schema.node_key import of_nodes
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import events
 from eskin_cloud.store.slot import SLOTS, slot_of_cursor
@@ -235,7 +236,7 @@ class Feed:
                 for span in after.spans(end):
                     query = select(func.count()).where(*_within(frames, span))
                     if nodes is not None:
-                        query = query.where(frames.c.node.in_(nodes))
+                        query = query.where(of_nodes(frames, nodes))
                     total += connection.execute(query).scalar_one()
             return total
 

@@ -33,6 +33,7 @@ from eskin_cloud.store.schema.frame_tables import (
     patches,
     stale_patch_chunks,
 )
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import feed, metadata, nodes
 from eskin_cloud.store.slot import slot_of
@@ -161,7 +162,7 @@ def _memory() -> Iterator[Connection]:
 def _sealed(connection: Connection, node: str, place: str, window: Window) -> Sequence[RowMapping]:
     v = sealed_messages.c
     here = (
-        (v.node == node)
+        of_node(sealed_messages, node)
         & (v.place == place)
         & (v.kind == "frame")
         & (v.t_lo < window.end)
@@ -209,13 +210,13 @@ def _fill(
     found: Sequence[FrameRow],
 ) -> None:
     """Insert frames, and all by which they are found and read."""
-    row = connection.execute(select(nodes).where(nodes.c.node == node)).mappings().one()
+    row = connection.execute(select(nodes).where(of_node(nodes, node))).mappings().one()
     memory.execute(insert(nodes), dict(row))
     d = descriptions.c
     names = {name for each in layouts for name in (each.hash, *each.layout.patches)}
     latest = row["layout"]
     names |= set() if latest is None else {bytes(latest)}
-    query = select(descriptions).where(d.slot == slot_of(node), d.node == node, d.hash.in_(names))
+    query = select(descriptions).where(of_node(descriptions, node), d.hash.in_(names))
     described = [dict(each) for each in connection.execute(query).mappings()]
     if described:
         memory.execute(insert(descriptions), described)

@@ -11,6 +11,7 @@ from eskin.wire.frames import Statements
 from eskin_cloud.privacy.sealed_rows import event_rows, open_row
 from eskin_cloud.query.events import place
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def _select(question: EventQuery, after: tuple[int, ...] | None) -> Select[tuple
     query: Select[tuple[object, ...]] = select(sealed_messages)
     query = query.where(v.kind == "statements")
     if question.node is not None:
-        query = query.where(v.node == question.node)
+        query = query.where(of_node(sealed_messages, question.node))
     if question.start is not None:
         query = query.where(v.t_hi >= question.start)
     if question.end is not None:

@@ -12,6 +12,7 @@ from eskin.identity import IdentityKind
 from eskin.privacy.subject import KEY_BYTES, is_pseudonym
 from eskin.wire.messages.cbor_map import items, load_any
 from eskin_cloud.ingest.errors import MalformedBatchError
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, subject_nodes
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 
@@ -104,7 +105,7 @@ def store_assignments(connection: Connection, worn: Iterable[Worn], *, now: int)
 
 
 def _is_assigned(connection: Connection, worn: Worn) -> bool:
-    here = (subject_nodes.c.node == worn.node) & (subject_nodes.c.subject == worn.subject)
+    here = of_node(subject_nodes, worn.node) & (subject_nodes.c.subject == worn.subject)
     return connection.execute(select(subject_nodes.c.reported).where(here)).first() is not None
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from sqlalchemy import false, select, tuple_
 
 from eskin_cloud.store.row_digests import intact_rows
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import events
 
 if TYPE_CHECKING:
@@ -82,13 +83,14 @@ def _select(question: EventQuery) -> Select[tuple[object, ...]]:
     e = events.c
     query: Select[tuple[object, ...]] = select(events)
     for column, value in (
-        (e.node, question.node),
         (e.channel, question.channel),
         (e.kind, question.kind),
         (e.verdict, question.verdict),
     ):
         if value is not None:
             query = query.where(column == value)
+    if question.node is not None:
+        query = query.where(of_node(events, question.node))
     if question.is_of_no_time:
         query = query.where(false())
     if question.start is not None:

@@ -14,9 +14,9 @@ from eskin_cloud.store.read.patch_columns import describe_columns
 from eskin_cloud.store.read.patch_runs import find_layouts
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import descriptions, pages, patches
+from eskin_cloud.store.schema.node_key import of_node, of_nodes
 from eskin_cloud.store.schema.sealed_tables import removals
 from eskin_cloud.store.schema.tables import nodes
-from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -118,9 +118,8 @@ def count_channels(connection: Connection, names: Sequence[str]) -> dict[str, in
     if not are_countable(pages.name):
         return dict.fromkeys(names)
     n, p = nodes.c, pages.c
-    latest = select(n.node, n.layout).where(n.node.in_(names), n.layout.is_not(None))
-    slots = {slot_of(name) for name in names}
-    earlier = select(p.node, p.layout).where(p.slot.in_(slots), p.node.in_(names))
+    latest = select(n.node, n.layout).where(of_nodes(nodes, names), n.layout.is_not(None))
+    earlier = select(p.node, p.layout).where(of_nodes(pages, names))
     layouts: dict[str, list[bytes]] = {name: [] for name in names}
     for node, layout in connection.execute(union(latest, earlier)):
         layouts[node].append(bytes(layout))
@@ -141,13 +140,13 @@ def sealed_nodes(connection: Connection, names: Sequence[str] | None = None) -> 
     d = descriptions.c
     query = select(d.node).distinct().where(d.biometric == 1)
     if names is not None:
-        query = query.where(d.node.in_(names))
+        query = query.where(of_nodes(descriptions, names))
     return set(connection.execute(query).scalars())
 
 
 def list_removed(connection: Connection, node: str) -> dict[str, tuple[int, int]]:
     """The number of removed messages of each patch, and before when, UTC ns."""
-    rows = connection.execute(select(removals).where(removals.c.node == node)).mappings()
+    rows = connection.execute(select(removals).where(of_node(removals, node))).mappings()
     found: dict[str, tuple[int, int]] = {}
     for row in intact_rows(connection, removals, rows):
         for name in _removed_names(connection, node, row["place"]):

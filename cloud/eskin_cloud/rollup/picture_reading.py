@@ -39,7 +39,7 @@ from eskin_cloud.store.schema.frame_tables import (
     patches,
     stale_patch_chunks,
 )
-from eskin_cloud.store.slot import slot_of
+from eskin_cloud.store.schema.node_key import of_node
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -338,7 +338,7 @@ class PictureReader:
             self.time_error = max(self.time_error, row["error"])
 
     def _here(self, table: Table) -> ColumnElement[bool]:
-        return and_(table.c.slot == slot_of(self._node), table.c.node == self._node)
+        return of_node(table, self._node)
 
     def _is_in(self, row: RowMapping) -> bool:
         """Whether a patch has a channel of the pictures."""

@@ -26,6 +26,7 @@ from eskin_cloud.store.patch_rows import MOST_CELLS, encode_runs
 from eskin_cloud.store.patch_totals import add_rows
 from eskin_cloud.store.read.patch_runs import runs_of_frames
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import feed
 from eskin_cloud.store.write.bulk_insert import insert_many
 
@@ -144,7 +145,7 @@ def compact_frames(store: Store, page: PageKey, due: Due) -> bool:
 
 def _within(page: PageKey) -> ColumnElement[bool]:
     f = frames.c
-    return and_(f.slot == page[0], f.node == page[1], f.page == page[3], f.layout == page[2])
+    return and_(of_node(frames, page[1]), f.page == page[3], f.layout == page[2])
 
 
 def _heads(connection: Connection, page: PageKey, since: int | None, most: int) -> MappingResult:
@@ -157,7 +158,7 @@ def _heads(connection: Connection, page: PageKey, since: int | None, most: int) 
 
 def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames | None:
     p, f = pages.c, frames.c
-    here = and_(p.slot == page[0], p.node == page[1], p.layout == page[2], p.page == page[3])
+    here = and_(of_node(pages, page[1]), p.layout == page[2], p.page == page[3])
     totals = connection.execute(select(p.compacted).where(here)).one_or_none()
     if totals is None:
         return None
@@ -294,8 +295,7 @@ def _replace(connection: Connection, cache: WriteCache, made: CompactedFrames) -
         return False
     if made.gone:
         where = and_(
-            f.slot == made.page[0],
-            f.node == made.page[1],
+            of_node(frames, made.page[1]),
             tuple_(f.boot, f.sequence).in_(made.gone),
         )
         here = select(func.count()).select_from(frames).where(where)

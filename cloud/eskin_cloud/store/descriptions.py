@@ -10,7 +10,7 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from cachetools import FIFOCache, LRUCache
-from sqlalchemy import and_, delete, func, insert, select, tuple_
+from sqlalchemy import delete, func, insert, select, tuple_
 
 from eskin.errors import MessageError, StoreError
 from eskin.wire.frames import (
@@ -27,7 +27,8 @@ from eskin_cloud.store.damage import report_damaged
 from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import descriptions
-from eskin_cloud.store.slot import slot_of
+from eskin_cloud.store.schema.node_key import of_node
+from eskin_cloud.store.slot import key_of, slot_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -136,12 +137,12 @@ def store_descriptions(
     fresh = {each.hash: each for each in presented if each.hash not in found}
     if not fresh:
         return ["duplicate"] * len(presented)
-    d, slot = descriptions.c, slot_of(node)
-    here = and_(d.slot == slot, d.node == node)
+    d = descriptions.c
+    here = of_node(descriptions, node)
     connection.execute(delete(descriptions).where(here, d.hash.in_(fresh)))
     count = select(func.count()).select_from(descriptions).where(here)
     room = max(0, MOST_DESCRIPTIONS - connection.execute(count).scalar_one())
-    rows = [{"slot": slot, "node": node, **each._asdict()} for each in fresh.values()]
+    rows = [{"slot": slot_of(node), "node": node, **each._asdict()} for each in fresh.values()]
     if room:
         connection.execute(insert(descriptions), rows[:room])
     results = dict.fromkeys(found, "duplicate")
@@ -173,7 +174,7 @@ def _find_stated(
     """
     d, whole = descriptions.c, dict[bytes, bytes]()
     key, found = tuple_(d.slot, d.node, d.hash), dict[DescriptionKey, bytes]()
-    keys = [(slot_of(node), node, name) for node, name in dict.fromkeys(named)]
+    keys = [(*key_of(node), name) for node, name in dict.fromkeys(named)]
     for part in key_batches(keys, _READ_AT_ONCE):
         rows = connection.execute(select(descriptions).where(key.in_(part))).mappings()
         for row in intact_rows(connection, descriptions, rows):

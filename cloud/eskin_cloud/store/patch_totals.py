@@ -12,6 +12,7 @@ from sqlalchemy import and_, bindparam, delete, func, insert, select, text, upda
 
 from eskin_cloud.store.sample_grid import MOST_SPAN, PATCH_CHUNK, STEP, TOP, patch_level
 from eskin_cloud.store.schema.frame_tables import patch_rows, patches, stale_patch_chunks
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ class Place(NamedTuple):
     def within(self, table: Table) -> ColumnElement[bool]:
         """Whether a row of a table is of this patch."""
         c = table.c
-        return and_(c.slot == slot_of(self.node), c.node == self.node, c.patch == self.patch)
+        return and_(of_node(table, self.node), c.patch == self.patch)
 
     @property
     def key(self) -> dict[str, Any]:

@@ -14,13 +14,14 @@ from sqlalchemy import and_, delete, exists, func, select, tuple_
 from eskin.privacy.sealed_message import read_page
 from eskin_cloud.store.patch_totals import Place, subtract_rows
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
+from eskin_cloud.store.schema.node_key import of_node, of_same_node
 from eskin_cloud.store.schema.sealed_tables import (
     erased_subjects,
     is_of_erased_subject,
     sealed_messages,
 )
 from eskin_cloud.store.schema.tables import events, node_sites
-from eskin_cloud.store.slot import slot_of
+from eskin_cloud.store.slot import key_of
 from eskin_cloud.store.write.removal_counts import RemovalReason, Sweep, record_removal
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def remove(connection: Connection, cache: WriteCache, sweep: Sweep, *, most: int
     key, gone = tuple_(*sealed_messages.primary_key.columns), 0
     for due in _conditions(sweep):
         v = sealed_messages.c
-        here = and_(v.node == sweep.node, v.place == sweep.place, due)
+        here = and_(of_node(sealed_messages, sweep.node), v.place == sweep.place, due)
         some = select(*sealed_messages.primary_key.columns).where(here).limit(most - gone)
         gone += connection.execute(delete(sealed_messages).where(key.in_(some))).rowcount
     if gone:
@@ -119,11 +120,11 @@ def _remove_events(
     connection: Connection, node: str, which: ColumnElement[bool], before: int, most: int
 ) -> int:
     e = events.c
-    old = select(e.cursor).where(e.node == node, which, e.t_lo < before, e.t_hi < before)
+    old = select(e.cursor).where(of_node(events, node), which, e.t_lo < before, e.t_hi < before)
     cursors = connection.execute(old.limit(most)).scalars().all()
     if not cursors:
         return 0
-    here = (e.node == node) & e.cursor.in_(cursors)
+    here = of_node(events, node) & e.cursor.in_(cursors)
     return connection.execute(delete(events).where(here)).rowcount
 
 
@@ -141,7 +142,7 @@ def remove_damaged_frames(
     f, row = frames.c, cache.row(connection, pages, *page)
     if row is None or row["compacted"] is None:
         return 0
-    here = and_(f.slot == page[0], f.node == page[1], f.page == page[3], f.layout == page[2])
+    here = and_(of_node(frames, page[1]), f.page == page[3], f.layout == page[2])
     old = here & (f.t < min(before, row["compacted"])) & (f.t_end + f.error < before)
     counted = select(func.count(), func.sum(f.samples), func.sum(func.length(f.data))).where(old)
     count, samples, size = connection.execute(counted).one()
@@ -161,7 +162,7 @@ def sweeps_of_erased(connection: Connection) -> list[Sweep]:
     """The remaining messages of erased subjects, by place."""
     v = sealed_messages.c
     query = select(v.node, v.place, func.max(v.t_hi)).where(is_of_erased_subject())
-    rows = connection.execute(query.group_by(v.node, v.place)).all()
+    rows = connection.execute(query.group_by(v.slot, v.node, v.place)).all()
     return [Sweep(row[0], row[1], RemovalReason.ERASURE, row[2]) for row in rows]
 
 
@@ -175,7 +176,7 @@ def unfinished_erasures(connection: Connection) -> list[tuple[str, str]]:
 def has_messages(connection: Connection, site: str, subject: str) -> bool:
     """Whether sealed messages of a site's subject are stored."""
     v, n = sealed_messages.c, node_sites.c
-    here = (v.subject == subject) & (n.node == v.node) & (n.site == site)
+    here = (v.subject == subject) & of_same_node(node_sites, sealed_messages) & (n.site == site)
     return bool(connection.execute(select(exists(select(v.node).where(here)))).scalar_one())
 
 
@@ -196,11 +197,13 @@ def _subtract(connection: Connection, cache: WriteCache, sweep: Sweep, gone: int
     page = read_page(sweep.place)
     if page is None:
         return  # statements, which are not counted
-    key = slot_of(sweep.node), sweep.node, *page
+    key = *key_of(sweep.node), *page
     row, v = cache.row(connection, pages, *key), sealed_messages.c
     if row is None:
         return
-    first = select(func.min(v.t_lo)).where(v.node == sweep.node, v.place == sweep.place)
+    first = select(func.min(v.t_lo)).where(
+        of_node(sealed_messages, sweep.node), v.place == sweep.place
+    )
     row["frames"] -= gone
     row["t_first"] = connection.execute(first).scalar_one()
     if row["t_first"] is None:

@@ -129,6 +129,8 @@ def _names(table: Table) -> list[str]:
 
 
 def _place(table: Table, row: Mapping[str, Any] | RowMapping) -> str:
-    values = (row[column.name] for column in table.primary_key.columns)
+    # The slot follows from the node's name.
+    names = (column.name for column in table.primary_key.columns if column.name != "slot")
+    values = (row[name] for name in names)
     key = (each.hex() if isinstance(each, bytes) else str(each) for each in values)
     return f"{table.name} {' '.join(each[:_LONGEST_KEY] for each in key)}"

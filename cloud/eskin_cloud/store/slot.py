@@ -22,6 +22,11 @@ def slot_of(node: str) -> int:
     return int.from_bytes(hashlib.sha256(node.encode()).digest()[:8]) % SLOTS
 
 
+def key_of(node: str) -> tuple[int, str]:
+    """What the key of each row of a node begins with: its slot, and its name."""
+    return slot_of(node), node
+
+
 def group_of(slot: int, groups: int) -> int:
     """The group of a slot, of so many groups of neighbouring slots."""
     return slot * groups // SLOTS

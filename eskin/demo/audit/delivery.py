@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from eskin_cloud.store.damage import DamagedRow, report_damaged
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import events, sequences
 from eskin_cloud.store.write.duplicates import find_digest
 from eskin_sensor_node.node.ground_truth import GroundTruth
@@ -238,7 +239,7 @@ def _sighted(node: str, connection: Connection) -> Sightings:
     """What the cloud ever acknowledged, whether it still has it or not."""
     sighted = Sightings()
     query = select(sequences.c.boot, sequences.c.first, sequences.c.last)
-    for span in connection.execute(query.where(sequences.c.node == node)):
+    for span in connection.execute(query.where(of_node(sequences, node))):
         sighted.span(*span)
     return sighted
 

@@ -127,8 +127,8 @@ def test_each_of_many_gaps_needs_its_own_cause(burnt: Store) -> None:
         ("UPDATE sequences SET first = 1", "holes: 1 ranges from 1"),
         (
             (
-                "INSERT INTO sequences (node, boot, first, last) "
-                "SELECT node, boot, 9, 9 FROM sequences"
+                "INSERT INTO sequences (slot, node, boot, first, last) "
+                "SELECT slot, node, boot, 9, 9 FROM sequences"
             ),
             "holes: 2 ranges",
         ),

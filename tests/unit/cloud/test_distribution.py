@@ -37,32 +37,35 @@ CENTRAL: Final = {"monitors"}
 """Name a node, which no row of theirs belongs to."""
 
 
-def by_node() -> set[str]:
-    named = {table.name for table in metadata.sorted_tables if "node" in table.columns}
-    return named - CENTRAL
+def by_slot() -> set[str]:
+    return {table.name for table in metadata.sorted_tables if "slot" in table.columns}
 
 
-def test_tables_of_nodes_are_keyed_by_node_first() -> None:
+def test_keys_of_nodes_rows_begin_with_slot_and_node() -> None:
     for table in metadata.sorted_tables:
-        if table.name in by_node():
-            names = [column.name for column in table.primary_key.columns]
-            assert names[: names.index("node")] in ([], ["slot"]), table.name
+        names = [column.name for column in table.primary_key.columns]
+        if "node" in table.columns and table.name not in CENTRAL:
+            assert names[:2] == ["slot", "node"], table.name
+        if table.name in by_slot():
+            assert names[0] == "slot", table.name
             assert not [index for index in table.indexes if index.unique], table.name
         assert not table.foreign_keys, table.name
 
 
-def test_documented_distribution_takes_every_table_of_nodes_and_no_other(cluster: Cluster) -> None:
+def test_documented_distribution_takes_every_table_with_slots_and_no_other(
+    cluster: Cluster,
+) -> None:
     place = cluster.fresh()
     cluster.execute(_LIKE_CITUS, database=str(place.database))
     cluster.execute(CITUS, database=str(place.database))
     with Store(place) as store, store.read() as connection:
         found = connection.execute(text("SELECT name FROM distributed")).scalars().all()
-    assert sorted(found) == sorted(by_node())
+    assert sorted(found) == sorted(by_slot())
 
 
 def test_all_other_tables_are_documented_to_stay() -> None:
     assert STAYING is not None
-    others = {table.name for table in metadata.sorted_tables} - by_node()
+    others = {table.name for table in metadata.sorted_tables} - by_slot()
     assert set(re.findall(r"`(\w+)`", STAYING[1])) == others
 
 

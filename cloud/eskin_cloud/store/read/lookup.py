@@ -10,6 +10,7 @@ from eskin.errors import QueryError
 from eskin_cloud.store.read.patch_columns import describe_columns
 from eskin_cloud.store.read.patch_runs import find_layouts
 from eskin_cloud.store.row_digests import require_intact_row
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import nodes
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def find_node(connection: Connection, node: str) -> RowMapping:
         UnknownChannelError: The node is unknown.
         DamagedRowError: Its row is damaged.
     """
-    row = connection.execute(select(nodes).where(nodes.c.node == node)).mappings().one_or_none()
+    row = connection.execute(select(nodes).where(of_node(nodes, node))).mappings().one_or_none()
     row = require_intact_row(connection, nodes, row)
     if row is None:
         raise UnknownChannelError("node", f"{node!r} is not known; GET /api/v1/nodes lists all")

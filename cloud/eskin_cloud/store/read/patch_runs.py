@@ -22,6 +22,7 @@ from eskin_cloud.store.patch_run import PatchRun
 from eskin_cloud.store.read.window import Window, before
 from eskin_cloud.store.row_digests import intact_rows, require_intact_row
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows, patches
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import nodes
 from eskin_cloud.store.slot import slot_of
 
@@ -156,7 +157,7 @@ def find_layouts(connection: Connection, node: str) -> list[DescribedLayout]:
     Raises:
         UnknownDescriptionError: One is damaged in the store.
     """
-    latest = connection.execute(select(nodes.c.layout).where(nodes.c.node == node)).scalar()
+    latest = connection.execute(select(nodes.c.layout).where(of_node(nodes, node))).scalar()
     names = [] if latest is None else [bytes(latest)]
     names += [bytes(row["layout"]) for row in read_pages(connection, node)]
     return [find_layout(connection, node, name) for name in dict.fromkeys(names)]

@@ -8,7 +8,8 @@ from __future__ import annotations
 from sqlalchemy import BigInteger, Column, Index, Integer, Table
 
 from eskin_cloud.store.row_digests import add_row_digest
-from eskin_cloud.store.schema.tables import NODE_LENGTH, metadata
+from eskin_cloud.store.schema.node_key import NODE_LENGTH
+from eskin_cloud.store.schema.tables import metadata
 from eskin_cloud.store.text_type import Text
 
 MONITOR_LENGTH = 63

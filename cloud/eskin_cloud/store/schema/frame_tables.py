@@ -10,24 +10,17 @@ from typing import Final
 from sqlalchemy import BigInteger, Column, Double, Index, Integer, LargeBinary, Table
 
 from eskin_cloud.store.row_digests import add_row_digest
-from eskin_cloud.store.schema.tables import NODE_LENGTH, metadata
+from eskin_cloud.store.schema.node_key import node_key
+from eskin_cloud.store.schema.tables import metadata
 from eskin_cloud.store.text_type import Text
 
 PATCH_LENGTH: Final = 31
 
 
-def _key() -> tuple[Column[int], Column[str]]:
-    """What each key begins with."""
-    return (
-        Column("slot", Integer, primary_key=True, autoincrement=False),
-        Column("node", Text(NODE_LENGTH), primary_key=True),
-    )
-
-
 descriptions = Table(
     "descriptions",
     metadata,
-    *_key(),
+    *node_key(),
     Column("hash", LargeBinary, primary_key=True),
     Column("kind", Text(8), nullable=False),
     Column("biometric", Integer, nullable=False),
@@ -39,6 +32,7 @@ descriptions = Table(
 """
 Index(
     "biometric_descriptions",
+    descriptions.c.slot,
     descriptions.c.node,
     sqlite_where=descriptions.c.biometric == 1,
     postgresql_where=descriptions.c.biometric == 1,
@@ -48,7 +42,7 @@ add_row_digest(descriptions)
 pages = Table(
     "pages",
     metadata,
-    *_key(),
+    *node_key(),
     Column("layout", LargeBinary, primary_key=True),
     Column("page", Integer, primary_key=True, autoincrement=False),
     Column("frames", BigInteger, nullable=False),
@@ -72,7 +66,7 @@ add_row_digest(pages)
 frames = Table(
     "frames",
     metadata,
-    *_key(),
+    *node_key(),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
     Column("sequence", BigInteger, primary_key=True, autoincrement=False),
     Column("cursor", BigInteger, nullable=False),
@@ -102,7 +96,7 @@ other columns (`store.damage`). Every reader of ``data`` checks both.
 patches = Table(
     "patches",
     metadata,
-    *_key(),
+    *node_key(),
     Column("patch", Text(PATCH_LENGTH), primary_key=True),
     Column("hash", LargeBinary, nullable=False),
     Column("rows", BigInteger, nullable=False),
@@ -124,7 +118,7 @@ add_row_digest(patches)
 patch_rows = Table(
     "patch_rows",
     metadata,
-    *_key(),
+    *node_key(),
     Column("patch", Text(PATCH_LENGTH), primary_key=True),
     Column("t", BigInteger, primary_key=True, autoincrement=False),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
@@ -150,7 +144,7 @@ and ``hi`` are the hull of all samples.
 patch_tiles = Table(
     "patch_tiles",
     metadata,
-    *_key(),
+    *node_key(),
     Column("patch", Text(PATCH_LENGTH), primary_key=True),
     Column("level", Integer, primary_key=True, autoincrement=False),
     Column("chunk", BigInteger, primary_key=True, autoincrement=False),
@@ -162,7 +156,7 @@ patch_tiles = Table(
 stale_patch_chunks = Table(
     "stale_patch_chunks",
     metadata,
-    *_key(),
+    *node_key(),
     Column("patch", Text(PATCH_LENGTH), primary_key=True),
     Column("chunk", BigInteger, primary_key=True, autoincrement=False),
     Column("mark", BigInteger, nullable=False),

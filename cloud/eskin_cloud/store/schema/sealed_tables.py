@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import BigInteger, Column, Index, LargeBinary, Table, exists, select
 
 from eskin_cloud.store.row_digests import add_row_digest
+from eskin_cloud.store.schema.node_key import node_key, of_same_node
 from eskin_cloud.store.schema.tables import (
-    NODE_LENGTH,
     SITE_LENGTH,
     metadata,
     node_sites,
-    slot_column,
 )
 from eskin_cloud.store.text_type import Text
 
@@ -27,8 +26,7 @@ PLACE_LENGTH: Final = 68
 sealed_messages = Table(
     "sealed_messages",
     metadata,
-    slot_column(),
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
     Column("sequence", BigInteger, primary_key=True, autoincrement=False),
     Column("cursor", BigInteger, nullable=False),
@@ -40,8 +38,8 @@ sealed_messages = Table(
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary, nullable=False),
     Index("sealed_by_cursor", "slot", "cursor"),
-    Index("sealed_by_time", "node", "place", "t_lo"),
-    Index("sealed_by_coming", "node", "place", "received"),
+    Index("sealed_by_time", "slot", "node", "place", "t_lo"),
+    Index("sealed_by_coming", "slot", "node", "place", "received"),
     Index("sealed_by_subject", "subject"),
 )
 """Messages of biometric channels, encrypted under their subjects' keys.
@@ -72,7 +70,9 @@ def is_of_erased_subject() -> ColumnElement[bool]:
     """Whether a row of `sealed_messages` is of an erased subject of its node's site."""
     e, n = erased_subjects.c, node_sites.c
     gone = select(e.subject).where(
-        e.subject == sealed_messages.c.subject, e.site == n.site, n.node == sealed_messages.c.node
+        e.subject == sealed_messages.c.subject,
+        e.site == n.site,
+        of_same_node(node_sites, sealed_messages),
     )
     return exists(gone.correlate(sealed_messages))
 
@@ -87,7 +87,7 @@ def find_erased(connection: Connection, site: str, subjects: Collection[str]) ->
 subject_nodes = Table(
     "subject_nodes",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("subject", Text(32), primary_key=True),
     Column("reported", BigInteger, nullable=False),
 )
@@ -97,7 +97,7 @@ add_row_digest(subject_nodes)
 removals = Table(
     "removals",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("place", Text(PLACE_LENGTH), primary_key=True),
     Column("reason", Text(16), primary_key=True),
     Column("messages", BigInteger, nullable=False),

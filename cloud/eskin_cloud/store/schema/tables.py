@@ -1,12 +1,13 @@
 """The store's tables, for SQLite and PostgreSQL alike.
 
-The keys of nodes' tables begin with ``node``, by which a larger store is distributed.
+Each key of a node's rows begins with the node's slot (`eskin_cloud.store.slot`): writers share the
+store by it, and so do machines.
 Times are UTC ns since 1970, 64 bit. An unbounded side is an infinite float.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import (
     DDL,
@@ -22,11 +23,10 @@ from sqlalchemy import (
 )
 
 from eskin_cloud.store.row_digests import add_row_digest
-from eskin_cloud.store.slot import slot_of
+from eskin_cloud.store.schema.node_key import NODE_LENGTH, node_key
 from eskin_cloud.store.text_type import Text
 
 if TYPE_CHECKING:
-    from sqlalchemy.engine.default import DefaultExecutionContext
     from sqlalchemy.schema import ExecutableDDLElement
 
 
@@ -60,19 +60,8 @@ def _after_create(table: Table, dialect: str, statement: str) -> None:
     event.listen(table, "after_create", made.execute_if(dialect=dialect))
 
 
-def slot_column() -> Column[int]:
-    """The slot of a row's node, which an insert derives from the name."""
-
-    def slot(context: DefaultExecutionContext) -> int:
-        row: dict[str, Any] = context.get_current_parameters()  # type: ignore[no-untyped-call]  # untyped there
-        return slot_of(row["node"])
-
-    return Column("slot", Integer, nullable=False, default=slot)
-
-
 metadata = MetaData()
 
-NODE_LENGTH: Final = 63
 CHANNEL_LENGTH: Final = 64
 UNIT_LENGTH: Final = 16
 SITE_LENGTH: Final = NODE_LENGTH + 5
@@ -107,7 +96,7 @@ A cursor is 64 times a number within its slot, plus the slot: unique in the stor
 nodes = Table(
     "nodes",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("first_seen", BigInteger, nullable=False),
     Column("last_seen", BigInteger, nullable=False),
     Column("online", Integer, nullable=False),
@@ -136,6 +125,7 @@ nodes = Table(
     ),
     *(Column(name, BigInteger) for name in ("held_boot", "held_sequence")),
     Column("layout", LargeBinary),
+    Index("nodes_by_name", "node"),
 )
 """Each node: latest position and status, and the lag of its latest frame.
 
@@ -149,8 +139,7 @@ nodes = Table(
 events = Table(
     "events",
     metadata,
-    slot_column(),
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("cursor", BigInteger, primary_key=True, autoincrement=False),
     Column("boot", BigInteger, nullable=False),
     Column("sequence", BigInteger, nullable=False),
@@ -172,7 +161,7 @@ events = Table(
     Column("data", LargeBinary),
     Index("events_by_cursor", "slot", "cursor"),
     Index("events_by_time", "t_lo", "cursor"),
-    Index("events_by_node", "node", "t_lo", "cursor"),
+    Index("events_by_node", "slot", "node", "t_lo", "cursor"),
 )
 """Peaks, gaps, contacts, verdicts, answered commands, changes of a node's status, and conflicts.
 
@@ -184,7 +173,7 @@ A conflict is another message under a stored number.
 commands = Table(
     "commands",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("id", BigInteger, primary_key=True, autoincrement=False),
     Column("name", Text(16), nullable=False),
     Column("arguments", Text(), nullable=False),
@@ -207,7 +196,7 @@ commands = Table(
 states = Table(
     "states",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("desired", Text()),
     Column("desired_at", BigInteger),
     Column("desired_by", BigInteger),
@@ -223,7 +212,7 @@ states = Table(
 node_verdicts = Table(
     "node_verdicts",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("monitor", Text(CHANNEL_LENGTH), primary_key=True),
     Column("boot", BigInteger, nullable=False),
     Column("sequence", BigInteger, nullable=False),
@@ -241,7 +230,7 @@ Not of nodes whose statements are sealed.
 sequences = Table(
     "sequences",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
     Column("first", BigInteger, primary_key=True, autoincrement=False),
     Column("last", BigInteger, nullable=False),
@@ -251,7 +240,7 @@ sequences = Table(
 digests = Table(
     "digests",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
     Column("first", BigInteger, primary_key=True, autoincrement=False),
     Column("data", LargeBinary, nullable=False),
@@ -261,8 +250,7 @@ digests = Table(
 dead_letters = Table(
     "dead_letters",
     metadata,
-    slot_column(),
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("digest", Text(64), primary_key=True),
     Column("reason", Text(), nullable=False),
     Column("gateway", Text(GATEWAY_LENGTH), nullable=False),
@@ -325,7 +313,7 @@ make_append_only(audit_log)
 node_sites = Table(
     "node_sites",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("site", Text(SITE_LENGTH), nullable=False),
     Column("certificate", LargeBinary, nullable=False),
     Column("gateway", Text(GATEWAY_LENGTH), nullable=False),
@@ -365,7 +353,7 @@ was stored, ``lag_lo`` to ``lag_hi`` the time since that frame's last sample.
 lost_ranges = Table(
     "lost_ranges",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
     Column("first", BigInteger, primary_key=True, autoincrement=False),
     Column("last", BigInteger, nullable=False),
@@ -375,7 +363,7 @@ lost_ranges = Table(
 boot_ends = Table(
     "boot_ends",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
     Column("last", BigInteger, nullable=False),
 )
@@ -384,7 +372,7 @@ boot_ends = Table(
 missing_ranges = Table(
     "missing_ranges",
     metadata,
-    Column("node", Text(NODE_LENGTH), primary_key=True),
+    *node_key(),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
     Column("first", BigInteger, primary_key=True, autoincrement=False),
     Column("last", BigInteger, nullable=False),

@@ -16,6 +16,7 @@ from eskin_cloud.store.schema.alarm_tables import (
     alarm_transitions,
     alarms,
 )
+from eskin_cloud.store.schema.node_key import of_nodes
 from eskin_cloud.store.schema.tables import node_sites
 from eskin_cloud.store.write.monitors import find_monitor, list_monitors
 
@@ -370,7 +371,7 @@ def _append(
 
 def _sites(connection: Connection, nodes: Iterable[str]) -> str:
     """The sites of nodes, each between blanks."""
-    query = select(node_sites.c.site).where(node_sites.c.node.in_(list(nodes))).distinct()
+    query = select(node_sites.c.site).where(of_nodes(node_sites, list(nodes))).distinct()
     return f" {' '.join(sorted(connection.execute(query).scalars()))} "
 
 

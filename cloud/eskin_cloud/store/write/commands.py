@@ -10,6 +10,7 @@ from sqlalchemy import insert, select, update
 from eskin.wire.messages.command_schema import MONITOR_PLACE
 from eskin_cloud.store.notify import News, announce
 from eskin_cloud.store.row_digests import require_intact_row
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import commands, states
 from eskin_cloud.store.write.events import event_row
 from eskin_cloud.store.write.node_verdicts import forget_verdicts
@@ -24,21 +25,21 @@ if TYPE_CHECKING:
 
 def find_command(connection: Connection, node: str, number: int) -> RowMapping | None:
     """A command's row."""
-    query = select(commands).where(commands.c.node == node, commands.c.id == number)
+    query = select(commands).where(of_node(commands, node), commands.c.id == number)
     row = connection.execute(query).mappings().one_or_none()
     return require_intact_row(connection, commands, row)
 
 
 def find_state(connection: Connection, node: str) -> RowMapping | None:
     """A node's desired and reported state; ``None`` if there is none."""
-    query = select(states).where(states.c.node == node)
+    query = select(states).where(of_node(states, node))
     row = connection.execute(query).mappings().one_or_none()
     return require_intact_row(connection, states, row)
 
 
 def update_state(connection: Connection, node: str, **values: Any) -> None:
     """Change some columns of a node's state."""
-    changed = connection.execute(update(states).where(states.c.node == node).values(values))
+    changed = connection.execute(update(states).where(of_node(states, node)).values(values))
     if changed.rowcount == 0:
         connection.execute(insert(states), {"node": node} | values)
 
@@ -65,7 +66,7 @@ def store_result(connection: Connection, node: str, result: Result, data: bytes)
     if command is None or command["outcome"] is not None:
         return None
     outcome = result.outcome.name.lower()
-    here = (commands.c.node == node) & (commands.c.id == result.command)
+    here = of_node(commands, node) & (commands.c.id == result.command)
     connection.execute(
         update(commands)
         .where(here)

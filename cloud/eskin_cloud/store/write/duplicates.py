@@ -16,6 +16,7 @@ from sqlalchemy import and_, func, or_, select, text
 from eskin.runtime.digest import DIGEST_BYTES
 from eskin.wire.sequence_set import SequenceRanges
 from eskin_cloud.store.key_batches import key_batches
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import digests
 from eskin_cloud.store.slot import slot_of
 
@@ -33,8 +34,9 @@ _MAX_ROW: Final = 1024
 _MOST_ASKED: Final = 500
 _MAX_OPEN_ROWS: Final = 10_000
 _WRITE: Final = text(
-    "INSERT INTO digests (node, boot, first, data) VALUES (:node, :boot, :first, :data) "
-    "ON CONFLICT (node, boot, first) DO UPDATE SET data = excluded.data"
+    "INSERT INTO digests (slot, node, boot, first, data) "
+    "VALUES (:slot, :node, :boot, :first, :data) "
+    "ON CONFLICT (slot, node, boot, first) DO UPDATE SET data = excluded.data"
 )
 
 
@@ -120,7 +122,12 @@ class StoredDigests:
         self._fetched = {}
         for batch in key_batches(places, _MOST_ASKED):
             wanted = [
-                and_(d.node == node, d.boot == boot, d.first > least - _MAX_ROW, d.first <= most)
+                and_(
+                    of_node(digests, node),
+                    d.boot == boot,
+                    d.first > least - _MAX_ROW,
+                    d.first <= most,
+                )
                 for node, boot in batch
                 for least, most in [spans[node, boot]]
             ]
@@ -143,7 +150,8 @@ class StoredDigests:
         rows = []
         for (node, boot), added in self._added.items():
             for first, data in self._joined((node, boot), added):
-                rows.append({"node": node, "boot": boot, "first": first, "data": data})
+                place = {"slot": slot_of(node), "node": node, "boot": boot}
+                rows.append(place | {"first": first, "data": data})
         self._added.clear()
         if rows:
             connection.execute(_WRITE, rows)
@@ -174,7 +182,9 @@ class StoredDigests:
 def find_digest(connection: Connection, node: str, boot: int, sequence: int) -> bytes | None:
     """The digest of a stored message; ``None`` if there is none."""
     d = digests.c
-    query = select(d.first, d.data).where(d.node == node, d.boot == boot, d.first <= sequence)
+    query = select(d.first, d.data).where(
+        of_node(digests, node), d.boot == boot, d.first <= sequence
+    )
     standing = connection.execute(query.order_by(d.first.desc()).limit(1)).first()
     return None if standing is None else _within(standing.first, standing.data, sequence)
 
@@ -182,7 +192,7 @@ def find_digest(connection: Connection, node: str, boot: int, sequence: int) -> 
 def stored_spans(connection: Connection, node: str, boot: int) -> Iterator[tuple[int, int]]:
     """The first and the last stored number of each row of a boot, in order."""
     d = digests.c
-    query = select(d.first, func.length(d.data)).where(d.node == node, d.boot == boot)
+    query = select(d.first, func.length(d.data)).where(of_node(digests, node), d.boot == boot)
     for first, size in connection.execute(query.order_by(d.first)):
         yield first, first + size // DIGEST_BYTES - 1
 

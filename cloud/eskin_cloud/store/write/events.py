@@ -10,6 +10,7 @@ from sqlalchemy import insert
 from eskin_cloud.store.feed_entry import FeedEntry
 from eskin_cloud.store.row_digests import empty_row
 from eskin_cloud.store.schema.tables import events, nodes
+from eskin_cloud.store.slot import key_of
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
@@ -50,7 +51,7 @@ def status_row(
     connection: Connection, cache: WriteCache, node: str, status: Status, data: bytes, *, now: int
 ) -> Row | None:
     """Store the node's latest status; returns an event's row for a new boot."""
-    row = cache.row(connection, nodes, node)
+    row = cache.row(connection, nodes, *key_of(node))
     if row is None:
         return None
     place = status.position
@@ -75,7 +76,7 @@ def status_row(
     } | _energy(status)
     if status.held is not None:
         row["held_boot"], row["held_sequence"] = status.held
-    cache.change(nodes, node)
+    cache.change(nodes, *key_of(node))
     if known[0] is not None and known[0] >= place.boot:
         return None
     cause = "" if status.cause is None else f", {status.cause.label}"

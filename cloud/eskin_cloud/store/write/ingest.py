@@ -23,9 +23,10 @@ from eskin_cloud.store.descriptions import (
 from eskin_cloud.store.feed_entry import FeedEntry
 from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.schema.frame_tables import frames
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.sealed_tables import find_erased, sealed_messages
 from eskin_cloud.store.schema.tables import dead_letters, events
-from eskin_cloud.store.slot import slot_of
+from eskin_cloud.store.slot import key_of, slot_of
 from eskin_cloud.store.write.bulk_insert import bulk_insert
 from eskin_cloud.store.write.commands import store_result
 from eskin_cloud.store.write.duplicates import MAX_RANGES
@@ -267,11 +268,11 @@ def _prepare(batch: _Batch, items: Sequence[ParsedMessage]) -> None:
         if not isinstance(message, Status | Result) and message.layout is not None:
             of_layouts[node, message.layout] = None
         if isinstance(message, FrameSummary):
-            of_pages[slot_of(node), node, message.layout, message.page] = None
+            of_pages[*key_of(node), message.layout, message.page] = None
         elif isinstance(message, Statements):
-            of_pages[slot_of(node), node, message.layout, 0] = None
+            of_pages[*key_of(node), message.layout, 0] = None
         elif isinstance(message, SealedMessage) and isinstance(message.place, tuple):
-            of_pages[slot_of(node), node, *message.place] = None
+            of_pages[*key_of(node), *message.place] = None
     batch.cache.prepare(batch.connection, boots=boots, of_pages=of_pages)
     batch.layouts = accept_layouts(batch.connection, batch.cache, of_layouts)
 
@@ -406,7 +407,7 @@ def _store_statements(
     if described.require_statements(said) is Privacy.BIOMETRIC:
         raise MessageError(UNSEALED)
     # So retention finds the layout, also if the node has sent no frame.
-    ensure_page(batch.connection, batch.cache, (slot_of(item.node), item.node, said.layout, 0))
+    ensure_page(batch.connection, batch.cache, (*key_of(item.node), said.layout, 0))
     _record_layout(batch, item.node, said.position, said.layout)
     rows = list(statement_rows(item.node, said, described, item.data))
     for row in rows:
@@ -424,7 +425,7 @@ def _store_sealed_by_layout(
     Raises:
         MessageError: Nothing of its page or layout is biometric; nothing is stored.
     """
-    here = slot_of(node), node, described.hash
+    here = *key_of(node), described.hash
     page = message.place[1] if isinstance(message.place, tuple) else None
     if page is not None and page not in described.biometric_pages:
         raise MessageError(f"page {page} of the layout is not biometric; do not seal it")
@@ -561,18 +562,19 @@ def store_dead_letters(connection: Connection, letters: Sequence[Row], *, most: 
     Returns:
         The number of deleted ones.
     """
-    key = tuple_(dead_letters.c.node, dead_letters.c.digest)
+    d, key = dead_letters.c, tuple_(*dead_letters.primary_key.columns)
     for letter in letters:
-        here = key == tuple_(letter["node"], letter["digest"])
-        if connection.execute(select(dead_letters.c.node).where(here)).first() is None:
+        here = of_node(dead_letters, letter["node"]) & (d.digest == letter["digest"])
+        if connection.execute(select(d.node).where(here)).first() is None:
             connection.execute(insert(dead_letters), letter)
     excess = count_dead_letters(connection) - most
     if excess <= 0:
         return 0
-    oldest = select(dead_letters.c.node, dead_letters.c.digest)
     # The transaction has locked no other slots.
-    oldest = oldest.where(dead_letters.c.slot.in_({slot_of(letter["node"]) for letter in letters}))
-    oldest = oldest.order_by(dead_letters.c.received, dead_letters.c.digest).limit(excess)
+    oldest = select(*dead_letters.primary_key.columns).where(
+        d.slot.in_({slot_of(letter["node"]) for letter in letters})
+    )
+    oldest = oldest.order_by(d.received, d.digest).limit(excess)
     return connection.execute(delete(dead_letters).where(key.in_(oldest))).rowcount
 
 

@@ -14,7 +14,7 @@ from eskin_cloud.store.descriptions import (
 )
 from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.schema.frame_tables import pages
-from eskin_cloud.store.slot import slot_of
+from eskin_cloud.store.slot import key_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -79,7 +79,7 @@ def _find(connection: Connection, node: str, name: bytes) -> LayoutResult:
 def _used_layouts(connection: Connection, nodes: Sequence[str]) -> dict[str, set[bytes]]:
     """The layouts of the frames that each node has stored."""
     p, used = pages.c, {node: set[bytes]() for node in nodes}
-    for part in key_batches([(slot_of(node), node) for node in nodes]):
+    for part in key_batches([key_of(node) for node in nodes]):
         query = select(p.node, p.layout).where(tuple_(p.slot, p.node).in_(part)).distinct()
         for node, layout in connection.execute(query):
             used[node].add(layout)

@@ -13,7 +13,6 @@ from collections import defaultdict
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from sqlalchemy import (
-    and_,
     delete,
     exists,
     func,
@@ -21,11 +20,11 @@ from sqlalchemy import (
     literal_column,
     select,
     text,
-    tuple_,
 )
 
 from eskin.wire.messages import Position
 from eskin_cloud.store.key_batches import key_batches
+from eskin_cloud.store.schema.node_key import of_boots, of_node, of_nodes, of_same_node
 from eskin_cloud.store.schema.tables import (
     boot_ends,
     lost_ranges,
@@ -33,6 +32,7 @@ from eskin_cloud.store.schema.tables import (
     nodes,
     sequences,
 )
+from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.events import event_row, store_event
 
 if TYPE_CHECKING:
@@ -54,13 +54,14 @@ Span: TypeAlias = tuple[int, int]
 Boot: TypeAlias = tuple[str, int]
 
 _RECORD_LOST: Final = text(
-    "INSERT INTO lost_ranges (node, boot, first, last) VALUES (:node, :boot, :first, :last) "
-    "ON CONFLICT (node, boot, first) DO UPDATE SET last = excluded.last "
+    "INSERT INTO lost_ranges (slot, node, boot, first, last) "
+    "VALUES (:slot, :node, :boot, :first, :last) "
+    "ON CONFLICT (slot, node, boot, first) DO UPDATE SET last = excluded.last "
     "WHERE excluded.last > lost_ranges.last"
 )
 _RECORD_END: Final = text(
-    "INSERT INTO boot_ends (node, boot, last) VALUES (:node, :boot, :last) "
-    "ON CONFLICT (node, boot) DO UPDATE SET last = excluded.last "
+    "INSERT INTO boot_ends (slot, node, boot, last) VALUES (:slot, :node, :boot, :last) "
+    "ON CONFLICT (slot, node, boot) DO UPDATE SET last = excluded.last "
     "WHERE excluded.last > boot_ends.last"
 )
 
@@ -95,15 +96,19 @@ def record_lost(connection: Connection, node: str, spans: Iterable[tuple[int, in
     """
     o = lost_ranges.c
     for boot, first, last in spans:
-        before = select(o.first, o.last).where(o.node == node, o.boot == boot, o.first <= first)
+        before = select(o.first, o.last).where(
+            of_node(lost_ranges, node), o.boot == boot, o.first <= first
+        )
         row = connection.execute(before.order_by(o.first.desc()).limit(1)).first()
         begin = first if row is None or row.last < first - 1 else row.first
-        connection.execute(_RECORD_LOST, {"node": node, "boot": boot, "first": begin, "last": last})
+        place = {"slot": slot_of(node), "node": node, "boot": boot}
+        connection.execute(_RECORD_LOST, place | {"first": begin, "last": last})
 
 
 def record_boot_ends(connection: Connection, node: str, stated: Iterable[tuple[int, int]]) -> None:
     """Record the greatest number of boots: ``(boot, last)``."""
-    rows = [{"node": node, "boot": boot, "last": last} for boot, last in stated if last >= 0]
+    place = {"slot": slot_of(node), "node": node}
+    rows = [place | {"boot": boot, "last": last} for boot, last in stated if last >= 0]
     if rows:
         connection.execute(_RECORD_END, rows)
 
@@ -138,19 +143,21 @@ def find_missing(connection: Connection) -> dict[Boot, list[Span]]:
 
 def _between() -> Select[Any]:
     s = sequences.c
-    before = func.lag(s.last).over(partition_by=(s.node, s.boot), order_by=s.first)
+    before = func.lag(s.last).over(partition_by=(s.slot, s.node, s.boot), order_by=s.first)
     first = (func.coalesce(before, -1) + 1).label("begin")
-    ranges = select(s.node, s.boot, first, (s.first - 1).label("finish")).subquery()
-    r, o = ranges.c, lost_ranges.c
+    ranges = select(s.slot, s.node, s.boot, first, (s.first - 1).label("finish"))
+    r, o = ranges.subquery(), lost_ranges.c
     # Most explained gaps equal one lost range; these must not use up `MAX_MISSING_RANGES`.
-    same = (o.node == r.node) & (o.boot == r.boot) & (o.first == r.begin) & (o.last >= r.finish)
-    missing = (r.begin <= r.finish) & ~exists().where(same)
-    return select(r.node, r.boot, r.begin, r.finish).where(missing).order_by(*r)
+    same = of_same_node(lost_ranges, r) & (o.boot == r.c.boot) & (o.first == r.c.begin)
+    explained = exists().where(same, o.last >= r.c.finish)
+    missing = (r.c.begin <= r.c.finish) & ~explained
+    query = select(r.c.node, r.c.boot, r.c.begin, r.c.finish).where(missing)
+    return query.order_by(r.c.node, r.c.boot, r.c.begin)
 
 
 def _at_end() -> Select[Any]:
     s, e = sequences.c, boot_ends.c
-    stored = select(func.max(s.last)).where(and_(s.node == e.node, s.boot == e.boot))
+    stored = select(func.max(s.last)).where(of_same_node(sequences, boot_ends), s.boot == e.boot)
     begin = func.coalesce(stored.scalar_subquery(), -1) + 1
     return select(e.node, e.boot, begin, e.last).where(e.last >= begin).order_by(e.node, e.boot)
 
@@ -170,9 +177,9 @@ def find_missing_tails(
     s = sequences.c
     stored: dict[Boot, int] = {}
     keys = [(node, boot) for node, boot, _ in confirmed]
-    query = select(s.node, s.boot, func.max(s.last)).group_by(s.node, s.boot)
+    query = select(s.node, s.boot, func.max(s.last)).group_by(s.slot, s.node, s.boot)
     for batch in key_batches(keys):
-        here = tuple_(s.node, s.boot).in_(batch)
+        here = of_boots(sequences, batch)
         for node, boot, last in connection.execute(query.where(here)):
             stored[node, boot] = last
     explained = _explained(connection, keys)
@@ -189,7 +196,7 @@ def _explained(connection: Connection, keys: Sequence[Boot]) -> dict[Boot, list[
     explained: dict[Boot, list[Span]] = defaultdict(list)
     o = lost_ranges.c
     for batch in key_batches(keys):
-        here = tuple_(o.node, o.boot).in_(batch)
+        here = of_boots(lost_ranges, batch)
         query = select(o.node, o.boot, o.first, o.last).where(here).order_by(o.first)
         for node, boot, first, last in connection.execute(query):
             explained[node, boot].append((first, last))
@@ -216,7 +223,11 @@ def list_missing(connection: Connection, names: Sequence[str]) -> dict[str, list
     """The missing ranges of nodes, in order."""
     h = missing_ranges.c
     found: dict[str, list[MissingSpan]] = defaultdict(list)
-    query = select(missing_ranges).where(h.node.in_(names)).order_by(h.node, h.boot, h.first)
+    query = (
+        select(missing_ranges)
+        .where(of_nodes(missing_ranges, names))
+        .order_by(h.node, h.boot, h.first)
+    )
     for row in connection.execute(query):
         found[row.node].append(
             MissingSpan(row.boot, row.first, row.last, row.since, reported=bool(row.reported))
@@ -247,7 +258,7 @@ def update_missing(
         Entries for the live feed.
     """
     known: dict[Boot, list[MissingSpan]] = defaultdict(list)
-    stored = select(missing_ranges).where(missing_ranges.c.node.in_(nodes))
+    stored = select(missing_ranges).where(of_nodes(missing_ranges, nodes))
     for row in connection.execute(stored.order_by(missing_ranges.c.first)):
         hole = MissingSpan(row.boot, row.first, row.last, row.since, reported=bool(row.reported))
         known[row.node, row.boot].append(hole)
@@ -257,7 +268,7 @@ def update_missing(
         new = [_merged(key[1], span, old, patience, now) for span in found.get(key, ())]
         if new == old:
             continue
-        here = (missing_ranges.c.node == key[0]) & (missing_ranges.c.boot == key[1])
+        here = of_node(missing_ranges, key[0]) & (missing_ranges.c.boot == key[1])
         connection.execute(delete(missing_ranges).where(here))
         if new:
             connection.execute(
@@ -322,7 +333,7 @@ def describe_flash_rollback(
         A description for an event; ``None`` if the flash is up to date.
     """
     s = sequences.c
-    query = select(s.boot, s.last).where(s.node == node, s.boot < boot)
+    query = select(s.boot, s.last).where(of_node(sequences, node), s.boot < boot)
     row = connection.execute(query.order_by(s.boot.desc(), s.last.desc()).limit(1)).first()
     latest = max(stated, default=(-1, -1))
     if row is None or tuple(row) <= latest:

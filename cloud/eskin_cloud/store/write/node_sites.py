@@ -11,6 +11,7 @@ from sqlalchemy import delete, insert, select
 
 from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.row_digests import intact_rows
+from eskin_cloud.store.schema.node_key import of_nodes
 from eskin_cloud.store.schema.tables import node_sites
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def sites_of(connection: Connection, nodes: Iterable[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     query = select(node_sites)
     for batch in key_batches(list(nodes)):
-        part = query.where(node_sites.c.node.in_(batch))
+        part = query.where(of_nodes(node_sites, batch))
         rows = intact_rows(connection, node_sites, connection.execute(part).mappings())
         found |= {row["node"]: row["site"] for row in rows}
     return found
@@ -58,6 +59,6 @@ def store_sites(
         for node, data in fresh.items()
     ]
     if rows:
-        connection.execute(delete(node_sites).where(node_sites.c.node.in_(fresh)))  # damaged rows
+        connection.execute(delete(node_sites).where(of_nodes(node_sites, fresh)))  # damaged rows
         connection.execute(insert(node_sites), rows)
     return standing | dict.fromkeys(fresh, site)

@@ -8,6 +8,7 @@ import orjson
 from sqlalchemy import delete, insert, select, tuple_, update
 
 from eskin_cloud.store.row_digests import intact_rows
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import node_verdicts
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def store_verdicts(connection: Connection, stated: Iterable[Row]) -> None:
     v = node_verdicts.c
     latest = {orjson.loads(row["detail"])["monitor"]: row for row in stated}
     for monitor, row in latest.items():
-        here = (v.node == row["node"]) & (v.monitor == monitor)
+        here = of_node(node_verdicts, row["node"]) & (v.monitor == monitor)
         values = {name: row[name] for name in _STATED}
         known = connection.execute(select(v.boot, v.sequence).where(here)).one_or_none()
         if known is None:
@@ -42,7 +43,7 @@ def store_verdicts(connection: Connection, stated: Iterable[Row]) -> None:
 
 def find_verdicts(connection: Connection, node: str) -> dict[str, RowMapping]:
     """A node's latest verdicts, by monitor; damaged rows are left out."""
-    query = select(node_verdicts).where(node_verdicts.c.node == node)
+    query = select(node_verdicts).where(of_node(node_verdicts, node))
     rows = intact_rows(connection, node_verdicts, connection.execute(query).mappings())
     return {row["monitor"]: row for row in rows}
 
@@ -55,5 +56,5 @@ def forget_verdicts(
         v = node_verdicts.c
         earlier = tuple_(v.boot, v.sequence) < tuple_(*before)
         connection.execute(
-            delete(node_verdicts).where(v.node == node, v.monitor.in_(names), earlier)
+            delete(node_verdicts).where(of_node(node_verdicts, node), v.monitor.in_(names), earlier)
         )

@@ -13,7 +13,7 @@ from eskin.wire.frames import FrameSummary, Statements
 from eskin.wire.messages import Result, Status, read_message
 from eskin.wire.messages.cbor_map import MOST_BYTES, load
 from eskin.wire.messages.header import Kind
-from eskin_cloud.store.schema.tables import NODE_LENGTH
+from eskin_cloud.store.schema.node_key import NODE_LENGTH
 
 Message: TypeAlias = FrameSummary | Statements | Status | Result | SealedMessage
 """Whatever has a place in a node's sequence."""

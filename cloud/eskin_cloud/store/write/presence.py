@@ -11,6 +11,7 @@ from eskin.wire.messages import Position
 from eskin.wire.messages.header import Kind
 from eskin_cloud.store.row_digests import empty_row
 from eskin_cloud.store.schema.tables import nodes
+from eskin_cloud.store.slot import key_of, slot_of
 from eskin_cloud.store.write.events import event_row, store_event
 
 if TYPE_CHECKING:
@@ -30,15 +31,15 @@ def mark_online(
     connection: Connection, cache: WriteCache, node: str, position: Position, *, now: int
 ) -> Row | None:
     """Record a node's message; returns an event's row if the node was offline."""
-    row = cache.row(connection, nodes, node)
+    row = cache.row(connection, nodes, *key_of(node))
     if row is None:
-        cache.create(nodes, (node,), _new_node(node, position, now))
+        cache.create(nodes, key_of(node), _new_node(node, position, now))
         return None
     was_online, last = row["online"], row["last_seen"]
     row["online"], row["last_seen"] = 1, now
     place = position.boot, position.sequence
     row["boot"], row["sequence"] = max((row["boot"], row["sequence"]), place)
-    cache.change(nodes, node)
+    cache.change(nodes, *key_of(node))
     if was_online:
         return None
     return event_row(node, "status", position, (min(last, now), now), detail="online again")
@@ -48,8 +49,8 @@ def add_offline_node(
     connection: Connection, cache: WriteCache, node: str, place: tuple[int, int], *, now: int
 ) -> None:
     """Add a node that only a gateway knows, as offline."""
-    if cache.row(connection, nodes, node) is None:
-        cache.create(nodes, (node,), _new_node(node, Position(*place), now) | {"online": 0})
+    if cache.row(connection, nodes, *key_of(node)) is None:
+        cache.create(nodes, key_of(node), _new_node(node, Position(*place), now) | {"online": 0})
 
 
 def record_layout(
@@ -64,12 +65,12 @@ def record_layout(
         position: That of a message which `mark_online` has recorded.
         layout: Hash of the layout by which it is read.
     """
-    row = cache.row(connection, nodes, node)
+    row = cache.row(connection, nodes, *key_of(node))
     if row is None or row["layout"] == layout:
         return
     if row["layout"] is None or position >= (row["boot"], row["sequence"]):
         row["layout"] = layout
-        cache.change(nodes, node)
+        cache.change(nodes, *key_of(node))
 
 
 def record_lag(
@@ -88,10 +89,10 @@ def record_lag(
         An enclosure of the lag, ns, at most `MOST_LAG`.
     """
     lag = _lag(now, moment)
-    row = cache.row(connection, nodes, node)
+    row = cache.row(connection, nodes, *key_of(node))
     if row is not None:
         row["lag_lo"], row["lag_hi"] = lag
-        cache.change(nodes, node)
+        cache.change(nodes, *key_of(node))
     return lag
 
 
@@ -102,12 +103,12 @@ def record_sealed_lag(
 
     The lag of statements is not recorded, as it would show when a peak occurred.
     """
-    row = cache.row(connection, nodes, node)
+    row = cache.row(connection, nodes, *key_of(node))
     if row is None or message.kind is not Kind.FRAME:
         return
     if row["lag_lo"] is None or row["lag_hi"] - row["lag_lo"] >= MINUTE:
         row["lag_lo"], row["lag_hi"] = _lag(now, message.time)
-        cache.change(nodes, node)
+        cache.change(nodes, *key_of(node))
 
 
 def find_silent(connection: Connection, *, silent_since: int, now: int) -> list[str]:
@@ -155,13 +156,13 @@ def mark_silent_offline(
     """
     entries = []
     for node in named:
-        row = cache.row(connection, nodes, node)
+        row = cache.row(connection, nodes, *key_of(node))
         if row is None or not row["online"]:
             continue
         if not is_silent(row["last_seen"], silent_since=silent_since, now=now):
             continue
         row["online"] = 0
-        cache.change(nodes, node)
+        cache.change(nodes, *key_of(node))
         position = Position(row["boot"], row["sequence"])
         event = event_row(
             node, "status", position, (min(row["last_seen"], now), now), detail="offline"
@@ -175,5 +176,10 @@ def _lag(now: int, moment: tuple[int, int]) -> tuple[int, int]:
 
 
 def _new_node(node: str, position: Position, now: int) -> Row:
-    place = {"node": node, "boot": position.boot, "sequence": position.sequence}
+    place = {
+        "slot": slot_of(node),
+        "node": node,
+        "boot": position.boot,
+        "sequence": position.sequence,
+    }
     return empty_row(nodes) | place | {"first_seen": now, "last_seen": now, "online": 1}

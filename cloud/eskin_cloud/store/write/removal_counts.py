@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy import insert, update
 
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.sealed_tables import removals
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def record_removal(connection: Connection, sweep: Sweep, gone: int, now: int) ->
         now: UTC ns.
     """
     r = removals.c
-    here = (r.node == sweep.node) & (r.place == sweep.place) & (r.reason == sweep.reason)
+    here = of_node(removals, sweep.node) & (r.place == sweep.place) & (r.reason == sweep.reason)
     values = {"messages": r.messages + gone, "before": sweep.before, "at": now}
     if connection.execute(update(removals).where(here).values(values)).rowcount == 0:
         key = {"node": sweep.node, "place": sweep.place, "reason": sweep.reason.value}

@@ -14,8 +14,9 @@ from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.notify import News, announce
 from eskin_cloud.store.row_digests import intact_rows, without_digest
 from eskin_cloud.store.schema.frame_tables import pages
+from eskin_cloud.store.schema.node_key import of_boots, of_node
 from eskin_cloud.store.schema.tables import feed, nodes, sequences
-from eskin_cloud.store.slot import SLOTS, slot_of
+from eskin_cloud.store.slot import SLOTS, key_of, slot_of
 from eskin_cloud.store.write.duplicates import StoredDigests, StoredSequences, stored_spans
 from eskin_cloud.store.write.node_sites import sites_of
 
@@ -28,7 +29,7 @@ log = logging.getLogger(__name__)
 
 Row: TypeAlias = dict[str, Any]
 Key: TypeAlias = tuple[Any, ...]
-"""The columns of a row's primary key."""
+"""The columns of a row's primary key, which begins with a slot."""
 
 MOVING: Final = "moving"
 """The writer's name while a store is moved."""
@@ -168,14 +169,13 @@ class WriteCache:
             of_pages: Keys of pages.
         """
         unknown = [key for key in dict.fromkeys(boots) if key not in self._of(key[0]).ranges]
-        self._prepare_rows(connection, nodes, dict.fromkeys((node,) for node, _ in unknown))
+        self._prepare_rows(connection, nodes, dict.fromkeys(key_of(node) for node, _ in unknown))
         self._prepare_rows(connection, pages, of_pages)
         if not unknown:
             return
         found: dict[tuple[str, int], list[tuple[int, int]]] = {key: [] for key in unknown}
-        s = sequences.c
         for part in key_batches(unknown):
-            query = select(sequences).where(tuple_(s.node, s.boot).in_(part))
+            query = select(sequences).where(of_boots(sequences, part))
             for row in intact_rows(connection, sequences, connection.execute(query).mappings()):
                 found[row["node"], row["boot"]].append((row["first"], row["last"]))
         for key, written in found.items():
@@ -193,7 +193,7 @@ class WriteCache:
         if list(restored) != list(ranges[node, boot]):
             log.warning("stored ranges restored from digests: node=%s boot=%d", node, boot)
             s = sequences.c
-            connection.execute(delete(sequences).where(s.node == node, s.boot == boot))
+            connection.execute(delete(sequences).where(of_node(sequences, node), s.boot == boot))
             ranges[node, boot] = restored
             self.mark_ranges_changed(node, boot)
 
@@ -278,7 +278,7 @@ class WriteCache:
         self._trim()
 
     def _write(self, connection: Connection) -> None:
-        touched = self._moved | {_slot_of_key(key) for _, key in self._changed}
+        touched = self._moved | {key[0] for _, key in self._changed}
         touched |= {slot_of(node) for node, _ in self._added}
         feeds = [
             {"at_slot": slot, "cursor": self._cursors[slot], "writer": self.name}
@@ -310,7 +310,7 @@ class WriteCache:
         for node, boot in self._added:
             ranges = self._of(node).ranges[node, boot]
             for first, before, now in ranges.changes():
-                place: Row = {"node": node, "boot": boot, "first": first}
+                place: Row = {"slot": slot_of(node), "node": node, "boot": boot, "first": first}
                 if now is None:
                     gone.append(place)
                 else:
@@ -340,7 +340,7 @@ class WriteCache:
         return self._slots[slot_of(node)]
 
     def _rows(self, table: Table, key: Key) -> dict[Key, Row | None]:
-        return self._slots[_slot_of_key(key)].rows[table]
+        return self._slots[key[0]].rows[table]
 
 
 def refuse_moving() -> NoReturn:
@@ -350,12 +350,6 @@ def refuse_moving() -> NoReturn:
         StoreError: Always.
     """
     raise StoreError("a store is being moved here; wait for `eskin cloud move`, or start it again")
-
-
-def _slot_of_key(key: Key) -> int:
-    """The slot of a node's or a page's key."""
-    first: int | str = key[0]
-    return first if isinstance(first, int) else slot_of(first)
 
 
 def _with_key_parameters(table: Table, rows: Iterable[Row]) -> list[Row]:
