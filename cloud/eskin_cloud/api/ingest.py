@@ -12,6 +12,7 @@ from fastapi import APIRouter, Request
 from sqlalchemy import Connection
 from starlette.responses import Response
 
+from eskin.errors import StoreError
 from eskin.privacy import SealedMessage
 from eskin.runtime.http_server.problems import documented
 from eskin.wire.messages import Result
@@ -23,8 +24,9 @@ from eskin_cloud.app_state import AppState
 from eskin_cloud.ingest.batch import read_batch
 from eskin_cloud.schemas.base import Json
 from eskin_cloud.schemas.ingest import IngestDocument
-from eskin_cloud.store.slot import in_order
+from eskin_cloud.store.slot import Share, in_order
 from eskin_cloud.store.write.ingest import (
+    LATER,
     IngestResult,
     Receipt,
     ingest,
@@ -86,7 +88,13 @@ def _describe(receipt: Receipt) -> Json:
 async def _store(
     cloud: AppState, posted: Received, items: Sequence[ParsedMessage]
 ) -> list[Receipt]:
-    """Store a batch: the messages of each group of slots in a transaction of their own."""
+    """Store a batch: the messages of each group of slots in a transaction of their own.
+
+    Where the store fails for some groups only, their messages are answered ``later``.
+
+    Raises:
+        StoreError: Nothing is stored.
+    """
     store, most = cloud.store, cloud.settings.store.dead_letters
     gateway, site = posted.gateway.name, posted.gateway.site
 
@@ -106,27 +114,31 @@ async def _store(
             dead_letters=most,
         )
 
-    shares = store.shares(items, attrgetter("node"))
-    writes = []
-    for each in shares:
+    async def write(share: Share[ParsedMessage]) -> IngestResult:
         written = store.write_slots(
-            each.slots,
-            partial(work, ingest, each.items),
-            fallback=partial(work, ingest_individually, each.items),
+            share.slots,
+            partial(work, ingest, share.items),
+            fallback=partial(work, ingest_individually, share.items),
             shared=True,
         )
         cloud.feed.follow(written, asyncio.get_running_loop())
-        writes.append(written)
-    # All are waited for, also if one fails: what the others stored is then a duplicate.
-    done = await asyncio.gather(*map(asyncio.wrap_future, writes), return_exceptions=True)
+        return await asyncio.wrap_future(written)
+
+    shares = store.shares(items, attrgetter("node"))
+    done = await asyncio.gather(*map(write, shares), return_exceptions=True)
     outcomes = [each for each in done if isinstance(each, IngestResult)]
     for outcome in outcomes or ([] if shares else [IngestResult([], [], 0)]):
         cloud.gateway_contacts.note(gateway, site=site, condition=posted.condition, outcome=outcome)
         cloud.metrics.dead_letters_dropped.inc(outcome.dropped)
         cloud.metrics.conflicts.inc(outcome.conflicts)
-    for failed in done:
-        if isinstance(failed, BaseException):
-            raise failed
+    results: list[Sequence[Receipt]] = []
+    for share, each in zip(shares, done, strict=True):
+        if isinstance(each, IngestResult):
+            results.append(each.results)
+        elif isinstance(each, StoreError) and outcomes:
+            results.append([Receipt(LATER, str(each))] * len(share.items))
+        else:
+            raise each
     if any(isinstance(item.message, Result) for item in items):
         cloud.notifier.wake()
-    return in_order(shares, [outcome.results for outcome in outcomes])
+    return in_order(shares, results)

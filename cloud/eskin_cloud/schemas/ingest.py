@@ -9,7 +9,10 @@ from typing_extensions import TypedDict
 class ResultDocument(TypedDict):
     """What became of one message."""
 
-    result: Literal["stored", "duplicate", "rejected", "unknown_node", "unknown_layout"]
+    result: Annotated[
+        Literal["stored", "duplicate", "rejected", "unknown_node", "unknown_layout", "later"],
+        Field(description="later: the message is not stored now, while others are; send it again"),
+    ]
     reason: str | None
     want: NotRequired[
         Annotated[

@@ -21,7 +21,11 @@ _OPTIONS: Final = (
     "-c timezone=UTC -c idle_in_transaction_session_timeout=60s "
     "-c tcp_keepalives_idle=5 -c tcp_keepalives_interval=5 -c tcp_keepalives_count=3"
 )
-_WRITER_OPTIONS: Final = "-c synchronous_commit=on -c lock_timeout=10s -c statement_timeout=30s"
+# Transactions take tens of milliseconds: one that is idle for long is of a process that hangs.
+_WRITER_OPTIONS: Final = (
+    "-c synchronous_commit=on -c lock_timeout=10s -c statement_timeout=30s "
+    "-c idle_in_transaction_session_timeout=10s"
+)
 _READER_OPTIONS: Final = (
     "-c default_transaction_read_only=on -c default_transaction_isolation=repeatable\\ read "
     "-c statement_timeout=60s"

@@ -18,7 +18,7 @@ from eskin.runtime.supervised import Supervised
 from eskin_gateway.spool.batch import DeadLetter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from eskin.runtime.supervised import Backoff
     from eskin_gateway.metrics import Metrics
@@ -49,6 +49,7 @@ _MAX_DELAY_S: Final = 60.0
 _MAX_DOUBLINGS: Final = 6
 """Bounds the exponent of the delay."""
 _NODE_DELAY_S: Final = 60.0
+_LEAST_DEFERRAL_S: Final = 1.0
 
 
 @dataclass(slots=True)
@@ -259,6 +260,50 @@ class UnknownLayouts:
         )
 
 
+class DeferredNodes:
+    """Leaves out nodes whose messages the cloud cannot store now, while it stores those of others.
+
+    Their messages stay in the spool. They are sent again after a time in which the cloud can store
+    four batches of the others, however long it took to answer.
+
+    Args:
+        clock: Monotonic seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._deferred: dict[str, tuple[float, str]] = {}
+
+    def left_out(self) -> list[str]:
+        """Nodes whose messages are left out now."""
+        now = self._clock()
+        self._deferred = {node: each for node, each in self._deferred.items() if each[0] > now}
+        return list(self._deferred)
+
+    def defer(self, reasons: Mapping[str, str], took_s: float) -> None:
+        """Leave out nodes for a time.
+
+        Args:
+            reasons: Why the cloud stores nothing of each node now.
+            took_s: How long the cloud took to answer.
+        """
+        due = self._clock() + min(max(_LEAST_DEFERRAL_S, 4 * took_s), _NODE_DELAY_S)
+        for node, reason in reasons.items():
+            self._deferred[node] = due, reason
+        log.warning("cloud defers messages: nodes=%d reason=%s", len(reasons), reason)
+
+    @property
+    def fault(self) -> str | None:
+        """What is deferred, or ``None``."""
+        if not self._deferred:
+            return None
+        node, (_, reason) = next(iter(self._deferred.items()))
+        return (
+            f"the cloud stores nothing now of {len(self._deferred)} node(s), one of them {node}: "
+            f"{reason}; their messages stay in the spool and are sent again"
+        )
+
+
 class Forwarder:
     """Sends the spool's messages until it is stopped, and what is left for a short time.
 
@@ -302,6 +347,7 @@ class Forwarder:
         self._retry_queue = RetryQueue()
         self._unknown_nodes = UnknownNodes(certificates_client)
         self._unknown_layouts = UnknownLayouts(descriptions_client)
+        self._deferred_nodes = DeferredNodes()
         self._retried = False
         self._heap_trimmer = HeapTrimmer()
         self.reachable: bool | None = None
@@ -331,6 +377,7 @@ class Forwarder:
             or self._retry_queue.fault
             or self._unknown_nodes.fault
             or self._unknown_layouts.fault
+            or self._deferred_nodes.fault
         )
 
     def start(self) -> None:
@@ -387,6 +434,7 @@ class Forwarder:
         if not messages:
             return 0
         self._metrics.forwarded.inc(len(messages))
+        begun = time.monotonic()
         try:
             results = self._ingest_client.send([(m.node, m.body) for m in messages])
         except CloudError as error:
@@ -397,6 +445,11 @@ class Forwarder:
             log.info("cloud reached: url=%s", self._ingest_client.url)
         self.reachable = True
         self._heap_trimmer.take(sum(len(message.body) for message in messages))
+        later = {
+            m.node: r.reason or "" for m, r in zip(messages, results, strict=True) if r.is_later
+        }
+        if later:
+            self._deferred_nodes.defer(later, time.monotonic() - begun)
         self._settle(messages, results)
         self._batch_messages = min(self._batch_messages * 2, self._settings.batch_messages)
         return len(messages)
@@ -411,7 +464,11 @@ class Forwarder:
             self._batch_messages,
             self._settings.batch_bytes,
             without_ids=self._retry_queue.ids,
-            without_nodes={*self._unknown_nodes.rejected(), *self._unknown_layouts.left_out()},
+            without_nodes={
+                *self._unknown_nodes.rejected(),
+                *self._unknown_layouts.left_out(),
+                *self._deferred_nodes.left_out(),
+            },
         )
         if not messages and self._retry_queue.release_unconfirmed():
             raise CloudError("the cloud fails at each message that waits")
@@ -442,7 +499,7 @@ class Forwarder:
         raise error
 
     def _settle(self, messages: list[SpoolMessage], results: list[ItemResult]) -> None:
-        pairs = list(zip(messages, results, strict=True))
+        pairs = [(m, r) for m, r in zip(messages, results, strict=True) if not r.is_later]
         unknown = {m.node for m, r in pairs if r.result == "unknown_node"}
         pairs = [(m, r) for m, r in pairs if m.node not in unknown]
         undescribed = [(m, r) for m, r in pairs if r.result == "unknown_layout"]

@@ -23,17 +23,23 @@ class ItemResult(NamedTuple):
     Attributes:
         result: ``stored`` and ``duplicate`` mean that the message is durable in the cloud.
             ``unknown_node`` means that the node's certificate must be registered first,
-            ``unknown_layout`` that descriptions must be posted first.
-        reason: Why the message was rejected.
+            ``unknown_layout`` that descriptions must be posted first, ``later`` that the cloud
+            cannot store the message now, but stores others of the batch.
+        reason: Why the message was not stored.
         want: Hashes of those descriptions.
     """
 
-    result: Literal["stored", "duplicate", "rejected", "unknown_node", "unknown_layout"]
+    result: Literal["stored", "duplicate", "rejected", "unknown_node", "unknown_layout", "later"]
     reason: str | None
     want: tuple[bytes, ...] = ()
 
+    @property
+    def is_later(self) -> bool:
+        """Whether the message must be sent again."""
+        return self.result == "later"
 
-_RESULTS: Final = {"stored", "duplicate", "rejected", "unknown_node", "unknown_layout"}
+
+_RESULTS: Final = {"stored", "duplicate", "rejected", "unknown_node", "unknown_layout", "later"}
 _STORED_ITEM: Final = {"result": "stored", "reason": None}
 _STORED: Final = ItemResult("stored", None)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING, Any
 
+import cbor2
 import pytest
 from eskin_cloud.api.live import resume
 from eskin_cloud.jobs.pg_listener import listen
@@ -150,6 +151,37 @@ def stands(
                 one.cloud.settings, store, clock=one.clock, dashboard=tmp_path / "dashboard"
             )
             yield one, Stand(cloud, one.clock, one.gateway, one.token)
+
+
+@pytest.mark.anyio
+async def test_messages_of_a_group_that_cannot_be_written_are_answered_later(
+    stands: tuple[Stand, Stand],
+) -> None:
+    stand, (far, near) = stands[0], (named(40), named(3))
+    broken = text(
+        "CREATE FUNCTION refuse() RETURNS trigger LANGUAGE plpgsql AS "
+        "$$ BEGIN RAISE EXCEPTION 'no' USING ERRCODE = '53100'; END $$; "
+        "CREATE TRIGGER refuse BEFORE INSERT ON frames FOR EACH ROW "
+        "WHEN (NEW.slot = 40) EXECUTE FUNCTION refuse()"
+    )
+    stand.cloud.store.write_and_wait(lambda connection: connection.execute(broken))
+    body = cbor2.dumps([[node, stretch(1).encode()] for node in (far, near, far)])
+    try:
+        answer = await stand.ingest(body)
+        items = answer.json()["items"]
+        assert [each["result"] for each in items] == ["later", "stored", "later"]
+        assert items[0]["reason"]
+        alone = await stand.ingest(cbor2.dumps([[far, stretch(1).encode()]]))
+        assert alone.status_code == 503, "nothing of it is stored"
+    finally:
+        mended = text("DROP FUNCTION refuse CASCADE")
+        stand.cloud.store.write_and_wait(lambda connection: connection.execute(mended))
+    answer = await stand.ingest(body)
+    assert [each["result"] for each in answer.json()["items"]] == [
+        "stored",
+        "duplicate",
+        "duplicate",
+    ]
 
 
 async def heard(stand: Stand, position: FeedPosition, most: int) -> list[tuple[str, str]]:

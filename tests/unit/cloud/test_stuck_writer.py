@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import pytest
@@ -62,3 +63,31 @@ def test_stuck_writer_is_ended_and_retries(cluster: Cluster, shared_database: UR
         ]
         with other.read() as connection:
             assert connection.execute(select(func.count()).select_from(frames)).scalar_one() == 2
+
+
+@pytest.mark.nightly
+def test_idle_transaction_of_a_process_that_hangs_is_ended(
+    cluster: Cluster, shared_database: URL
+) -> None:
+    cluster.clear(shared_database)
+    begun: Future[None] = Future()
+    held: Future[None] = Future()
+
+    def hang(_: Connection, __: WriteCache) -> None:
+        begun.set_result(None)
+        held.result(120)
+
+    with Store(shared_database) as hung, Store(shared_database) as other:
+        broken = hung.write_node(NODE, hang)
+        begun.result(120)
+
+        def is_stored() -> bool:
+            with suppress(StoreError):  # it waited for the lock for too long
+                return put(other, stretch(1)).results[0].result in {"stored", "duplicate"}
+            return False
+
+        wait_until(is_stored, "the other writer goes on")
+        held.set_result(None)
+        with pytest.raises(StoreError):
+            broken.result(120)
+        assert put(hung, stretch(1)).results[0].result == "duplicate"

@@ -70,6 +70,7 @@ DUPLICATE: Final = "duplicate"
 REJECTED: Final = "rejected"
 UNKNOWN_NODE: Final = "unknown_node"
 UNKNOWN_LAYOUT: Final = "unknown_layout"
+LATER: Final = "later"
 MOST_WANTED: Final = 256
 """Descriptions that one answer asks for."""
 
@@ -80,7 +81,8 @@ class Receipt(NamedTuple):
     Attributes:
         result: ``stored``, ``duplicate``, ``rejected``, or ``unknown_node``: the cloud stores
             nothing of the node until the gateway presents its certificate for the gateway's site;
-            or ``unknown_layout``: the same until it presents descriptions.
+            or ``unknown_layout``: the same until it presents descriptions; or ``later``: it cannot
+            be stored now, while messages of nodes in other slots can.
         reason: Why the message is not stored.
         want: Hashes of the descriptions, at most `MOST_WANTED`.
     """
