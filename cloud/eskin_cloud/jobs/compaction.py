@@ -33,7 +33,8 @@ async def _catch_up(cloud: AppState, stopping: asyncio.Event) -> None:
     if not settings.on:
         return
     due = Due.after(cloud.clock(), int(settings.after_min * _MINUTE))
-    for page in await asyncio.to_thread(find_compactable_frames, store, due):
+    own = await asyncio.to_thread(store.own_slots)
+    for page in await asyncio.to_thread(find_compactable_frames, store, due, own):
         await _repeat(partial(compact_frames, store, page, due), stopping)
 
 

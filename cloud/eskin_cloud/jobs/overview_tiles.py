@@ -26,17 +26,18 @@ async def build_rollup(cloud: AppState, stopping: asyncio.Event) -> None:
 
 async def _catch_up(cloud: AppState, stopping: asyncio.Event) -> None:
     store = cloud.store
-    for place in await asyncio.to_thread(find_unclaimed, store):
+    own = await asyncio.to_thread(store.own_slots)
+    for place in await asyncio.to_thread(find_unclaimed, store, own):
         while not stopping.is_set() and await asyncio.to_thread(claim, store, place):
             pass
-    stale = await asyncio.to_thread(find_stale, store, None)
+    stale = await asyncio.to_thread(find_stale, store, None, own)
     while stale is not None and not stopping.is_set():
         more = True
         while more and not stopping.is_set():
             begun = time.monotonic()
             more = await asyncio.to_thread(rebuild, store, stale)
             await _rest(cloud, begun)
-        stale = await asyncio.to_thread(find_stale, store, stale)
+        stale = await asyncio.to_thread(find_stale, store, stale, own)
 
 
 async def _rest(cloud: AppState, begun: float) -> None:

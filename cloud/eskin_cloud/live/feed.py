@@ -123,13 +123,13 @@ class Feed:
             self.wake()
 
     def _leave_to_store(self, position: FeedPosition) -> None:
-        """Keep nothing in memory of the slots in which a position is later than the last one."""
-        slots = {span.slot for span in self._last.spans(position)}
-        kept = [each for each in self._recent if slot_of_cursor(each.cursor) not in slots]
-        self._recent = deque(kept)
-        self._used = sum(entry.size for entry in kept)
-        self._last = self._last.advance(position.cursors)
-        self._floor = self._floor.advance(self._last.cursors[slot] for slot in slots)
+        """Read nothing from memory of the slots in which a position is later than the last one.
+
+        Their entries lie below the floor now, so no stream gets them, and go as all that is old.
+        """
+        spans = list(self._last.spans(position))
+        self._last = self._last.advance(span.end for span in spans)
+        self._floor = self._floor.advance(span.end for span in spans)
 
     async def catch_up(self) -> None:
         """Go on to what is stored by now, by any process.

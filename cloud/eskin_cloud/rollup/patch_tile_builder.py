@@ -26,10 +26,10 @@ from eskin_cloud.store.schema.frame_tables import (
     patches,
     stale_patch_chunks,
 )
-from eskin_cloud.store.slot import slot_of
+from eskin_cloud.store.slot import SLOTS, slot_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from sqlalchemy import Connection
 
@@ -79,8 +79,12 @@ def build(store: Store) -> None:
         stale = find_stale(store, stale)
 
 
-def find_unclaimed(store: Store) -> list[Place]:
+def find_unclaimed(store: Store, slots: Iterable[int] = range(SLOTS)) -> list[Place]:
     """Patches with complete chunks that are not claimed.
+
+    Args:
+        store: The store.
+        slots: Whose nodes' patches are given.
 
     Raises:
         StoreError: The store cannot be read.
@@ -88,7 +92,7 @@ def find_unclaimed(store: Store) -> list[Place]:
     p = patches.c
     query = select(p.node, p.patch, p.grain, p.built, p.t_first, p.t_last)
     with store.read() as connection:
-        rows = connection.execute(query.where(p.rows > 0)).mappings().all()
+        rows = connection.execute(query.where(p.rows > 0, p.slot.in_(list(slots)))).mappings().all()
     return [
         Place(row["node"], row["patch"])
         for row in rows
@@ -143,14 +147,22 @@ def _clear(connection: Connection, place: Place) -> bool:
     return found.rowcount > 0
 
 
-def find_stale(store: Store, after: Place | None) -> Place | None:
+def find_stale(
+    store: Store, after: Place | None, slots: Iterable[int] = range(SLOTS)
+) -> Place | None:
     """The next patch with stale chunks.
+
+    Args:
+        store: The store.
+        after: The patch before it; ``None``: the first one is given.
+        slots: Whose nodes' patches count.
 
     Raises:
         StoreError: The store cannot be read.
     """
     s = stale_patch_chunks.c
-    query = select(s.node, s.patch).order_by(s.slot, s.node, s.patch).limit(1)
+    query = select(s.node, s.patch).where(s.slot.in_(list(slots)))
+    query = query.order_by(s.slot, s.node, s.patch).limit(1)
     if after is not None:
         last = slot_of(after.node), after.node, after.patch
         query = query.where(tuple_(s.slot, s.node, s.patch) > tuple_(*last))

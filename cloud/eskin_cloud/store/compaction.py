@@ -28,10 +28,11 @@ from eskin_cloud.store.read.patch_runs import runs_of_frames
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
 from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import feed
+from eskin_cloud.store.slot import SLOTS
 from eskin_cloud.store.write.bulk_insert import insert_many
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from sqlalchemy import ColumnElement, Connection, MappingResult, RowMapping
 
@@ -111,8 +112,15 @@ class CompactedFrames:
     cursor: int
 
 
-def find_compactable_frames(store: Store, due: Due) -> list[PageKey]:
+def find_compactable_frames(
+    store: Store, due: Due, slots: Iterable[int] = range(SLOTS)
+) -> list[PageKey]:
     """Pages with frames that are old enough.
+
+    Args:
+        store: The store.
+        due: Which frames are.
+        slots: Whose nodes' pages are given.
 
     Raises:
         StoreError: The store cannot be read.
@@ -120,6 +128,7 @@ def find_compactable_frames(store: Store, due: Due) -> list[PageKey]:
     p = pages.c
     with store.read() as connection:
         query = select(p.slot, p.node, p.layout, p.page, p.compacted).where(p.frames > 0)
+        query = query.where(p.slot.in_(list(slots)))
         found = []
         for *key, since in connection.execute(query).all():
             first = _heads(connection, (key[0], key[1], key[2], key[3]), since, 1).first()

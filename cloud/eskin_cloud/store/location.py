@@ -58,11 +58,17 @@ def slot_engines(place: StoreLocation) -> list[Engine]:
     return [postgres.slot_engine(place) for _ in range(GROUPS)]
 
 
-def reading_engine(place: StoreLocation, *, readers: int) -> Engine:
-    """An engine with ``readers`` connections; each transaction sees one state of the store."""
+def reading_engine(place: StoreLocation, *, readers: int, name: str = "") -> Engine:
+    """An engine with ``readers`` connections; each transaction sees one state of the store.
+
+    Args:
+        place: The store.
+        readers: How many.
+        name: The process's, as other processes on a server see it.
+    """
     if isinstance(place, Path):
         return sqlite.reading_engine(place, readers=readers)
-    return postgres.reading_engine(place, readers=readers)
+    return postgres.reading_engine(place, readers=readers, name=name)
 
 
 def is_local(url: URL) -> bool:

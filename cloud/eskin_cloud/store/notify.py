@@ -27,6 +27,7 @@ COMMANDS: Final = "commands"
 """A command was issued or answered, or an alarm has changed."""
 _SEND: Final = b"SELECT pg_notify(%s, %s)"
 _RETRY_S: Final = 1.0
+_PAUSE_S: Final = 0.02
 _KEY: Final = "news"
 
 
@@ -110,6 +111,9 @@ class NoticeSender:
                     connection.close()
                     connection = None
                 self._closing.wait(_RETRY_S)
+            else:
+                # Each notification wakes all other processes: under load, some commits share one.
+                self._closing.wait(_PAUSE_S)
         if connection is not None:
             connection.close()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from sqlalchemy import URL, Engine, create_engine, event
+from sqlalchemy import URL, Engine, create_engine, event, text
 from sqlalchemy.pool import QueuePool
 
 from eskin_cloud.store.pg_copy import end_copy_before_statements
@@ -25,6 +25,11 @@ _OPTIONS: Final = (
 _WRITER_OPTIONS: Final = (
     "-c synchronous_commit=on -c lock_timeout=10s -c statement_timeout=30s "
     "-c idle_in_transaction_session_timeout=10s"
+)
+_APPLICATION: Final = "eskin cloud "
+_APPLICATIONS: Final = text(
+    "SELECT DISTINCT application_name FROM pg_stat_activity "
+    "WHERE datname = current_database() AND application_name LIKE :pattern"
 )
 _READER_OPTIONS: Final = (
     "-c default_transaction_read_only=on -c default_transaction_isolation=repeatable\\ read "
@@ -54,18 +59,33 @@ def slot_engine(url: URL) -> Engine:
     return engine
 
 
-def reading_engine(url: URL, *, readers: int) -> Engine:
-    """An engine with ``readers`` connections; each transaction sees one state of the store."""
-    return _engine(url, size=readers, options=_READER_OPTIONS, pre_ping=True)
+def reading_engine(url: URL, *, readers: int, name: str = "") -> Engine:
+    """An engine with ``readers`` connections; each transaction sees one state of the store.
+
+    Args:
+        url: The database.
+        readers: How many.
+        name: The process's; `living_clouds` lists it while there is a connection.
+    """
+    options = _READER_OPTIONS
+    return _engine(
+        url, size=readers, options=options, pre_ping=True, application=_APPLICATION + name
+    )
+
+
+def living_clouds(connection: Connection) -> set[str]:
+    """The names of the processes that are connected to the database."""
+    names = connection.execute(_APPLICATIONS, {"pattern": f"{_APPLICATION}_%"}).scalars()
+    return {name.removeprefix(_APPLICATION) for name in names}
 
 
 def driver_arguments(url: URL) -> dict[str, Any]:
     """Arguments of libpq for a connection without SQLAlchemy."""
     _, words = url.get_dialect()().create_connect_args(url)
-    return {**words, **_connect_arguments("")}
+    return {**words, **_connect_arguments("", _APPLICATION)}
 
 
-def _connect_arguments(options: str) -> dict[str, Any]:
+def _connect_arguments(options: str, application: str) -> dict[str, Any]:
     """Timeouts, so that no call waits without end for an unreachable server."""
     return {
         "connect_timeout": _CONNECT_S,
@@ -73,12 +93,14 @@ def _connect_arguments(options: str) -> dict[str, Any]:
         "keepalives_interval": 5,
         "keepalives_count": 3,
         "tcp_user_timeout": 20_000,
-        "application_name": "eskin cloud",
+        "application_name": application.rstrip(),
         "options": f"{_OPTIONS} {options}",
     }
 
 
-def _engine(url: URL, *, size: int, options: str, pre_ping: bool = False) -> Engine:
+def _engine(
+    url: URL, *, size: int, options: str, pre_ping: bool = False, application: str = _APPLICATION
+) -> Engine:
     return create_engine(
         url,
         poolclass=QueuePool,
@@ -86,5 +108,5 @@ def _engine(url: URL, *, size: int, options: str, pre_ping: bool = False) -> Eng
         max_overflow=0,
         pool_timeout=30,
         pool_pre_ping=pre_ping,
-        connect_args=_connect_arguments(options),
+        connect_args=_connect_arguments(options, application),
     )

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self, TypeVar
 
+from sqlalchemy import select
 from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import StoreError
@@ -24,8 +25,9 @@ from eskin_cloud.store.location import (
     writing_engine,
 )
 from eskin_cloud.store.notify import NoticeSender
-from eskin_cloud.store.postgres import driver_arguments
-from eskin_cloud.store.slot import Share, group_of, share_out, slot_of
+from eskin_cloud.store.postgres import driver_arguments, living_clouds
+from eskin_cloud.store.schema.tables import feed
+from eskin_cloud.store.slot import SLOTS, Share, group_of, share_out, slot_of
 from eskin_cloud.store.version import create_tables, require_version
 from eskin_cloud.store.write.slot_writer import SlotWriter
 
@@ -78,7 +80,7 @@ class Store:
         damaged_rows.clear()
         self._writing = writing_engine(location)
         self._of_slots = slot_engines(location)
-        self._reading = reading_engine(location, readers=readers)
+        self._reading = reading_engine(location, readers=readers, name=self.name)
         try:
             if isinstance(location, Path):
                 location.parent.mkdir(parents=True, exist_ok=True)
@@ -157,6 +159,22 @@ class Store:
     def shares(self, items: Iterable[T], node_of: Callable[[T], str]) -> list[Share[T]]:
         """Share items out by the groups of their nodes' slots, which are written apart."""
         return share_out(items, node_of, len(self._groups))
+
+    def own_slots(self) -> set[int]:
+        """The slots whose background work is this process's, as it wrote them last.
+
+        A slot whose last writer has ended is of any process. Where two processes do the same work,
+        one result is dropped.
+
+        Raises:
+            StoreError: The store cannot be read.
+        """
+        if isinstance(self.location, Path):
+            return set(range(SLOTS))
+        with self.read() as connection:
+            others = living_clouds(connection) - {self.name}
+            writers = connection.execute(select(feed.c.slot, feed.c.writer)).all()
+        return {slot for slot, writer in writers if writer not in others}
 
     @property
     def waiting(self) -> int:

@@ -130,6 +130,23 @@ def test_each_message_is_stored_once_whichever_cloud_gets_it(two: tuple[Store, S
     assert FEED_START.advance(cursors) == last
 
 
+def test_background_work_of_a_slot_is_of_its_last_writer_until_that_ends(
+    cluster: Cluster, shared_database: URL
+) -> None:
+    cluster.clear(shared_database)
+    with Store(shared_database) as one:
+        with Store(shared_database) as other:
+            for each in (one, other):
+                each.check()  # as clouds do each second; they are connected from then on
+            put(one, stretch(0), node=named(3))
+            put(other, stretch(0), node=named(40))
+            put(other, stretch(0), node=named(41))
+            put(one, stretch(1), node=named(41))
+            assert one.own_slots() == set(range(SLOTS)) - {40}
+            assert other.own_slots() == set(range(SLOTS)) - {3, 41}
+        wait_until(lambda: one.own_slots() == set(range(SLOTS)), "the other's sessions are gone")
+
+
 def test_dead_letters_stay_bounded_in_all_slots_together(store: Store) -> None:
     for number in range(60):
         letter = ParsedMessage.parse(NODES[number % 7], b"\xff" * (1 + number))
