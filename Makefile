@@ -13,6 +13,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
+SOURCE ?=
 
 # Show a long command's progress in one line; standard error stays.
 ON_ONE_LINE := | awk '{ gsub(/[^ -~]/, ""); printf "\r\033[K  %.100s", $$0; fflush() } END { print "\r\033[K  done" }'
@@ -42,7 +43,7 @@ THINGSBOARD_NEEDS := benchmarks/thingsboard/requirements.txt
 TLC := $(VENV)/tlc
 TLC_NEEDS := tests/robustness/model/requirements.txt
 
-.PHONY: help demo test test-compose lint bench soak chaos powercut fuzz model nightly scan lock docs dashboard install system clean
+.PHONY: help demo test test-compose test-cluster lint bench soak chaos powercut fuzz model nightly scan lock docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -57,6 +58,12 @@ test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_AS
 test-compose: $(VENV)/.development ## Bring docker-compose.yml up on a real container engine and check it (root)
 	@services/install_test_packages.sh docker.io docker-compose debootstrap
 	$(BIN)/pytest tests/system/compose -m compose --timeout 1800 $(ARGS)
+
+test-cluster: $(VENV)/.development ## Build Citus from a source tree, and check a distributed store on it (SOURCE=DIR, a checkout of v13.0.5)
+ifneq ($(SOURCE),)
+	@services/install_test_packages.sh postgresql $(if $(PG_CONFIG),,postgresql-server-dev-15 libkrb5-dev liblz4-dev libzstd-dev libssl-dev)
+endif
+	ESKIN_CITUS_SOURCE="$(SOURCE)" $(BIN)/pytest tests/system/cluster -m cluster --timeout 1800 $(ARGS)
 
 lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rules, banned words
 	$(BIN)/ruff format --check .

@@ -10,7 +10,9 @@ declare -A command=([mosquitto]=mosquitto [mosquitto-clients]=mosquitto_sub [chr
   [openjdk-17-jre-headless]=java [influxdb]=influxd [prometheus]=prometheus
   [prometheus-alertmanager]=prometheus-alertmanager
   [gcc-arm-none-eabi]=arm-none-eabi-gcc [libnewlib-arm-none-eabi]=/usr/lib/arm-none-eabi/newlib/libc.a
-  [qemu-system-arm]=qemu-system-arm)
+  [qemu-system-arm]=qemu-system-arm
+  [postgresql-server-dev-15]=/usr/include/postgresql/15/server/postgres.h [libssl-dev]=/usr/include/openssl/ssl.h
+  [libkrb5-dev]=/usr/include/gssapi/gssapi.h [liblz4-dev]=/usr/include/lz4.h [libzstd-dev]=/usr/include/zstd.h)
 missing=()
 for package in "$@"; do
   [ -e "${command[$package]}" ] || PATH=$PATH:/usr/sbin:/sbin:/usr/lib/postgresql/15/bin command -v "${command[$package]}" >/dev/null ||

@@ -18,6 +18,7 @@ from eskin.wire.timestamp import format_timestamp
 
 if TYPE_CHECKING:
     from eskin_cloud.settings import CloudSettings, PeopleSection
+    from sqlalchemy import URL
 
 cloud = typer.Typer(help="Run a cloud, or give people and scripts access to it.")
 
@@ -189,6 +190,28 @@ def move(
     typer.echo("moved, and compared page by page")
 
 
+@cloud.command()
+def distribute(
+    context: typer.Context,
+    config: Config = None,
+    url: Annotated[
+        str | None, typer.Option(help="The coordinator's database; else the settings' store.url.")
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Change nothing; check a cluster that runs.")
+    ] = False,
+) -> None:
+    """Distribute an empty store over the servers of a Citus cluster, by the nodes' slots."""
+    from eskin_cloud.store.distribute import check as verify
+    from eskin_cloud.store.distribute import distribute as spread
+
+    place = _coordinator(config or context.obj, url)
+    servers = verify(place) if check else spread(place, now=time.time_ns())
+    for each in servers:
+        typer.echo(f"{len(each.slots):3} slots in {each.shards:3} shards  {each.name}")
+    typer.echo("as it should be" if check else "distributed")
+
+
 @cloud.command("audit-log")
 def audit_log(context: typer.Context, config: Config = None) -> None:
     """Show who did what, oldest first, and check that nothing was changed afterwards."""
@@ -212,6 +235,33 @@ def _load(config: Path | None) -> CloudSettings:
     if config is None:
         raise SettingsError("--config", "is missing; write --config FILE.toml")
     return CloudSettings.load(config)
+
+
+def _coordinator(config: Path | None, url: str | None) -> URL:
+    """The server's database that a URL or the settings name.
+
+    Raises:
+        SettingsError: It is none that can be used.
+    """
+    from eskin_cloud.store.location import is_local, parse_url
+
+    if url is None:
+        if config is None:
+            raise SettingsError("--url", "is missing; write --url URL, or --config FILE.toml")
+        place = _load(config).store.place
+        if isinstance(place, Path):
+            raise SettingsError("store.path", "is an SQLite file; name a server in store.url")
+        return place
+    try:
+        place = parse_url(url)
+    except ValueError as error:
+        raise SettingsError("--url", f"{url!r} {error}") from error
+    if not is_local(place):
+        raise SettingsError(
+            "--url",
+            "plaintext stays on loopback; write --config with store.url and store.root instead",
+        )
+    return place
 
 
 def _origin(people: PeopleSection) -> str:

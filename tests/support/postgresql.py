@@ -25,7 +25,7 @@ from eskin.identity.identity import CHAIN_FILE, KEY_FILE
 from tests.support.processes import Running, free_port, wait_until
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from types import TracebackType
 
     from sqlalchemy import URL
@@ -38,9 +38,11 @@ _SETTINGS: Final = Path(__file__).parents[2] / "services" / "database" / "postgr
 """Those of the cluster that is shipped, but for where it is and who may come in."""
 
 
-def program(name: str) -> str:
-    """Path of one of the server's programs."""
+def program(name: str, *, programs: Path | None = None) -> str:
+    """Path of one of the server's programs; of those in a folder, if one is named."""
     folders = sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
+    if programs is not None:
+        folders = [programs]
     path = os.pathsep.join([*map(str, folders), os.environ["PATH"]])
     found = shutil.which(name, path=path)
     assert found is not None, f"{name} is missing; install it (apt-get install postgresql)"
@@ -88,6 +90,9 @@ class Cluster:
         folder: Where it is; a fresh one else.
         prefix: Words before the server's command.
         log: Takes what it says; a file in the folder else.
+        programs: Folder of the server's programs; those of the system else.
+        sockets: Folder of its socket; that of its data else.
+        settings: More settings of the server.
 
     Attributes:
         folder: Its data and its socket.
@@ -103,28 +108,37 @@ class Cluster:
         folder: Path | None = None,
         prefix: Sequence[str] = (),
         log: Path | None = None,
+        programs: Path | None = None,
+        sockets: Path | None = None,
+        settings: Mapping[str, str] | None = None,
     ) -> None:
-        self.port = 0 if identity is None else free_port()
+        self.port = int((settings or {}).get("port", 0))
+        if identity is not None:
+            self.port = free_port()
         self.folder = folder or Path(tempfile.mkdtemp(prefix="pg-"))
+        self._sockets = sockets or self.folder
         self._numbers = count(1)
         as_user = _as_another_user(self.folder) if os.geteuid() == 0 else []
         data = self.folder / "data"
+        initdb = program("initdb", programs=programs)
         subprocess.run(
-            [*as_user, program("initdb"), "-D", data, "-U", _ADMIN, "-A", "trust", "-E", "UTF8",
+            [*as_user, initdb, "-D", data, "-U", _ADMIN, "-A", "trust", "-E", "UTF8",
              "--locale=C.UTF-8", "--no-sync", "--no-instructions"],
             check=True, stdout=subprocess.DEVNULL, cwd=self.folder,
         )  # fmt: skip
         shutil.copyfile(_SETTINGS, self.folder / "postgresql.conf")
-        settings = {
+        chosen = {
             "config_file": f"{self.folder}/postgresql.conf",
             "hba_file": f"{data}/pg_hba.conf",
-            "unix_socket_directories": str(self.folder),
+            "unix_socket_directories": str(self._sockets),
+            **(settings or {}),
         }
         if identity is not None:
-            settings |= {"listen_addresses": address, "port": str(self.port)}
-            settings |= self._encrypt(identity)
-        options = [f"-c{name}={value}" for name, value in settings.items()]
-        words = [*prefix, *as_user, program("postgres"), "-D", str(data), *options]
+            chosen |= {"listen_addresses": address, "port": str(self.port)}
+            chosen |= self._encrypt(identity)
+        options = [f"-c{name}={value}" for name, value in chosen.items()]
+        server = program("postgres", programs=programs)
+        words = [*prefix, *as_user, server, "-D", str(data), *options]
         self.running = Server(words, log=log or self.folder / "log")
 
     def _encrypt(self, identity: Identity) -> dict[str, str]:
@@ -146,8 +160,7 @@ class Cluster:
 
     def __enter__(self) -> Self:
         self.start()
-        self.execute(f"CREATE DATABASE {_TEMPLATE}", database="postgres")
-        Store(self.place(_TEMPLATE)).close()
+        self.prepare()
         return self
 
     def __exit__(
@@ -164,6 +177,11 @@ class Cluster:
         """Start, and wait until it accepts connections."""
         self.running.start()
         wait_until(self.answers, "PostgreSQL answers")
+
+    def prepare(self) -> None:
+        """Make the store that databases are copied from."""
+        self.execute(f"CREATE DATABASE {_TEMPLATE}", database="postgres")
+        Store(self.place(_TEMPLATE)).close()
 
     def stop(self) -> None:
         """End it, whatever clients are connected."""
@@ -214,12 +232,12 @@ class Cluster:
 
     def _words(self, database: str) -> str:
         port = f" port={self.port}" if self.port else ""
-        return f"host={self.folder}{port} user={_ADMIN} dbname={database}"
+        return f"host={self._sockets}{port} user={_ADMIN} dbname={database}"
 
     def place(self, database: str) -> URL:
         """A database, by the socket."""
         port = f":{self.port}" if self.port else ""
-        return parse_url(f"postgresql://{_ADMIN}@{port}/{database}?host={self.folder}")
+        return parse_url(f"postgresql://{_ADMIN}@{port}/{database}?host={self._sockets}")
 
 
 _KEPT: Final = (versions, feed, alarm_state)

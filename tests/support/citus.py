@@ -1,0 +1,138 @@
+"""A Citus cluster of the tests' own: a coordinator and workers that meet by Unix sockets."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+import time
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from eskin_cloud.store.distribute import distribute
+
+from tests.support.postgresql import Cluster
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from types import TracebackType
+
+    from sqlalchemy import URL
+
+REPOSITORY: Final = Path(__file__).parents[2]
+_FIRST_PORT: Final = 5432
+"""Ports only name the sockets in the cluster's folder: no server listens to a network."""
+
+
+def build(source: Path) -> tuple[Path, Path]:
+    """Build Citus by the script that is shipped, into a copy of PostgreSQL.
+
+    Args:
+        source: Citus's source tree.
+
+    Returns:
+        The copy, which the caller removes, and the folder of the server's programs in it.
+    """
+    copy = Path(tempfile.mkdtemp(prefix="citus-"))
+    copy.chmod(0o755)  # a server that root starts runs as another user
+    script = REPOSITORY / "services" / "citus" / "build.sh"
+    words = [script, source, copy / "postgresql"]
+    done = subprocess.run(words, stdout=subprocess.PIPE, text=True, timeout=1800, check=False)
+    assert done.returncode == 0, "Citus was not built; see above"
+    return copy, Path(done.stdout.splitlines()[-1])
+
+
+class CitusCluster(Cluster):
+    """A coordinator; its workers are servers of their own.
+
+    Args:
+        programs: Folder of a server's programs, with Citus.
+        workers: How many there are at first.
+        settings: More settings of each server.
+    """
+
+    def __init__(
+        self, programs: Path, *, workers: int = 2, settings: Mapping[str, str] | None = None
+    ) -> None:
+        self._programs = programs
+        self._settings = dict(settings or {})
+        self._ports = count(_FIRST_PORT)
+        self._databases = count(1)
+        self.folder = Path(tempfile.mkdtemp(prefix="citus-"))
+        settings = self._shared(next(self._ports))
+        super().__init__(folder=self.folder, programs=programs, settings=settings)
+        self.workers: list[Cluster] = [self._new_worker() for _ in range(workers)]
+
+    def _shared(self, port: int) -> dict[str, str]:
+        return {
+            "shared_preload_libraries": "citus",
+            "wal_level": "logical",  # by which a shard moves while it is written
+            "max_prepared_transactions": "200",
+            "max_connections": "200",
+            "port": str(port),
+            "citus.local_hostname": str(self.folder),
+            **self._settings,
+        }
+
+    def _new_worker(self) -> Cluster:
+        port = next(self._ports)
+        folder = self.folder / f"worker-{port}"
+        folder.mkdir()
+        return Cluster(
+            folder=folder,
+            programs=self._programs,
+            sockets=self.folder,
+            settings=self._shared(port),
+        )
+
+    def prepare(self) -> None:
+        """Start the workers; databases are made one by one, with all that Citus keeps of them."""
+        for worker in self.workers:
+            worker.start()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        # What they hold goes with the folder: no server needs to write it out.
+        for server in (*self.workers, self):
+            if server.running.process is not None and server.running.process.poll() is None:
+                server.running.kill()
+        super().__exit__(kind, error, trace)
+
+    def fresh(self, *, empty: bool = False) -> URL:
+        """A database of its own, with its workers: a distributed store, or without any table."""
+        name = f"store_{next(self._databases)}"
+        self._create(self, name)
+        self.execute(
+            f"SELECT citus_set_coordinator_host('{self.folder}', {self.port})", database=name
+        )
+        for worker in self.workers:
+            self._add(worker, name)
+        place = self.place(name)
+        if not empty:
+            distribute(place, now=time.time_ns())
+        return place
+
+    def start_worker(self, place: URL) -> Cluster:
+        """Start one more worker, and add it to a database's cluster; it has no shard yet."""
+        worker = self._new_worker()
+        self.workers.append(worker)
+        worker.start()
+        self._add(worker, str(place.database))
+        return worker
+
+    def name_of(self, worker: Cluster) -> str:
+        """A server's name within the cluster."""
+        return f"{self.folder}:{worker.port}"
+
+    def _add(self, worker: Cluster, database: str) -> None:
+        self._create(worker, database)
+        self.execute(f"SELECT citus_add_node('{self.folder}', {worker.port})", database=database)
+
+    @staticmethod
+    def _create(server: Cluster, database: str) -> None:
+        server.execute(f"CREATE DATABASE {database}", database="postgres")
+        server.execute("CREATE EXTENSION citus", database=database)

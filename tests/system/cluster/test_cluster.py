@@ -1,0 +1,321 @@
+"""A store on a coordinator and workers: distributed, checked, written while shards move."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
+from itertools import count
+from threading import Event
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from eskin_cloud.store import Store
+from eskin_cloud.store.distribute import check, distribute
+from eskin_cloud.store.location import writing_engine
+from eskin_cloud.store.move import TABLES, move
+from eskin_cloud.store.schema.frame_tables import frames
+from eskin_cloud.store.schema.tables import audit_log, feed, sequences
+from eskin_cloud.store.shard_groups import read_groups
+from eskin_cloud.store.slot import SLOTS, slot_of
+from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
+from sqlalchemy import Engine, event, select, update
+from sqlalchemy.exc import DBAPIError
+
+from eskin.errors import StoreError
+from tests.support.citus import CitusCluster
+from tests.support.commands import run
+from tests.support.stores import ask_store, write_place
+from tests.unit.cloud.clouds import put
+from tests.unit.cloud.commits import kinds
+from tests.unit.cloud.messages import START, stretch
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sqlalchemy import URL, Table
+
+pytestmark = pytest.mark.cluster
+
+BY_ITSELF = "SELECT create_distributed_table('pages', 'slot', colocate_with => 'none')"
+
+
+def command(place: URL, *words: str) -> Any:
+    """Run ``eskin cloud distribute``."""
+    return run("cloud", "distribute", "--url", str(write_place(place)["url"]), *words)
+
+
+def rows(place: URL | Path, table: Table) -> list[dict[str, Any]]:
+    """All rows of a table."""
+    with Store(place) as store, store.read() as connection:
+        return [dict(row) for row in connection.execute(select(table)).mappings()]
+
+
+def distributed(place: URL) -> list[str]:
+    """The tables that Citus knows."""
+    found = ask_store(place, "SELECT logicalrelid::text FROM pg_dist_partition")
+    return sorted(name for (name,) in found)
+
+
+def send(store: Store, node: str, number: int) -> None:
+    """Store a frame twice in one batch; send it again, as a gateway does, until it is stored."""
+    while True:
+        try:
+            receipts = kinds(put(store, stretch(number), stretch(number), node=node))
+        except (StoreError, DBAPIError):
+            time.sleep(0.1)  # as a gateway waits
+        else:
+            assert receipts[1] == "duplicate"
+            return
+
+
+def of_slot(slot: int) -> str:
+    """A node of a slot."""
+    return next(name for k in count() if slot_of(name := f"node-{k}") == slot)
+
+
+def test_command_distributes_an_empty_store_once(servers: CitusCluster) -> None:
+    place = servers.fresh(empty=True)
+    unready = command(place, "--check")
+    assert unready.returncode == 2
+    assert "schema version" in unready.stderr or "does not exist" in unready.stderr
+    done = command(place)
+    assert done.returncode == 0, done.stderr
+    checked = command(place, "--check")
+    assert checked.returncode == 0, checked.stderr
+    for said in (done.stdout, checked.stdout):
+        *lines, _ = said.splitlines()
+        found = [re.fullmatch(r" *(\d+) slots in +(\d+) shards  (.+)", line) for line in lines]
+        assert sum(int(each[1]) for each in found if each) == SLOTS
+        assert [each[3] for each in found if each] == [
+            servers.name_of(worker) for worker in servers.workers
+        ]
+    before = distributed(place)
+    again = command(place)
+    assert (again.returncode, again.stdout) == (2, "")
+    assert "distributed already" in again.stderr
+    assert distributed(place) == before
+    with Store(place) as store:
+        assert kinds(put(store, stretch(0), stretch(1), stretch(0))) == [
+            "stored", "stored", "duplicate",
+        ]  # fmt: skip
+    assert len(rows(place, frames)) == 2
+
+
+def test_store_with_data_is_refused_and_loses_nothing(servers: CitusCluster) -> None:
+    place = servers.fresh(empty=True)
+    with Store(place) as store:
+        put(store, stretch(0), stretch(1))
+    before = {table.name: rows(place, table) for table in TABLES}
+    refused = command(place)
+    assert refused.returncode == 2
+    assert "not empty" in refused.stderr
+    assert distributed(place) == []
+    assert {table.name: rows(place, table) for table in TABLES} == before
+    with Store(place) as store:
+        assert kinds(put(store, stretch(1), stretch(2))) == ["duplicate", "stored"]
+
+
+def test_store_moves_from_sqlite_into_a_distributed_one(
+    servers: CitusCluster, tmp_path: Path
+) -> None:
+    source, target = tmp_path / "store.sqlite", servers.fresh()
+    with Store(source) as store:
+        for slot in range(0, SLOTS, 3):
+            put(store, stretch(0), stretch(1), node=of_slot(slot))
+        store.write_and_wait(lambda c: record(c, AuditEntry("ada", "", Action.SIGN_IN), now=START))
+    counts = move(source, target, now=START)
+    assert counts["frames"] == 44
+    check(target)
+    with Store(target) as store:
+        assert kinds(put(store, stretch(1), stretch(2), node=of_slot(3))) == ["duplicate", "stored"]
+
+
+@pytest.mark.parametrize("at", [1, 12, 20, -1])
+def test_distribution_that_is_killed_leaves_nothing_half_done(
+    servers: CitusCluster, at: int
+) -> None:
+    place = servers.fresh(empty=True)
+    child = os.fork()
+    if child == 0:
+        steps = count(1)
+
+        def kill(*arguments: Any) -> None:
+            if str(arguments[2]).startswith("SELECT create_") and next(steps) == at:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        def end(*_: Any) -> None:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+        event.listen(Engine, "before_cursor_execute", kill)
+        if at < 0:
+            event.listen(Engine, "commit", end)
+        distribute(place, now=START)
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    assert os.WIFSIGNALED(status), "it was killed, not done"
+    assert distributed(place) == []
+    assert command(place).returncode == 0
+    check(place)
+
+
+def test_distribution_survives_the_loss_of_a_worker(servers: CitusCluster) -> None:
+    place = servers.fresh(empty=True)
+    servers.workers[1].running.kill()
+    try:
+        refused = command(place)
+    finally:
+        servers.workers[1].start()
+    assert refused.returncode == 2
+    assert servers.name_of(servers.workers[1]) in refused.stderr
+    assert distributed(place) == []
+    distribute(place, now=START)
+    check(place)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("SELECT undistribute_table('frames')", "table frames is local"),
+        ("SELECT undistribute_table('tokens')", "table tokens is local, not a reference table"),
+        (
+            "SELECT undistribute_table('pages'); " + BY_ITSELF,
+            "table pages is distributed in another way",
+        ),
+        ("DELETE FROM feed WHERE slot = 7", "feed lacks rows of the slots"),
+    ],
+)
+def test_check_finds_what_is_not_distributed_as_it_should_be(
+    servers: CitusCluster, change: str, said: str
+) -> None:
+    place = servers.fresh()
+    check(place)
+    servers.execute(change, database=str(place.database))
+    found = command(place, "--check")
+    assert found.returncode == 2
+    assert said in found.stderr
+
+
+def test_check_finds_a_worker_that_is_down_or_not_durable(servers: CitusCluster) -> None:
+    place, worker = servers.fresh(), servers.workers[0]
+    try:
+        worker.execute("ALTER SYSTEM SET synchronous_commit = off", database="postgres")
+        worker.execute("SELECT pg_reload_conf()", database="postgres")
+        with pytest.raises(StoreError, match=f"{worker.port} has synchronous_commit = off"):
+            check(place)
+        worker.running.kill()
+        with pytest.raises(StoreError, match=str(worker.port)):
+            check(place)
+    finally:
+        if worker.running.process is None or worker.running.process.poll() is not None:
+            worker.start()
+        worker.execute("ALTER SYSTEM RESET synchronous_commit", database="postgres")
+        worker.execute("SELECT pg_reload_conf()", database="postgres")
+    check(place)
+
+
+def test_worker_is_refused_in_the_place_of_the_coordinator(servers: CitusCluster) -> None:
+    place, worker = servers.fresh(), servers.workers[0]
+    with pytest.raises(StoreError, match="is a worker; name the coordinator"):
+        distribute(worker.place(str(place.database)), now=START)
+
+
+def test_cluster_without_a_worker_is_refused(programs: Path) -> None:
+    with CitusCluster(programs, workers=0) as alone:
+        place = alone.fresh(empty=True)
+        with pytest.raises(StoreError, match="citus_add_node"):
+            distribute(place, now=START)
+        assert distributed(place) == []
+
+
+def test_slots_of_a_shard_are_locked_together_and_those_of_two_are_refused(
+    servers: CitusCluster,
+) -> None:
+    """What `read_groups` is for: this is the rule of Citus that it follows."""
+    place = servers.fresh()
+    engine = writing_engine(place)
+    with engine.begin() as connection:
+        groups = read_groups(connection)
+    assert sorted(slot for group in groups for slot in group) == list(range(SLOTS))
+    assert len(groups) > 2 * len(servers.workers)
+
+    def lock(slots: set[int]) -> int:
+        with engine.begin() as connection:
+            query = select(feed.c.slot).where(feed.c.slot.in_(sorted(slots))).with_for_update()
+            return len(connection.execute(query).all())
+
+    for group in groups:
+        assert lock(set(group)) == len(group)
+    with pytest.raises(DBAPIError, match="FOR UPDATE"):
+        lock({min(groups[0]), min(groups[1])})
+    engine.dispose()
+
+
+def test_audit_log_stays_append_only(servers: CitusCluster) -> None:
+    with Store(servers.fresh()) as store:
+        store.write_and_wait(lambda c: record(c, AuditEntry("ada", "", Action.SIGN_IN), now=START))
+        with pytest.raises(DBAPIError, match="append only"):
+            store.write_and_wait(lambda c: c.execute(update(audit_log).values(actor="eve")))
+
+
+def test_worker_added_while_data_flow_loses_and_doubles_nothing(programs: Path) -> None:
+    """Two clouds store; a third worker takes shards meanwhile. A failed batch is sent again."""
+    with CitusCluster(programs) as cluster:
+        place = cluster.fresh()
+        nodes = [of_slot(slot) for slot in range(0, SLOTS, 2)]
+        ended = Event()
+
+        def bring(store: Store, mine: list[str]) -> set[tuple[str, int]]:
+            """Store messages as a gateway sends them: until they are stored, some twice."""
+            stored = set()
+            for number in count():
+                for node in mine:
+                    send(store, node, number)
+                    stored.add((node, number))
+                if ended.is_set():
+                    return stored
+            raise AssertionError
+
+        with Store(place) as one, Store(place) as other, ThreadPoolExecutor(2) as pool:
+            flows = [
+                pool.submit(bring, store, mine)
+                for store, mine in ((one, nodes[::2]), (other, nodes[1::2]))
+            ]
+            try:
+                added = cluster.start_worker(place)
+                rebalance = "SELECT rebalance_table_shards(shard_transfer_mode => 'force_logical')"
+                cluster.execute(rebalance, database=str(place.database))
+            finally:
+                ended.set()
+            stored = set().union(*(flow.result(120) for flow in flows))
+        by_server = {each.name: each for each in check(place)}
+        assert by_server[cluster.name_of(added)].slots, "it has taken shards"
+        kept = [(row["node"], row["sequence"]) for row in rows(place, frames)]
+        assert sorted(kept) == sorted(stored)
+        ranges = {
+            (row["node"], number)
+            for row in rows(place, sequences)
+            for number in range(row["first"], row["last"] + 1)
+        }
+        assert ranges == stored
+        cursors = [row["cursor"] for row in rows(place, frames)]
+        assert len(set(cursors)) == len(cursors)
+
+
+def test_transaction_of_a_node_stays_in_one_shard(servers: CitusCluster) -> None:
+    """A transaction of two servers is prepared at each (two-phase commit)."""
+    place = servers.fresh()
+    database = str(place.database)
+    for worker in servers.workers:
+        words = f"ALTER DATABASE {database} SET log_statement = 'all'"
+        worker.execute(words, database="postgres")
+    before = [len(worker.running.output()) for worker in servers.workers]
+    with Store(place) as store:
+        for slot in range(0, SLOTS, 5):
+            put(store, stretch(0), stretch(1), node=of_slot(slot))
+    for worker, length in zip(servers.workers, before, strict=True):
+        said = worker.running.output()[length:]
+        assert "FOR UPDATE" in said
+        assert "PREPARE TRANSACTION" not in said
