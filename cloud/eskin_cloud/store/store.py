@@ -65,8 +65,17 @@ class Store:
         readers: int = 4,
         queue: int = 64,
         clock: Callable[[], int] = time.time_ns,
+        threaded: bool = True,
     ) -> None:
         """Open the store, or create it.
+
+        Args:
+            location: The file, or the server's URL.
+            readers: Number of connections that read.
+            queue: Most writes that may wait.
+            clock: Returns UTC ns.
+            threaded: Whether threads write. Without them, a write runs in its caller's thread, of
+                which there must be only one.
 
         Raises:
             StoreError: The store cannot be opened, or has another version.
@@ -93,11 +102,11 @@ class Store:
         self._notices: NoticeSender | None = None
         if not isinstance(location, Path):
             self._notices = NoticeSender(driver_arguments(location), name=self.name)
-        self._central = SlotWriter(self._writing, self._notices, name=self.name, queue=queue)
-        self._groups = [
-            SlotWriter(engine, self._notices, name=self.name, queue=queue)
-            for engine in self._of_slots
-        ] or [self._central]
+        make_writer = partial(
+            SlotWriter, notices=self._notices, name=self.name, queue=queue, threaded=threaded
+        )
+        self._central = make_writer(self._writing)
+        self._groups = [make_writer(engine) for engine in self._of_slots] or [self._central]
 
     def __str__(self) -> str:
         return describe(self.location)

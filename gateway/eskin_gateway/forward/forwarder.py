@@ -316,6 +316,7 @@ class Forwarder:
         backoff: Delays after failures.
         metrics: Counts messages.
         confirmations_client: Finds lost messages, if given.
+        clock: Monotonic seconds.
         now: UTC ns.
 
     Attributes:
@@ -333,21 +334,23 @@ class Forwarder:
         backoff: Backoff,
         metrics: Metrics,
         confirmations_client: ConfirmationsClient | None = None,
+        clock: Callable[[], float] = time.monotonic,
         now: Callable[[], int] = time.time_ns,
     ) -> None:
         self._settings = settings
         self._spool = spool
         self._ingest_client = ingest_client
         self._metrics = metrics
+        self._clock = clock
         self._now = now
         self._confirmations_client = confirmations_client
         self._compare_at = 0.0
         self._missing: list[tuple[str, int, int, int]] = []
         self._batch_messages = settings.batch_messages
-        self._retry_queue = RetryQueue()
-        self._unknown_nodes = UnknownNodes(certificates_client)
-        self._unknown_layouts = UnknownLayouts(descriptions_client)
-        self._deferred_nodes = DeferredNodes()
+        self._retry_queue = RetryQueue(clock)
+        self._unknown_nodes = UnknownNodes(certificates_client, clock)
+        self._unknown_layouts = UnknownLayouts(descriptions_client, clock)
+        self._deferred_nodes = DeferredNodes(clock)
         self._retried = False
         self._heap_trimmer = HeapTrimmer()
         self.reachable: bool | None = None
@@ -356,7 +359,7 @@ class Forwarder:
             self._step,
             backoff=backoff,
             drain_s=_DRAIN_S,
-            on_failure=self._note_failure,
+            on_failure=self.note_failure,
         )
 
     @property
@@ -391,21 +394,21 @@ class Forwarder:
         self._thread.stop()
 
     def _step(self) -> bool:
-        begun = time.monotonic()
+        begun = self._clock()
         sent = self.forward()
         stopping = self._thread.stopping
         if not stopping.is_set():
-            self._compare()
+            self.compare()
             if sent in _SMALL_BATCH and sent < self._batch_messages:
-                stopping.wait(min(time.monotonic() - begun, _MAX_PAUSE_S))
+                stopping.wait(min(self._clock() - begun, _MAX_PAUSE_S))
             elif not sent:
                 self._heap_trimmer.take(0)
                 self._spool.filled.wait(_TICK_S)
         return sent > 0
 
-    def _compare(self) -> None:
+    def compare(self) -> None:
         """After a start or failure, and periodically: find what the cloud lost."""
-        now = time.monotonic()
+        now = self._clock()
         if self._confirmations_client is None or now < self._compare_at:
             return
         self._compare_at = now + _COMPARE_S
@@ -434,7 +437,7 @@ class Forwarder:
         if not messages:
             return 0
         self._metrics.forwarded.inc(len(messages))
-        begun = time.monotonic()
+        begun = self._clock()
         try:
             results = self._ingest_client.send([(m.node, m.body) for m in messages])
         except CloudError as error:
@@ -449,7 +452,7 @@ class Forwarder:
             m.node: r.reason or "" for m, r in zip(messages, results, strict=True) if r.is_later
         }
         if later:
-            self._deferred_nodes.defer(later, time.monotonic() - begun)
+            self._deferred_nodes.defer(later, self._clock() - begun)
         self._settle(messages, results)
         self._batch_messages = min(self._batch_messages * 2, self._settings.batch_messages)
         return len(messages)
@@ -551,7 +554,8 @@ class Forwarder:
     def _dead_letter(self, message: SpoolMessage, reason: str) -> DeadLetter:
         return DeadLetter(self._now(), message.node, f"cloud: {reason[:500]}", message.body)
 
-    def _note_failure(self, error: Exception) -> None:
+    def note_failure(self, error: Exception) -> None:
+        """Note that `forward` failed; what the cloud has is compared again."""
         self._metrics.cloud_failures.inc()
         self._compare_at = 0.0
         if isinstance(error, CloudError):

@@ -134,7 +134,7 @@ class PostCommit:
         self._broker.publish(public)
 
     def _acknowledgements(self, result: IngestResult) -> Iterator[Publication]:
-        for node in result.positions.keys() | result.want.keys():
+        for node in dict.fromkeys([*result.positions, *result.want]):
             positions = result.positions.get(node, [])
             thumbprint = result.batch.nodes[node].thumbprint
             try:
@@ -204,6 +204,8 @@ class CommitLoop:
         command_publisher: Publishes commands after each batch.
         metrics: Counts messages.
         clock: Monotonic seconds.
+        wait: Waits so many seconds before a failed commit is tried again; returns whether to give
+            up. By default it gives up when the loop is stopped.
 
     Attributes:
         fault: Why nothing can be committed.
@@ -220,6 +222,7 @@ class CommitLoop:
         command_publisher: CommandPublisher,
         metrics: Metrics,
         clock: Callable[[], float] = time.monotonic,
+        wait: Callable[[float], bool] | None = None,
     ) -> None:
         self._settings = settings
         self._receive_queue = receive_queue
@@ -238,6 +241,7 @@ class CommitLoop:
             backoff=Backoff(0.01, _RETRY_S, random=SystemRandom()),
             drain_s=float("inf"),
         )
+        self._wait = wait or self._thread.stopping.wait
 
     def start(self) -> None:
         """Start the thread."""
@@ -310,7 +314,7 @@ class CommitLoop:
                 if self.fault is None:
                     log.error("commits fail: error=%s", error)  # noqa: TRY400 - no traceback
                 self.fault = str(error)
-                if self._thread.stopping.wait(_RETRY_S):
+                if self._wait(_RETRY_S):
                     return False
                 continue
             if self.fault is not None:

@@ -42,6 +42,7 @@ class CloudClient:
         context: Holds the root certificate, and presents the gateway's certificate.
         timeout_s: Seconds to wait.
         abortable: Whether `abort` ends a request. Each request then has its own connection.
+        transport: Carries requests in the place of TCP, for example to a cloud in this process.
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class CloudClient:
         context: ssl.SSLContext,
         timeout_s: float,
         abortable: bool = False,
+        transport: httpx.BaseTransport | None = None,
     ) -> None:
         self._urls = [httpx.URL(url) for url in urls]
         self._chosen = 0
@@ -59,7 +61,9 @@ class CloudClient:
         self._timeout_s = timeout_s
         limits = httpx.Limits(max_keepalive_connections=0 if abortable else None)
         # Proxies of the environment are ignored: a gateway connects to its cloud directly.
-        self._client = httpx.Client(verify=context, trust_env=False, limits=limits)
+        self._client = httpx.Client(
+            verify=context, trust_env=False, limits=limits, transport=transport
+        )
         self._extensions = {"trace": self._note_connection} if abortable else {}
         self._connection: socket.socket | None = None
         self._aborted = False

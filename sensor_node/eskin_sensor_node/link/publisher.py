@@ -98,6 +98,8 @@ class Publisher:
         record_status: Puts a fresh status into the outbox.
         take_command: Takes a command that was sealed to this node; ``None``: it takes none.
         is_running: Whether the firmware runs; while it does not, nothing is sent or taken.
+        client: Takes the place of paho's client, for example in a simulation.
+        clock: Monotonic ns.
 
     Raises:
         IdentityError: A key or certificate cannot be used.
@@ -113,11 +115,14 @@ class Publisher:
         record_status: Callable[[], object],
         take_command: Callable[[bytes], None] | None = None,
         is_running: Callable[[], bool] = lambda: True,
+        client: mqtt.Client | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._keys = NodeKeys(identity.directory, identity.site)
         self._outbox = outbox
         self._record_status, self._take_command = record_status, take_command
         self._is_running = is_running
+        self._clock = clock
         self._broker = broker
         name = self._keys.own.name
         self._acks_topic = node_topic(name, Stream.ACKS)
@@ -131,7 +136,10 @@ class Publisher:
         self._until = float("inf")
         self._ended = False
         self._reconnect_timer = ReconnectTimer(broker.silence_s)
-        self._client = self._make_client()
+        self._client = client or self._make_client()
+        self._client.on_connect, self._client.on_disconnect = self._on_connect, self._on_disconnect
+        self._client.on_connect_fail = self._on_connect_fail
+        self._client.on_message = self._on_message
         self._uplink = Uplink(
             outbox,
             self._client,
@@ -171,9 +179,7 @@ class Publisher:
         client.max_inflight_messages_set(self._broker.window)
         client.max_queued_messages_set(4 * self._broker.window)
         client.reconnect_delay_set(min_delay=1, max_delay=8)
-        client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
         client.on_socket_open = set_nodelay
-        client.on_connect_fail, client.on_message = self._on_connect_fail, self._on_message
         return client
 
     def _on_connect(
@@ -222,7 +228,7 @@ class Publisher:
             self._wake.wait(_TURN_S)
             self._wake.clear()
             try:
-                self._turn()
+                self.turn()
             except FlashError as error:
                 log.warning("publishing paused: error=%s", error)
                 time.sleep(_PAUSE_S)
@@ -238,12 +244,17 @@ class Publisher:
             self._ended = not more or time.monotonic() >= self._until
         return self._ended
 
-    def _turn(self) -> None:
+    def turn(self) -> None:
+        """Take what has come, then send what is due.
+
+        Raises:
+            FlashError: The flash cannot be read or written.
+        """
         if not self._is_running():
             return
         self._take_acknowledgements()
         self._take_commands()
-        now = time.monotonic_ns()
+        now = self._clock()
         if self._keys.refresh(now / BILLION):
             # A gateway cannot decrypt before it has seen the certificate.
             self._outbox.introduce(now)
@@ -297,14 +308,14 @@ class Publisher:
                 self._outbox.message_writer.observe_time(received.time)
                 for boot, first, last in received.spans:
                     durable.setdefault(boot, SequenceRanges()).add(first, last)
-                self._uplink.describe(received.want, time.monotonic_ns())
+                self._uplink.describe(received.want, self._clock())
             except MessageError as error:
                 log.warning("acknowledgement rejected: reason=%s", error)
         if durable:
             self._outbox.acknowledge(
                 [(boot, first, last) for boot, ranges in durable.items() for first, last in ranges]
             )
-            self._reconnect_timer.answered(time.monotonic())
+            self._reconnect_timer.answered(self._clock() / BILLION)
 
     def _update_status(self, now: int) -> None:
         """Record a status if one is due; the first introduces the node to the gateway."""

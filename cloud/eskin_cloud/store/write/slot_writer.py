@@ -36,14 +36,21 @@ class SlotWriter:
         notices: Notifies other processes after a commit; ``None`` where there are none.
         name: Identifies the process to them.
         queue: Most jobs that may wait.
+        threaded: Whether a thread writes, as of `Writer`.
 
     Attributes:
         cache: The cache; used in its thread only.
-        writer: The thread.
+        writer: Runs the jobs.
     """
 
     def __init__(
-        self, engine: Engine, notices: NoticeSender | None, *, name: str, queue: int
+        self,
+        engine: Engine,
+        notices: NoticeSender | None,
+        *,
+        name: str,
+        queue: int,
+        threaded: bool = True,
     ) -> None:
         self.cache = WriteCache(name)
         self._notices = notices
@@ -56,6 +63,7 @@ class SlotWriter:
             on_commit=self._commit,
             on_rollback=self.cache.clear,
             probe=_probe,
+            threaded=threaded,
         )
 
     def submit(

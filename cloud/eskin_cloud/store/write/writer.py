@@ -1,4 +1,4 @@
-"""The writer thread: jobs share a commit, and each future is done after it."""
+"""The writer: jobs share a commit, and each future is done after it."""
 
 from __future__ import annotations
 
@@ -45,6 +45,8 @@ class Writer:
         on_rollback: Called after a rollback, to clear caches.
         probe: Writes a little. It runs first after a fault, so that a job which writes nothing
             cannot clear the fault.
+        threaded: Whether a thread runs the jobs. Without one, `submit` runs them in the caller's
+            thread, of which there must be only one.
 
     Attributes:
         fault: Why the last commit failed; ``None`` after a success.
@@ -62,6 +64,7 @@ class Writer:
         on_commit: Callable[[], None],
         on_rollback: Callable[[], None],
         probe: Callable[[Connection, AbstractSet[int]], None],
+        threaded: bool = True,
     ) -> None:
         self._engine = engine
         self._jobs: queue.Queue[_Job | None] = queue.Queue(capacity)
@@ -75,8 +78,10 @@ class Writer:
         self.fault: str | None = None
         self.commits = 0
         self.jobs = 0
-        self._thread = threading.Thread(target=self._run, name="store writer", daemon=True)
-        self._thread.start()
+        self._thread: threading.Thread | None = None
+        if threaded:
+            self._thread = threading.Thread(target=self._run, name="store writer", daemon=True)
+            self._thread.start()
 
     @property
     def waiting(self) -> int:
@@ -114,29 +119,35 @@ class Writer:
                 raise StoreError(
                     f"{self._jobs.maxsize} writes wait already; retry in a moment"
                 ) from None
+        if self._thread is None:
+            self._run_once()
         return future
 
     def close(self) -> None:
         """Run waiting jobs, then stop."""
         with self._lock:
             self._closing.set()
-        self._jobs.put(None)
-        self._thread.join()
+        if self._thread is not None:
+            self._jobs.put(None)
+            self._thread.join()
 
     def _run(self) -> None:
-        running = True
-        while running:
-            first = self._jobs.get()
-            batch: list[_Job] = []
-            running = _collect(first, batch)
-            while running and len(batch) < _MOST_SHARED:
-                try:
-                    following = self._jobs.get_nowait()
-                except queue.Empty:
-                    break
-                running = _collect(following, batch)
-            if batch:
-                self._commit(batch)
+        while self._run_once():
+            pass
+
+    def _run_once(self) -> bool:
+        """Commit what waits, or the next job that comes; returns whether the writer goes on."""
+        batch: list[_Job] = []
+        running = _collect(self._jobs.get(), batch)
+        while running and len(batch) < _MOST_SHARED:
+            try:
+                following = self._jobs.get_nowait()
+            except queue.Empty:
+                break
+            running = _collect(following, batch)
+        if batch:
+            self._commit(batch)
+        return running
 
     def _commit(self, batch: list[_Job]) -> Exception | None:
         """Run and commit jobs; returns the error with which all of them failed."""
