@@ -24,6 +24,7 @@ STEPS: Final = {
     "chaos-postgresql": ["make", "chaos", "ARGS=--duration 300 --seed {seed} --store postgresql"],
     "model": ["make", "model", "ARGS=--large --seconds 3600"],
     "model-mutants": ["make", "model", "ARGS=--mutants"],
+    "simulate": ["make", "simulate", "ARGS=--seeds 3000 --count 12 --first {seed}000"],
     "powercut": ["make", "powercut", "ARGS=--images 500 --seed {seed}"],
     "fuzz": ["make", "fuzz", "ARGS=--inputs 100000 --seed {seed}"],
     "bitflips": [

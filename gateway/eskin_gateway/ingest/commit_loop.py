@@ -211,7 +211,7 @@ class CommitLoop:
         fault: Why nothing can be committed.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all that a batch passes, and what runs it
         self,
         settings: SpoolSection,
         *,

@@ -105,7 +105,7 @@ class Publisher:
         IdentityError: A key or certificate cannot be used.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all that a node's radio carries, and what runs it
         self,
         outbox: Outbox,
         *,

@@ -44,7 +44,14 @@ class Broker:
             self._deliver(gateway, node, number, topic, payload, retained=True)
 
     def _deliver(
-        self, gateway: Gateway, node: str, number: int, topic: str, payload: bytes, *, retained: bool
+        self,
+        gateway: Gateway,
+        node: str,
+        number: int,
+        topic: str,
+        payload: bytes,
+        *,
+        retained: bool,
     ) -> None:
         delay = self._latency.uniform(0.001, 0.02)
         if self._world.faults.often(gateway.name, "gets messages late"):
@@ -61,6 +68,4 @@ class Broker:
         """Give a node an acknowledgement."""
         topic = node_topic(node, Stream.ACKS)
         delay = self._latency.uniform(0.001, 0.05)
-        self._world.timeline.after(
-            delay, lambda: self._world.node(node).receive(topic, payload)
-        )
+        self._world.timeline.after(delay, lambda: self._world.node(node).receive(topic, payload))

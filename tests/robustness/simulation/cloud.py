@@ -28,7 +28,6 @@ from tests.robustness.simulation.timeline import EPOCH, SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
-    from pathlib import Path
 
     from sqlalchemy import Connection
     from starlette.types import Message
@@ -68,17 +67,16 @@ class Cloud:
 
     Args:
         world: What it is part of.
-        folder: Of its store.
 
     Attributes:
         path: Its store.
         running: Whether it answers.
     """
 
-    def __init__(self, world: World, folder: Path) -> None:
+    def __init__(self, world: World) -> None:
         self._world = world
-        self.path = folder / "store.sqlite"
-        self.path.write_bytes(world.parties.empty_store.read_bytes())
+        self.path = world.parties.store
+        self.path.write_bytes(world.parties.empty_store)
         self._chains = {name: _pem(world.parties, name) for name in world.parties.gateways}
         self._latency = world.timeline.draws("jobs of the cloud")
         self.running = False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from contextlib import closing
+from contextlib import closing, suppress
 from typing import TYPE_CHECKING, Final
 
 import httpx
@@ -360,10 +360,8 @@ class Gateway(httpx.BaseTransport):
 
 def _ignore(ask: Callable[[], httpx.Response]) -> None:
     """Send a request whose answer no one waits for."""
-    try:
+    with suppress(httpx.HTTPError):
         ask()
-    except httpx.HTTPError:
-        pass
 
 
 def _status(error: Exception) -> str:

@@ -53,12 +53,12 @@ class Made(NamedTuple):
     Attributes:
         kind: Of `eskin_sensor_node.firmware.message_writer`.
         body: Its bytes.
-        worn: Whether it is biometric.
+        subject: Whose it is, if it is biometric.
     """
 
     kind: int
     body: bytes
-    worn: bool
+    subject: str | None = None
 
 
 @dataclass
@@ -279,7 +279,8 @@ class Node:
             self._world.timeline.note(self.name, f"fails to write {len(records)}")
             return
         for each in records:
-            self.made[boot, each.sequence] = Made(each.kind, each.body, each.sequence in worn)
+            subject = self._world.wearers[self.name] if each.sequence in worn else None
+            self.made[boot, each.sequence] = Made(each.kind, each.body, subject)
         # The gap of what was evicted is no part of the batch, and grows until it is sent.
         if self._gap is not None and self._gap[0] == boot:
             self._note_gap(self._gap)
@@ -292,7 +293,7 @@ class Node:
         kept = self.flash.read(position)
         if kept is not None:
             self._gap = position
-            self.made[position] = Made(kept.kind, kept.body, worn=False)
+            self.made[position] = Made(kept.kind, kept.body)
 
     def _set_failing(self) -> None:
         """Make the flash fail, or work, as faults have it."""

@@ -62,20 +62,20 @@ class World:
         folder: Of all files.
 
     Attributes:
+        wearers: Pseudonym of the subject that wears each node.
         erased: Pseudonyms of erased subjects.
     """
 
-    def __init__(
-        self, seed: int, chosen: Sequence[Fault], parties: Parties, folder: Path
-    ) -> None:
+    def __init__(self, seed: int, chosen: Sequence[Fault], parties: Parties, folder: Path) -> None:
         self.parties = parties
         self.timeline = Timeline(seed)
         self.faults = Faults(self.timeline, chosen)
+        self.wearers: dict[str, str] = {}
         self.erased: set[str] = set()
         self.laws = Laws(self)
         self.broker = Broker(self)
         self.gateways: list[Gateway] = []
-        self.cloud = Cloud(self, folder)
+        self.cloud = Cloud(self)
         self.gateways += [Gateway(self, name, folder) for name in GATEWAYS]
         for node in NODES:
             self._wear(node)
@@ -91,7 +91,9 @@ class World:
         """Give a node a subject that wears it from now on."""
         some = self.gateways[0]
         since = EPOCH + self.timeline.now
-        some.assignments.assign(node, some.keystore.create(), since=since)
+        subject = some.keystore.create()
+        some.assignments.assign(node, subject, since=since)
+        self.wearers[node] = subject.pseudonym
 
     def _schedule(self, fault: Fault) -> None:
         """Schedule what a fault does by itself; others strike where they are asked for."""
@@ -116,7 +118,7 @@ class World:
     def _erase(self, node: str) -> None:
         """Erase the subject that wears a node; another one wears it from then on."""
         some = self.gateways[0]
-        pseudonym = some.assignments.wearers()[node]
+        pseudonym = self.wearers[node]
         self.timeline.note(node, "has its subject erased")
         self.erased.add(pseudonym)
         some.keystore.shred(pseudonym)
@@ -164,7 +166,7 @@ def simulate(seed: int, faults: Sequence[Fault], parties: Parties) -> Run:
     run = Run(seed, faults)
     begun = time.monotonic()
     logging.disable(logging.CRITICAL)
-    folder = Path(tempfile.mkdtemp(prefix="eskin-simulation-", dir=_memory()))
+    folder = Path(tempfile.mkdtemp(dir=parties.folder))
     try:
         world = World(seed, faults, parties, folder)
         try:
@@ -182,9 +184,3 @@ def simulate(seed: int, faults: Sequence[Fault], parties: Parties) -> Run:
         shutil.rmtree(folder)
     run.seconds = time.monotonic() - begun
     return run
-
-
-def _memory() -> Path | None:
-    """A file system in memory, where a synchronised commit costs little."""
-    found = Path("/dev/shm")  # noqa: S108 - a folder of its own is made there
-    return found if found.is_dir() else None
