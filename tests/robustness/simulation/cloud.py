@@ -148,7 +148,7 @@ class Cloud:
             return httpx.Response(503)
         status, fields, answered = self._run(self._ask(gateway, path, headers, body))
         asked = _items(body) if name == "ingest" else []
-        self._world.timeline.note(CLOUD, _told(gateway, name, status, asked, answered))
+        self._world.timeline.note(CLOUD, _shown(gateway, name, status, asked, answered))
         if self._dies_in_commit:
             self.die(self._lasts)
             raise httpx.RemoteProtocolError("the cloud died")
@@ -239,12 +239,14 @@ def _items(body: bytes) -> list[tuple[str, int, int]]:
     return found
 
 
-def _told(
+def _shown(
     gateway: str, name: str, status: int, asked: list[tuple[str, int, int]], answered: bytes
 ) -> str:
     """A line of the history."""
     if name != "ingest" or status != httpx.codes.OK:
         return f"answers {status} to {gateway}: {name}"
     items = orjson.loads(answered)["items"]
-    told = [f"{n}/{b}/{k}:{item['result']}" for (n, b, k), item in zip(asked, items, strict=True)]
-    return f"answers {gateway}: {' '.join(told)}"
+    results = [
+        f"{n}/{b}/{k}:{item['result']}" for (n, b, k), item in zip(asked, items, strict=True)
+    ]
+    return f"answers {gateway}: {' '.join(results)}"

@@ -57,8 +57,8 @@ class Laws:
         """Nothing is acknowledged to a node before it is durable."""
         opened = self._world.parties.openers[node].open(payload, topic=topic)
         spans = Acknowledgement.decode(opened.plaintext).spans
-        told = " ".join(f"{boot}/{first}..{last}" for boot, first, last in spans)
-        self._world.timeline.note(gateway.name, f"acknowledges to {node}: {told}")
+        acknowledged = " ".join(f"{boot}/{first}..{last}" for boot, first, last in spans)
+        self._world.timeline.note(gateway.name, f"acknowledges to {node}: {acknowledged}")
         for boot, first, last in spans:
             for sequence in range(first, last + 1):
                 if not self._is_durable(node, boot, sequence):
@@ -119,11 +119,10 @@ class Laws:
         where = "WHERE node = ? AND boot = ? AND sequence = ?"
         plain = self._store(f"SELECT data FROM {table} {where} AND data IS NOT NULL", *key)  # noqa: S608 - our own names
         sealed = self._store(f"SELECT subject FROM sealed_messages {where}", *key)  # noqa: S608 - our own names
-        if made.subject is None:
-            expected = [(made.body,)], []
-        else:
-            expected = [], [] if made.subject in self._world.erased else [(made.subject,)]
-        if (plain, sealed) != expected:
+        is_sealed = made.subject is not None and made.subject not in self._world.erased
+        if plain != ([(made.body,)] if made.subject is None else []) or sealed != (
+            [(made.subject,)] if is_sealed else []
+        ):
             raise LawError(
                 f"{_shown(key)} has {len(plain)} rows and {len(sealed)} sealed ones: not those of "
                 "what was made"

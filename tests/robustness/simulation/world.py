@@ -145,14 +145,20 @@ class World:
         return self.cloud.running and not any(self._waiting().values())
 
     def _waiting(self) -> dict[str, float]:
-        of_parts = {each.name: float(each.waiting) for each in (*self.nodes, *self.gateways)}
-        return of_parts | {f"erasures of {g.name}": g.erasures for g in self.gateways}
+        return {
+            **{node.name: node.waiting for node in self.nodes},
+            **{gateway.name: gateway.waiting for gateway in self.gateways},
+            **{f"erasures of {gateway.name}": gateway.erasures for gateway in self.gateways},
+        }
 
     def close(self) -> None:
         """Close all files."""
         self.laws.close()
-        for part in (*self.nodes, *self.gateways, self.cloud):
-            part.close()
+        for node in self.nodes:
+            node.close()
+        for gateway in self.gateways:
+            gateway.close()
+        self.cloud.close()
 
 
 def simulate(seed: int, faults: Sequence[Fault], parties: Parties) -> Run:
