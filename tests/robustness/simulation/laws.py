@@ -54,14 +54,18 @@ class Laws:
     def check_acknowledgement(
         self, gateway: Gateway, node: str, topic: str, payload: bytes
     ) -> None:
-        """Nothing is acknowledged to a node before it is durable."""
+        """Nothing is acknowledged to a node before it is durable.
+
+        A gateway also acknowledges what comes after the node gave it up: a gap names that.
+        """
         opened = self._world.parties.openers[node].open(payload, topic=topic)
         spans = Acknowledgement.decode(opened.plaintext).spans
         acknowledged = " ".join(f"{boot}/{first}..{last}" for boot, first, last in spans)
         self._world.timeline.note(gateway.name, f"acknowledges to {node}: {acknowledged}")
         for boot, first, last in spans:
             for sequence in range(first, last + 1):
-                if not self._is_durable(node, boot, sequence):
+                given_up = self._world.node(node).has_given_up((boot, sequence))
+                if not given_up and not self._is_durable(node, boot, sequence):
                     raise LawError(
                         f"{gateway.name} acknowledges {node}/{boot}/{sequence}, which is in no "
                         "spool and not in the store"

@@ -153,6 +153,10 @@ class Node:
         """Messages in the flash; one at least while it has no power."""
         return self.outbox.messages if self._powered else 1
 
+    def has_given_up(self, position: tuple[int, int]) -> bool:
+        """Whether a message was made, and is in the flash no more as far as that can be read."""
+        return position in self.made and (not self._powered or self.flash.read(position) is None)
+
     # Power.
 
     def _start(self) -> None:
