@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tests.robustness.simulation.parties import Parties
     from tests.robustness.simulation.world import World
 
-_JOBS_S: Final = 2.0
+_JOBS_S: Final = 3.0
 
 _clouds: dict[str, Cloud] = {}
 """By the path of their stores, for the listener below."""

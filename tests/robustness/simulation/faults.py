@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 NODES: Final = ("palm", "sole")
 GATEWAYS: Final = ("g1", "g2")
 CLOUD: Final = "cloud"
-ACTIVE_S: Final = 12.0
+ACTIVE_S: Final = 8.0
 """Seconds in which faults begin and nodes measure."""
 
 OF_NODES: Final = (
@@ -89,7 +89,7 @@ def plan(seed: int, count: int) -> list[Fault]:
     for number in range(count):
         draw = random.Random(f"{seed} fault {number}")  # noqa: S311 - a plan, no secret
         part, kind = draw.choice(KINDS)
-        found.append(Fault(number, part, kind, draw.uniform(0.5, ACTIVE_S), draw.uniform(0.2, 4.0)))
+        found.append(Fault(number, part, kind, draw.uniform(0.5, ACTIVE_S), draw.uniform(0.2, 3.0)))
     return found
 
 

@@ -310,7 +310,7 @@ class Gateway(httpx.BaseTransport):
     # From the spool to the cloud.
 
     def _forward(self) -> None:
-        delay = self._latency.uniform(0.1, 2 * _TICK_S)
+        delay = self._latency.uniform(_TICK_S, 4 * _TICK_S)
         try:
             if self._forwarder.forward():
                 delay = 0.001

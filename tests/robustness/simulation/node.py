@@ -40,11 +40,12 @@ _DESCRIBED: Final = describe(_LAYOUT, (_PLAIN, _WORN))
 _CAPACITY: Final = 12_000
 _WINDOW: Final = 24
 _SAMPLES: Final = 8
-_TURN_S: Final = 0.1
+_TURN_S: Final = 0.15
 _FAIL: Final = """CREATE TRIGGER simulated_fault BEFORE INSERT ON message
     BEGIN SELECT RAISE(ROLLBACK, 'database or disk is full'); END"""
 _WORK: Final = "DROP TRIGGER IF EXISTS simulated_fault"
-_MANY: Final = 45
+_MANY: Final = 30
+_BURSTS: Final = 5
 
 
 class Made(NamedTuple):
@@ -253,9 +254,9 @@ class Node:
         self._note_durable(batch.records, {each.sequence for each, worn in records if worn})
 
     def measure_much(self) -> None:
-        """Make so many that the flash evicts some."""
-        for _ in range(3):
-            self.measure(_MANY)
+        """Make so many that the flash evicts some, again and again."""
+        for number in range(_BURSTS):
+            self._world.timeline.after(0.3 * number, lambda: self.measure(_MANY))
 
     def _record_status(self) -> None:
         if self._world.timeline.now >= ACTIVE_S * SECOND and not self.outbox.messages:
