@@ -107,7 +107,8 @@ class Gateway(httpx.BaseTransport):
         parties = world.parties
         self.life += 1
         self.connected = True
-        self._committing = self._forwarding = self._syncing = False
+        self._committing = False
+        self._asking = 0
         self._received: list[tuple[str, ReceivedMessage]] = []
         self._set_failing(failing=False)
         self.spool = Spool(self.path, capacity=_CAPACITY, max_dead_letters=1000)
@@ -277,6 +278,10 @@ class Gateway(httpx.BaseTransport):
         """After a commit that failed."""
         self._world.timeline.note(self.name, f"fails to commit: {self._fault()}")
         self._die_of(self._dying)
+        if self._asking:
+            # A request of this gateway, which goes on after this returns, may be what frees the
+            # spool. The batch is given up, as when the loop is stopped; nodes send it again.
+            return True
         self._elapse(seconds)
         lasting = self._world.faults.lasting(self.name, "cannot write its spool")
         self._set_failing(failing=lasting is not None)
@@ -331,6 +336,13 @@ class Gateway(httpx.BaseTransport):
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         """Carry a request to the cloud, and its answer back, as far as faults permit."""
+        self._asking += 1
+        try:
+            return self._carry(request)
+        finally:
+            self._asking -= 1
+
+    def _carry(self, request: httpx.Request) -> httpx.Response:
         world, faults = self._world, self._world.faults
         path, body = request.url.path, request.read()
         headers = [(key.lower(), value) for key, value in request.headers.raw]
