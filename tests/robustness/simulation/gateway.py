@@ -336,11 +336,13 @@ class Gateway(httpx.BaseTransport):
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         """Carry a request to the cloud, and its answer back, as far as faults permit."""
+        life = self.life
         self._asking += 1
         try:
             return self._carry(request)
         finally:
-            self._asking -= 1
+            if life == self.life:
+                self._asking -= 1
 
     def _carry(self, request: httpx.Request) -> httpx.Response:
         world, faults = self._world, self._world.faults
