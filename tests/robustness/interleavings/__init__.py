@@ -1,0 +1,1 @@
+"""Interleavings: the statements of several clouds on one store, in every order."""
