@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     Run = Callable[["Search | Sample | Replay"], Execution]
 
+_TRIES: Final = 8
+"""So many times a schedule is drawn that was not run yet."""
 _LENGTH: Final = 60
 """Preemptions are drawn among so many steps, until a schedule's length is known."""
 
@@ -147,10 +149,11 @@ class Sample:
         self._points: set[int] = set()
         self._first = ""
 
-    def explore(self, run: Run, *, tries: int) -> Iterator[Execution]:
-        """Run schedules that differ, at most so many tries."""
+    def explore(self, run: Run) -> Iterator[Execution]:
+        """Run schedules that differ, until none is found in some tries."""
         seen: set[Sequence[str]] = set()
-        for _ in range(tries):
+        failed = 0
+        while failed < _TRIES:
             drawn = self._random.randint(1, self._most)
             self._points = {self._random.randrange(1, self._length) for _ in range(drawn)}
             self._steps = 0
@@ -158,7 +161,10 @@ class Sample:
             self._length = max(2, len(execution.taken))
             if execution.order not in seen:
                 seen.add(execution.order)
+                failed = 0
                 yield execution
+            else:
+                failed += 1
 
     def choose(self, waiting: Mapping[str, Step], last: str | None) -> str | None:
         """The unit that went on before, but at the chosen steps."""

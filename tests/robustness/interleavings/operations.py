@@ -51,7 +51,7 @@ class Unit:
         place: The database.
         cloud: The cloud.
         batch: What it is brought, if it ingests.
-        moved: Whether a move to the database is a unit, too.
+        moves: How many units move a store to the database.
         receipts: How each message was answered.
         feed: The cloud's live feed.
         begun: Where a stream of it began.
@@ -68,7 +68,7 @@ class Unit:
     place: URL
     cloud: AppState
     batch: Sequence[Message]
-    moved: bool
+    moves: int
     feed: Feed
     begun: FeedPosition
     position: FeedPosition
@@ -88,7 +88,9 @@ class Unit:
         try:
             OPERATIONS[self.operation](self)
         except StoreError as error:
-            if not self.moved or not is_refusal(error):
+            # Two moves to one place disturb each other; each may be started again.
+            disturbed = self.operation == "move" and self.moves > 1
+            if not disturbed and not (self.moves and is_refusal(error)):
                 self.error = error
             self.refused = str(error)
         except Exception as error:  # noqa: BLE001 - a finding
@@ -112,18 +114,18 @@ def is_refusal(error: StoreError) -> bool:
 
 
 def make_unit(
-    name: str, world: World, place: URL, *, number: int, batch: Sequence[Message], moved: bool
+    name: str, world: World, place: URL, *, number: int, batch: Sequence[Message], moves: int
 ) -> Unit:
     """A unit; its stream begins at what is stored, or at the start if all is moved here."""
     cloud = world.cloud(number, place)
     feed = Feed(cloud.store, recent=100, recent_bytes=10**6)
-    start = FEED_START if moved else feed.last
+    start = FEED_START if moves else feed.last
     operation = name.partition("#")[0]
-    return Unit(name, operation, world, place, cloud, batch, moved, feed, start, start)
+    return Unit(name, operation, world, place, cloud, batch, moves, feed, start, start)
 
 
 def _ingest(unit: Unit) -> None:
-    outcome = bring(unit.store, unit.batch, introduced=not unit.moved)
+    outcome = bring(unit.store, unit.batch, introduced=not unit.moves)
     unit.receipts += zip(unit.batch, outcome.results, strict=True)
     _require_durable(unit)
     unit.feed.append(outcome.entries)

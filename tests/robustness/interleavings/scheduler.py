@@ -121,8 +121,8 @@ class Scheduler:
         self.names = [
             f"{name}#{operations[:k].count(name) + 1}" for k, name in enumerate(operations)
         ]
-        self.moved = "move" in operations
-        self.place: URL = world.target if self.moved else world.main
+        self._moves = operations.count("move")
+        self.place: URL = world.target if self._moves else world.main
         self._gate = Gate(SLOTS_USED)
 
     @contextmanager
@@ -180,7 +180,7 @@ class Scheduler:
         for k, name in enumerate(self.names):
             batch = next(batches) if name.startswith("ingest") else []
             units[name] = make_unit(
-                *(name, world, self.place), number=k, batch=batch, moved=self.moved
+                *(name, world, self.place), number=k, batch=batch, moves=self._moves
             )
         return units
 

@@ -8,6 +8,7 @@ another schema, which takes less time than a database made from a template.
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import count
@@ -30,11 +31,12 @@ from eskin_cloud.store.write.parsed_message import ParsedMessage
 from eskin.identity import IdentityKind
 from eskin.privacy import Encryptor, FileMasterKey, KeyStore
 from eskin.wire.frames import FrameSummary
-from tests.support.identities import SITE
+from tests.support.identities import SITE, Identities
+from tests.support.postgresql import Cluster
 from tests.unit.cloud.messages import START, skin_of, stretch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     from eskin_cloud.app_state import AppState
@@ -43,8 +45,6 @@ if TYPE_CHECKING:
     from sqlalchemy import URL, Connection
 
     from eskin.wire.frames import Frame
-    from tests.support.identities import Identities
-    from tests.support.postgresql import Cluster
 
 GATEWAY: Final = "gateway.g1"
 MOST_UNITS: Final = 3
@@ -110,6 +110,7 @@ class World:
         erased: The person who is erased, by pseudonym.
         batches: What the first, second and third cloud that ingests is brought.
         stored: What is stored at the beginning.
+        later: What each cloud is brought after a schedule.
         source: A store with the same, for moves.
     """
 
@@ -145,7 +146,7 @@ class World:
             [apart, say(NEAR, 22, seed=2), twice, say(NEAR, 23, at=2)],
             [twice, say(FAR, 24)],
         ]
-        self.later = [say(NEAR, 100 + k) for k in range(MOST_UNITS)]
+        self.later = [say(NEAR, 100 + k, at=8 + k) for k in range(MOST_UNITS)]
         self.roles = {f"unit_{k}": k for k in range(MOST_UNITS)}
         roles = "".join(f"CREATE ROLE {role} SUPERUSER LOGIN; " for role in self.roles)
         cluster.execute(roles, database="postgres")
@@ -240,6 +241,21 @@ class World:
                 compact_all(store)
             if batch is self._early:
                 build(store)
+
+
+@contextmanager
+def opened(folder: Path) -> Iterator[World]:
+    """A world on a server of its own."""
+    identities = Identities(folder / "identities")
+    with Cluster() as cluster:
+        # Nothing here cuts the power; a commit then waits for no disk.
+        cluster.execute("ALTER SYSTEM SET fsync = off", database="postgres")
+        cluster.execute("SELECT pg_reload_conf()", database="postgres")
+        world = World(cluster, identities, folder)
+        try:
+            yield world
+        finally:
+            world.close()
 
 
 _BLOCKED: Final = b"""
