@@ -115,7 +115,9 @@ def _prepare(writing: Engine, target: StoreLocation, now: int) -> None:
     """Create the target's tables, and keep clouds from writing there."""
     with writing.begin() as connection:
         create_tables(connection, now=now)
-        if MOVING in connection.execute(select(feed.c.writer)).scalars():
+        # Locks all slots first: what a cloud has just stored is seen, and nothing comes after it.
+        writers = select(feed.c.writer).order_by(feed.c.slot).with_for_update()
+        if MOVING in connection.execute(writers).scalars():
             return
         full = next((table.name for table in TABLES if _count(connection, table)), None)
         if full is not None:
