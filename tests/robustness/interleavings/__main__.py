@@ -102,7 +102,7 @@ def _row(report: Report) -> list[str]:
         str(report.pruned),
         str(report.steps),
         str(report.blocked),
-        str(len(report.violations)),
+        "0" if report.first is None else f"{len(report.violations)}, first {report.first}",
         f"{report.seconds:.0f}",
     ]
 

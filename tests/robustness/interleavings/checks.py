@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-from eskin_cloud.rollup.column_aggregates import unpack
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.rollup.reading import read_ranges
 from eskin_cloud.store.feed_position import last_position
 from eskin_cloud.store.move import TABLES, move
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.row_digests import ROW_DIGEST, without_digest
-from eskin_cloud.store.sample_grid import STEP, patch_level
+from eskin_cloud.store.sample_grid import STEP, TOP, patch_level
 from eskin_cloud.store.schema.frame_tables import (
     frames,
     pages,
@@ -31,24 +29,24 @@ from eskin_cloud.store.write.duplicates import find_digest
 from eskin_cloud.store.write.ingest import CONFLICT
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from eskin_cloud.store.write.write_cache import MOVING
-from sqlalchemy import delete, func, select, update
+from sqlalchemy import func, select
 
 from eskin.errors import EskinError
-from eskin.wire.frames.column_codec import ColumnCodes
 from tests.robustness.interleavings.operations import WINDOW, read_window
 from tests.robustness.interleavings.world import NEAR, OPEN, bring, compact_all
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
-    from sqlalchemy import Connection, Table
+    from sqlalchemy import Table
 
     from tests.robustness.interleavings.operations import Samples, Unit
     from tests.robustness.interleavings.scheduler import Execution
     from tests.robustness.interleavings.world import Message, World
 
-_NO_MEANS: Final = ColumnCodes(*(np.zeros(0, np.int64) for _ in range(3)), b"")
 _LEVELS: Final = tuple(patch_level(1) + k * STEP for k in range(2))
+_ALL_LEVELS: Final = tuple(range(patch_level(1), TOP, 4 * STEP))
+"""Some up to the highest, which are made of each other."""
 
 
 class _Found(Exception):  # noqa: N818 - not raised out of this module
@@ -168,9 +166,9 @@ class _Check:
                 (row["node"], row["layout"], row["page"]),
                 (row["node"], f"{row['layout'].hex()}.{row['page']}"),
             ]
-            due = next((counted[key] for key in keys if key in counted), (0, None))
-            said = row["frames"], row["t_first"]
-            _require(said == due, f"totals of a page of {row['node']} are {said}, not {due}")
+            right = next((counted[key] for key in keys if key in counted), (0, None))
+            stated = row["frames"], row["t_first"]
+            _require(stated == right, f"totals of a page are {stated}, not {right}")
         size = func.sum(func.length(r.data)).label("bytes")
         totals = (func.count().label("rows"), func.sum(r.samples).label("samples"), size,
                   func.min(r.t).label("t_first"), func.max(r.t_end).label("t_last"))  # fmt: skip
@@ -182,7 +180,7 @@ class _Check:
             _require(said == due, f"totals of a patch of {row['node']} are {said}, not {due}")
 
     def _check_numbers(self, accepted: Sequence[Message]) -> None:
-        """Numbers are those of the messages, with their digests."""
+        """Numbers are those of the messages."""
         expected: dict[str, set[int]] = defaultdict(set)
         for message in accepted:
             expected[message.node].add(message.sequence)
@@ -192,6 +190,8 @@ class _Check:
             _require(not these & found[row["node"]], f"ranges of {row['node']} overlap")
             found[row["node"]] |= these
         _require(found == expected, f"numbers are {dict(found)}, not {dict(expected)}")
+
+    def _check_digests(self, accepted: Sequence[Message]) -> None:
         with self._plain.read() as connection:
             for message in accepted:
                 own = ParsedMessage.parse(message.node, message.data).digest
@@ -264,52 +264,44 @@ class _Check:
             accepted.append(fresh)
         self._check_once(accepted)
         self._check_numbers(accepted)
+        self._check_digests(accepted)
 
     def _check_tiles(self, accepted: Sequence[Message]) -> None:
-        """Tiles say what the samples say, now and after all is built; so do tiles made anew."""
+        """Tiles say what the samples say, now and after all is built."""
         samples = _samples(accepted)
-        self._require_hulls(samples)
-        if not any(unit.operation in {"compact", "build"} for unit in self._units):
-            return
-        compact_all(self._plain)
-        build(self._plain)
-        self._require_hulls(samples)
-        built = self._tiles()
+        self._require_hulls(samples, _LEVELS)
+        if any(unit.operation in {"compact", "build"} for unit in self._units):
+            compact_all(self._plain)
+            build(self._plain)
+            _require(not self._ask(select(stale_patch_chunks)), "a chunk stays stale")
+            self._require_hulls(samples, _ALL_LEVELS)
 
-        def forget(connection: Connection) -> None:
-            connection.execute(delete(patch_tiles))
-            connection.execute(delete(stale_patch_chunks))
-            connection.execute(update(patches).values(built=None))
-
-        self._plain.write_and_wait(forget)
-        build(self._plain)
-        _require(self._tiles() == built, "tiles are not those that are made of the rows")
-
-    def _tiles(self) -> dict[Any, str]:
-        """All that tiles state but their means, which depend on the order of additions."""
-        keys = patch_tiles.primary_key.columns.keys()
-        rows = self._ask(select(patch_tiles))
-        return {
-            tuple(row[name] for name in keys): str(unpack(row["data"])._replace(means=_NO_MEANS))
-            for row in rows
-        }
-
-    def _require_hulls(self, samples: Samples) -> None:
-        for level in _LEVELS:
+    def _require_hulls(self, samples: Samples, levels: Sequence[int]) -> None:
+        for level in levels:
             with self._plain.read() as connection:
                 channel = find_channel(connection, NEAR, OPEN)
-                ranges = [(WINDOW.start >> level, WINDOW.end >> level)]
+                ranges = [(WINDOW.start >> level, (WINDOW.end >> level) + 1)]
                 found = read_ranges(connection, channel, level, ranges)
-            tiles: dict[int, Samples] = defaultdict(list)
-            for sample in samples:
-                tiles[sample[0] >> level].append(sample)
-            expected = [
-                (min(t), max(t), len(t), min(lo), max(hi))
-                for t, lo, hi in (zip(*tiles[n], strict=True) for n in sorted(tiles))
-            ]
             columns = found.first, found.last, found.n, found.lo, found.hi
-            told = list(zip(*(column.tolist() for column in columns), strict=True))
-            _require(told == expected, f"hulls of level {level} are {told}, not {expected}")
+            told = zip(*(column.tolist() for column in columns), strict=True)
+            expected = [(t, t, 1, lo, hi) for t, lo, hi in samples]
+            same = _united(told, level) == _united(expected, level)
+            _require(same, f"hulls of level {level} are not those of the samples")
+
+
+_Hull = tuple[int, int, int, float, float]
+"""First and last time, number, and bounds of some samples."""
+
+
+def _united(hulls: Iterable[_Hull], level: int) -> dict[int, _Hull]:
+    """One hull for each tile; a part of it may be of samples that are not in tiles yet."""
+    found: dict[int, _Hull] = {}
+    for hull in hulls:
+        a, b = found.get(hull[0] >> level, hull), hull
+        count = hull[2] + (a[2] if hull[0] >> level in found else 0)
+        united = min(a[0], b[0]), max(a[1], b[1]), count, min(a[3], b[3]), max(a[4], b[4])
+        found[hull[0] >> level] = united
+    return found
 
 
 _REMOVED: Final = {frames, sealed_messages, stale_patch_chunks, patch_tiles}
@@ -339,5 +331,7 @@ def _samples(messages: Sequence[Message]) -> Samples:
         grid, values = message.frame.grids[0], message.frame.values[0].reshape(-1)
         first = sum(message.frame.time) // 2 + grid.delay
         columns = values.inf.tolist(), values.sup.tolist()
-        found += [(first + k * grid.period, *each) for k, each in enumerate(zip(*columns, strict=True))]
+        found += [
+            (first + k * grid.period, *each) for k, each in enumerate(zip(*columns, strict=True))
+        ]
     return sorted(found)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Run = Callable[["Search | Sample | Replay"], Execution]
 
-_TRIES: Final = 8
+_TRIES: Final = 20
 """So many times a schedule is drawn that was not run yet."""
 _LENGTH: Final = 60
 """Preemptions are drawn among so many steps, until a schedule's length is known."""
@@ -146,33 +146,41 @@ class Sample:
         self._most = preemptions
         self._length = _LENGTH
         self._steps = 0
-        self._points: set[int] = set()
-        self._first = ""
+        self._first = 0
+        self._points: frozenset[int] = frozenset()
 
     def explore(self, run: Run) -> Iterator[Execution]:
         """Run schedules that differ, until none is found in some tries."""
+        drawn: set[tuple[int, frozenset[int]]] = set()
         seen: set[Sequence[str]] = set()
         failed = 0
         while failed < _TRIES:
-            drawn = self._random.randint(1, self._most)
-            self._points = {self._random.randrange(1, self._length) for _ in range(drawn)}
+            self._draw()
+            if (self._first, self._points) in drawn:
+                failed += 1
+                continue
+            drawn.add((self._first, self._points))
             self._steps = 0
             execution = run(self)
             self._length = max(2, len(execution.taken))
-            if execution.order not in seen:
+            failed = failed + 1 if execution.order in seen else 0
+            if not failed:
                 seen.add(execution.order)
-                failed = 0
                 yield execution
-            else:
-                failed += 1
+
+    def _draw(self) -> None:
+        """Draw who begins, and before which steps another one goes on."""
+        self._first = self._random.randrange(6)
+        count = self._random.randint(1, self._most)
+        self._points = frozenset(self._random.randrange(1, self._length) for _ in range(count))
 
     def choose(self, waiting: Mapping[str, Step], last: str | None) -> str | None:
-        """The unit that went on before, but at the chosen steps."""
+        """The unit that went on before, but at the drawn steps."""
         names = sorted(waiting)
         if last in waiting and self._steps not in self._points:
             return last
         others = [name for name in names if name != last] or names
-        return self._random.choice(others)
+        return others[(self._first + self._steps) % len(others)]
 
     def took(self, taken: Taken) -> None:
         """A step was taken."""

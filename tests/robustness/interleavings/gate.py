@@ -57,7 +57,8 @@ class Gate:
     def installed(self) -> Iterator[None]:
         """Stand before all statements of the process."""
         streams: WeakKeyDictionary[CopyStream, Connection] = WeakKeyDictionary()
-        opening, finishing = CopyStream.__init__, CopyStream.finish
+        copying: Any = CopyStream
+        opening, finishing = copying.__init__, copying.finish
 
         def open_copy(stream: CopyStream, connection: Connection, table: Table) -> None:
             opening(stream, connection, table)
@@ -77,11 +78,11 @@ class Gate:
         }
         for name, listener in listeners.items():
             event.listen(Engine, name, listener)
-        CopyStream.__init__, CopyStream.finish = open_copy, finish  # type: ignore[method-assign]
+        copying.__init__, copying.finish = open_copy, finish
         try:
             yield
         finally:
-            CopyStream.__init__, CopyStream.finish = opening, finishing  # type: ignore[method-assign]
+            copying.__init__, copying.finish = opening, finishing
             for name, listener in listeners.items():
                 event.remove(Engine, name, listener)
 
@@ -154,8 +155,8 @@ class Gate:
             mine = self._waiting[step.unit]
             mine.append(step)
             self._changed.notify_all()
-            passed = lambda: not any(each is step for each in mine)  # noqa: E731
-            self._changed.wait_for(lambda: not self._stopping or passed())
+            while self._stopping and any(each is step for each in mine):
+                self._changed.wait()
 
     def _unit(self, connection: Connection) -> str | None:
         return self._units.get(connection.engine.url.username or "")
@@ -204,7 +205,7 @@ class Gate:
             self._end(connection, "ROLLBACK")
 
     def _end(self, connection: Connection, text: str) -> None:
-        unit, written = self._unit(connection), connection.info.get(_WRITTEN)
+        unit, written = self._unit(connection), connection.info.get(_WRITTEN, frozenset())
         if unit is not None and written and not connection.info[_ELSEWHERE]:
             self._stop(Step(unit, text, publishes=written))
 

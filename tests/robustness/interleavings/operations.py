@@ -98,9 +98,12 @@ class Unit:
 
     def follow(self) -> None:
         """Read the stream to the end, a few entries at a time."""
-        asyncio.run(self.feed.catch_up())
+        asyncio.run(self._follow())
+
+    async def _follow(self) -> None:
+        await self.feed.catch_up()
         while self.position != self.feed.last:
-            entries, self.position = asyncio.run(self.feed.after(self.position, _AT_ONCE))
+            entries, self.position = await self.feed.after(self.position, _AT_ONCE)
             self.cursors += [entry.cursor for entry in entries]
 
 
@@ -132,9 +135,8 @@ def _ingest(unit: Unit) -> None:
 
 
 def _require_durable(unit: Unit) -> None:
-    query = "SELECT node, first, last FROM sequences"
-    rows = unit.world.ask(unit.place, query)
-    seen = {(row[0], n) for row in rows for n in range(int(str(row[1])), int(str(row[2])) + 1)}
+    rows = unit.world.ask(unit.place, "SELECT node, first, last FROM sequences")
+    seen = {(node, number) for node, first, last in rows for number in range(first, last + 1)}
     for message, receipt in unit.receipts:
         if receipt.result == "stored" and message.place not in seen:
             raise NotDurableError(f"{message.place} was answered before its commit")

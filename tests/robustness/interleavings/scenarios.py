@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from contextlib import closing
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement, islice
 from typing import TYPE_CHECKING, Final
@@ -11,12 +10,11 @@ from typing import TYPE_CHECKING, Final
 from tests.robustness.interleavings.checks import find_violations
 from tests.robustness.interleavings.explorer import Sample, Search
 from tests.robustness.interleavings.operations import OPERATIONS
-from tests.robustness.interleavings.scheduler import Scheduler
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
-    from tests.robustness.interleavings.scheduler import Execution
+    from tests.robustness.interleavings.scheduler import Execution, Scheduler
     from tests.robustness.interleavings.world import World
 
     Strategy = Search | Sample
@@ -74,23 +72,18 @@ def explore(
         progress: Called after each.
     """
     report, begun = Report(), time.monotonic()
-    with closing(_generate(strategy, scheduler)) as executions:
-        for execution in islice(executions, most):
-            report.schedules += 1
-            report.steps = max(report.steps, len(execution.taken))
-            report.blocked += execution.blocked
-            broken = find_violations(world, execution)
-            if broken:
-                report.violations.append((execution, broken))
-                report.first = report.first or report.schedules
-            report.seconds = time.monotonic() - begun
-            progress(report)
-        else:
-            report.complete = report.schedules < most or next(executions, None) is None
+    executions = strategy.explore(scheduler.run)
+    for execution in islice(executions, most):
+        report.schedules += 1
+        report.steps = max(report.steps, len(execution.taken))
+        report.blocked += execution.blocked
+        broken = find_violations(world, execution)
+        if broken:
+            report.violations.append((execution, broken))
+            report.first = report.first or report.schedules
+        report.seconds = time.monotonic() - begun
+        progress(report)
+    report.complete = next(executions, None) is None
     if isinstance(strategy, Search):
         report.pruned = strategy.pruned
     return report
-
-
-def _generate(strategy: Strategy, scheduler: Scheduler) -> Iterator[Execution]:
-    yield from strategy.explore(scheduler.run)

@@ -14,7 +14,7 @@ from tests.robustness.interleavings.operations import make_unit
 from tests.robustness.interleavings.world import SLOTS_USED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from sqlalchemy import URL
 
@@ -200,7 +200,7 @@ class Scheduler:
     def _schedule(self, execution: Execution, chooser: Chooser) -> None:
         gate, last = self._gate, None
         blocked: dict[str, Step] = {}
-        self._settle(blocked)
+        self._settle(())
         while True:
             waiting = gate.waiting()
             if not waiting:
@@ -214,38 +214,37 @@ class Scheduler:
                 return
             step = gate.release(last)
             before = dict(blocked)
-            now = self._settle(blocked | {last: step})
+            now = self._settle(blocked)
             blocked = {name: each for name, each in (blocked | {last: step}).items() if name in now}
             freed = tuple(each for name, each in before.items() if name not in blocked)
             taken = Taken(step, last in blocked, freed)
             execution.taken.append(taken)
             chooser.took(taken)
 
-    def _settle(self, released: Mapping[str, Step]) -> set[str]:
-        """Wait until each unit stops, ends or waits for a lock; returns those that wait."""
-        known = set(released)
-        if released:
-            *earlier, last = released
-            known = set(earlier)
-        until, pause = time.monotonic() + _LONGEST_S, _GLANCE_S
+    def _settle(self, blocked: Collection[str]) -> set[str]:
+        """Wait until each unit stops, ends or waits for a lock; returns those that wait.
+
+        Args:
+            blocked: Those that waited before.
+        """
+        roles = {f"unit_{k}": name for k, name in enumerate(self.names)}
+        known, until = set(blocked), time.monotonic() + _LONGEST_S
         while True:
-            running = self._gate.settle(pause, but=known)
+            running = self._gate.settle(_GLANCE_S, but=known)
             if not running:
                 return running
-            roles = {f"unit_{k}": name for k, name in enumerate(self.names)}
-            found = self.world.blocked(self.place)
             held = {
                 roles[role]: {roles.get(each, each) for each in holders}
-                for role, holders in found.items()
+                for role, holders in self.world.blocked(self.place).items()
                 if role in roles
             }
-            waiting = {name for name in running if name in held}
+            waiting = running & held.keys()
             while True:  # whom a unit holds up that still runs may go on in a moment
-                still = {n for n in waiting if not held[n] & (running - waiting)}
+                still = {name for name in waiting if not held[name] & (running - waiting)}
                 if still == waiting:
                     break
                 waiting = still
-            if waiting and waiting == self._gate.running():
+            if waiting == self._gate.running():
                 return waiting
             if time.monotonic() > until:
                 raise StuckError(f"{sorted(running)}: neither stop nor wait for a lock")

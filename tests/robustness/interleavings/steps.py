@@ -73,5 +73,5 @@ def _shorten(text: str) -> str:
     """The verb, the tables and the beginning of the conditions."""
     text = _PARAMETER.sub("?", text)
     if text.startswith("SELECT") and " FROM " in text:
-        text = f"SELECT … {text[text.index(' FROM ') + 1 :]}"
+        text = " … ".join(("SELECT", text[text.index(" FROM ") + 1 :]))
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"

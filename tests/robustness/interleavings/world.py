@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from itertools import count
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import psycopg
@@ -27,6 +27,7 @@ from eskin_cloud.store.slot import group_of, slot_of
 from eskin_cloud.store.write.ingest import IngestResult, ingest, ingest_individually
 from eskin_cloud.store.write.node_sites import store_sites
 from eskin_cloud.store.write.parsed_message import ParsedMessage
+from sqlalchemy import delete
 
 from eskin.identity import IdentityKind
 from eskin.privacy import Encryptor, FileMasterKey, KeyStore
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     from eskin_cloud.store.write.write_cache import WriteCache
     from sqlalchemy import URL, Connection
 
-    from eskin.wire.frames import Frame
+    from eskin.wire.frames import Frame, Layout, Patch
 
 GATEWAY: Final = "gateway.g1"
 MOST_UNITS: Final = 3
@@ -120,8 +121,8 @@ class World:
             store=StoreSection(path=folder / "unused.sqlite"),
             gateways=GatewaysSection(identity=server.directory),
         )
-        self._cluster = cluster
         self._clouds: dict[tuple[str, str], AppState] = {}
+        self._restoring: dict[str, str] = {}
         self._sql: dict[str, psycopg.Connection] = {}
         keys = KeyStore(folder / "site", FileMasterKey(folder / "site.key"))
         person = keys.create("Ada Lovelace")
@@ -155,11 +156,7 @@ class World:
         for place in (self.source, self.main):
             with Store(place, clock=self.clock) as store:
                 self._fill(store)
-        # The first cloud's cache is true at the beginning, if it is filled; those of others are not.
         for place in (self.main, self.target):
-            name = self.cloud(0, place).store.name
-            writer = f"UPDATE feed SET writer = CASE WHEN writer IS NOT NULL THEN '{name}' END"
-            self._cluster.execute(writer, database=str(place.database))
             self._keep(place)
 
     def close(self) -> None:
@@ -183,7 +180,7 @@ class World:
             self._clouds[key] = make_cloud(self._settings, store, clock=self.clock)
         return self._clouds[key]
 
-    def ask(self, place: URL, query: str) -> Sequence[Sequence[object]]:
+    def ask(self, place: URL, query: str) -> Sequence[tuple[Any, ...]]:
         """Rows that are committed, by plain SQL."""
         return self._connect(place).execute(query.encode()).fetchall()
 
@@ -198,10 +195,6 @@ class World:
         for role, holder in found:
             waiting.setdefault(role, set()).add(holder)
         return waiting
-
-    @cached_property
-    def _restoring(self) -> dict[str, str]:
-        return {}
 
     def _connect(self, place: URL) -> psycopg.Connection:
         name = str(place.database)
@@ -222,8 +215,9 @@ class World:
             if table is versions:
                 continue
             name = f"{_COPY}.{table.name}"
-            made = connection.execute(f"CREATE TABLE {name} AS SELECT * FROM {table.name}".encode())
-            words.append(f"DELETE FROM {table.name}")
+            copy = f"CREATE TABLE {name} AS SELECT * FROM {table.name}"  # noqa: S608 - ours
+            made = connection.execute(copy.encode())
+            words.append(str(delete(table)))
             if made.rowcount:
                 words.append(f"INSERT INTO {table.name} SELECT * FROM {name}")  # noqa: S608 - ours
         connection.execute(b"SET session_replication_role = replica; SET synchronous_commit = off")
@@ -270,7 +264,7 @@ _BLOCKED: Final = b"""
 def introduce(connection: Connection, nodes: Sequence[str], *, now: int) -> None:
     """Store of what site nodes are, and their descriptions, as if they had been presented."""
     store_sites(connection, [(node, b"") for node in nodes], site=SITE, gateway=GATEWAY, now=now)
-    said = [*skin_of(OPEN, "F"), *skin_of(SEALED, "V")]
+    said: list[Layout | Patch] = [*skin_of(OPEN, "F"), *skin_of(SEALED, "V")]
     described = [read_description(each.encode()) for each in said]
     for node in nodes:
         store_descriptions(connection, node, described)
