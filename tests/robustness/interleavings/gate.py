@@ -159,7 +159,7 @@ class Gate:
                 self._changed.wait()
 
     def _unit(self, connection: Connection) -> str | None:
-        return self._units.get(connection.engine.url.username or "")
+        return self._units.get(str(connection.engine.url.username))
 
     def _begin(self, connection: Connection) -> None:
         if self._unit(connection) is not None:

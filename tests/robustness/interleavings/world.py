@@ -138,12 +138,13 @@ class World:
 
         self._early = [say(NEAR, k) for k in (0, 1, 3, 4)]
         late = [say(NEAR, 2)]
-        waiting = [say(NEAR, 5), say(NEAR, 6, at=1), say(FAR, 0), seal(NEAR, 7)]
+        waiting = [say(NEAR, 5), say(NEAR, 6, at=1), say(FAR, 0), seal(FAR, 7)]
         self._late, self._waiting = late, waiting
         self.stored = [*self._early, *late, *waiting]
         twice, apart = say(NEAR, 20), say(FAR, 20)
+        # A sealed message in a slot that is not erased in, unless it comes.
         self.batches = [
-            [twice, seal(NEAR, 21), say(NEAR, 22, seed=1), apart],
+            [twice, seal(NEAR, 21), say(NEAR, 22, seed=1)],
             [apart, say(NEAR, 22, seed=2), twice, say(NEAR, 23, at=2)],
             [twice, say(FAR, 24)],
         ]
