@@ -55,12 +55,11 @@ class _Found(Exception):  # noqa: N818 - not raised out of this module
 
 def find_violations(world: World, execution: Execution) -> list[str]:
     """Which laws a schedule broke; none if all hold."""
-    if execution.deadlock:
-        waiting = "; ".join(map(str, execution.deadlock))
-        return [f"deadlock: {waiting}"]
     failed = [f"{unit.name} failed: {unit.error!r}" for unit in execution.units if unit.error]
     if failed:
         return failed
+    if execution.deadlock:
+        return [f"deadlock: {'; '.join(map(str, execution.deadlock))}"]
     try:
         _Check(world, execution.units).run()
     except (_Found, EskinError) as error:
@@ -277,6 +276,7 @@ class _Check:
         if any(unit.operation in {"compact", "build"} for unit in self._units):
             compact_all(self._plain)
             build(self._plain)
+            _require(not self._ask(select(frames.c.sequence)), "a frame is not compacted")
             _require(not self._ask(select(stale_patch_chunks)), "a chunk stays stale")
             self._require_hulls(samples, _ALL_LEVELS)
 

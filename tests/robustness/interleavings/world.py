@@ -144,8 +144,8 @@ class World:
         twice, apart = say(NEAR, 20), say(FAR, 20)
         # A sealed message in a slot that is not erased in, unless it comes.
         self.batches = [
-            [twice, seal(NEAR, 21), say(NEAR, 22, seed=1)],
-            [apart, say(NEAR, 22, seed=2), twice, say(NEAR, 23, at=2)],
+            [twice, seal(NEAR, 21), say(NEAR, 22, at=2, seed=1)],
+            [apart, say(NEAR, 22, at=2, seed=2), twice, say(NEAR, 23, at=2)],
             [twice, say(FAR, 24)],
         ]
         self.later = [say(NEAR, 100 + k, at=8 + k) for k in range(MOST_UNITS)]
