@@ -26,6 +26,9 @@ STEPS: Final = {
     "model-mutants": ["make", "model", "ARGS=--mutants"],
     "simulate": ["make", "simulate", "ARGS=--seeds 3000 --count 12 --first {seed}000"],
     "powercut": ["make", "powercut", "ARGS=--images 500 --seed {seed}"],
+    "interleavings": [
+        *(".venv/bin/python", "-m", "tests.robustness.interleavings", "--seed", "{seed}")
+    ],
     "fuzz": ["make", "fuzz", "ARGS=--inputs 100000 --seed {seed}"],
     "bitflips": [
         *(

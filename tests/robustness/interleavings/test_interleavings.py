@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 SCHEDULES: Final = {
     "ingest-ingest": 20, "ingest-erase": 24, "ingest-compact": 18, "ingest-build": 14,
-    "ingest-read": 20, "ingest-move": 6, "erase-erase": 8, "erase-compact": 8, "erase-build": 6,
-    "erase-read": 8, "erase-move": 3, "compact-compact": 8, "compact-build": 8,
+    "ingest-read": 18, "ingest-move": 6, "erase-erase": 8, "erase-compact": 8, "erase-build": 6,
+    "erase-read": 8, "erase-move": 3, "compact-compact": 8, "compact-build": 10,
     "compact-read": 8, "compact-move": 3, "build-build": 6, "build-read": 6, "build-move": 2,
     "read-read": 1, "read-move": 3, "move-move": 2, "ingest-ingest-erase": 6,
     "ingest-compact-read": 4, "ingest-build-compact": 3, "ingest-erase-compact": 3,
@@ -46,7 +46,9 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
 def test_laws_hold_in_each_schedule(world: World, name: str) -> None:
     scheduler, most = Scheduler(world, name.split("-")), SCHEDULES[name]
     with scheduler.installed():
-        report = explore(world, scheduler, Sample(1, 2), most=most)
+        # A builder of tiles has few steps: it is interrupted at each.
+        strategy = Search(1) if name == "compact-build" else Sample(1, 2)
+        report = explore(world, scheduler, strategy, most=most)
     for execution, laws in report.violations:
         pytest.fail("\n".join([*laws, *execution.lines()]))
     assert report.schedules == most
