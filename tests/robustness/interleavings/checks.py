@@ -228,10 +228,10 @@ class _Check:
         everything, before = _samples(accepted), _samples(self._begun)
         for unit in self._units:
             for samples in unit.windows:
-                told = Counter(samples)
-                _require(not told - Counter(everything), f"{unit.name} reads what is not stored")
+                read = Counter(samples)
+                _require(not read - Counter(everything), f"{unit.name} reads what is not stored")
                 if not unit.moves:
-                    _require(not Counter(before) - told, f"{unit.name} misses samples")
+                    _require(not Counter(before) - read, f"{unit.name} misses samples")
         found = read_window(self._plain)
         _require(found == everything, "the window's samples are not those of the messages")
 
@@ -239,7 +239,7 @@ class _Check:
         """What is recorded as removed is not stored, and stays away."""
         erased = self._ask(select(erased_subjects))
         if not self._erasing:
-            _require(not erased, "somebody is erased")
+            _require(not erased, "an erasure is recorded that no unit asked for")
             return
         _require(len(erased) == 1, "the erasure is not recorded")
         left = self._ask(select(sealed_messages.c.node, sealed_messages.c.sequence))
@@ -287,9 +287,9 @@ class _Check:
                 ranges = [(WINDOW.start >> level, (WINDOW.end >> level) + 1)]
                 found = read_ranges(connection, channel, level, ranges)
             columns = found.first, found.last, found.n, found.lo, found.hi
-            told = zip(*(column.tolist() for column in columns), strict=True)
+            read = zip(*(column.tolist() for column in columns), strict=True)
             expected = [(t, t, 1, lo, hi) for t, lo, hi in samples]
-            same = _united(told, level) == _united(expected, level)
+            same = _united(read, level) == _united(expected, level)
             _require(same, f"hulls of level {level} are not those of the samples")
 
 

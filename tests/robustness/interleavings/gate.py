@@ -155,7 +155,7 @@ class Gate:
             mine = self._waiting[step.unit]
             mine.append(step)
             self._changed.notify_all()
-            while self._stopping and any(each is step for each in mine):
+            while any(each is step for each in mine):
                 self._changed.wait()
 
     def _unit(self, connection: Connection) -> str | None:
