@@ -138,7 +138,7 @@ class World:
 
         self._early = [say(NEAR, k) for k in (0, 1, 3, 4)]
         late = [say(NEAR, 2)]
-        waiting = [say(NEAR, 5), say(NEAR, 6, at=1), say(FAR, 0), seal(FAR, 7)]
+        waiting = [say(NEAR, 5), say(NEAR, 6, at=2), say(FAR, 0), seal(FAR, 7)]
         self._late, self._waiting = late, waiting
         self.stored = [*self._early, *late, *waiting]
         twice, apart = say(NEAR, 20), say(FAR, 20)
