@@ -297,7 +297,7 @@ def bring(store: Store, messages: Sequence[Message], *, introduced: bool = True)
 
 
 def compact_all(store: Store) -> None:
-    """Compact all frames, as `eskin_cloud.jobs.compaction` does."""
-    for page in find_compactable_frames(store, ALL):
+    """Compact all frames, as `eskin_cloud.jobs.compaction` does; the server's order may vary."""
+    for page in sorted(find_compactable_frames(store, ALL)):
         while compact_frames(store, page, ALL):
             pass
