@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Final
 
 import psycopg
 from eskin_cloud.store import Store
-from eskin_cloud.store.slot import group_of, slot_of
+from eskin_cloud.store.slot import even_groups, slot_of
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from sqlalchemy import make_url
 
@@ -104,7 +104,7 @@ def _compiled(folder: Path) -> Path:
 def _node(number: int, among: int) -> str:
     """A node of which so many writers have one each, in slots of their own."""
     names = (f"node-{k}" for k in count())
-    return next(each for each in names if group_of(slot_of(each), among) == number)
+    return next(each for each in names if even_groups(among)[slot_of(each)] == number)
 
 
 def _rate(cluster: Cluster, work: Callable[..., None], nodes: list[str]) -> tuple[float, int]:

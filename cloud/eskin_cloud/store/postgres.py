@@ -24,7 +24,7 @@ _OPTIONS: Final = (
 # Transactions take tens of milliseconds: one that is idle for long is of a process that hangs.
 _WRITER_OPTIONS: Final = (
     "-c synchronous_commit=on -c lock_timeout=10s -c statement_timeout=30s "
-    "-c idle_in_transaction_session_timeout=10s"
+    "-c idle_in_transaction_session_timeout=20s"
 )
 _APPLICATION: Final = "eskin cloud "
 _APPLICATIONS: Final = text(

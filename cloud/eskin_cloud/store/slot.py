@@ -27,9 +27,9 @@ def key_of(node: str) -> tuple[int, str]:
     return slot_of(node), node
 
 
-def group_of(slot: int, groups: int) -> int:
-    """The group of a slot, of so many groups of neighbouring slots."""
-    return slot * groups // SLOTS
+def even_groups(number: int) -> tuple[int, ...]:
+    """The group of each slot, of so many groups of neighbouring slots."""
+    return tuple(slot * number // SLOTS for slot in range(SLOTS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,18 +47,20 @@ class Share(Generic[T]):
     items: list[T] = field(default_factory=list)
 
 
-def share_out(items: Iterable[T], node_of: Callable[[T], str], groups: int) -> list[Share[T]]:
+def share_out(
+    items: Iterable[T], node_of: Callable[[T], str], groups: Sequence[int]
+) -> list[Share[T]]:
     """Share items out by the groups of their nodes' slots.
 
     Args:
         items: The items.
         node_of: Gives an item's node.
-        groups: How many groups there are.
+        groups: The group of each slot.
     """
     shares: dict[int, Share[T]] = {}
     for number, item in enumerate(items):
         slot = slot_of(node_of(item))
-        own = shares.setdefault(group_of(slot, groups), Share())
+        own = shares.setdefault(groups[slot], Share())
         own.slots.add(slot)
         own.numbers.append(number)
         own.items.append(item)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self, TypeVar
@@ -27,7 +27,8 @@ from eskin_cloud.store.location import (
 from eskin_cloud.store.notify import NoticeSender
 from eskin_cloud.store.postgres import driver_arguments, living_clouds
 from eskin_cloud.store.schema.tables import feed
-from eskin_cloud.store.slot import SLOTS, Share, group_of, share_out, slot_of
+from eskin_cloud.store.shard_groups import read_groups
+from eskin_cloud.store.slot import SLOTS, Share, even_groups, share_out, slot_of
 from eskin_cloud.store.version import create_tables, require_version
 from eskin_cloud.store.write.slot_writer import SlotWriter
 
@@ -103,10 +104,17 @@ class Store:
         if not isinstance(location, Path):
             self._notices = NoticeSender(driver_arguments(location), name=self.name)
         make_writer = partial(
-            SlotWriter, notices=self._notices, name=self.name, queue=queue, threaded=threaded
+            SlotWriter,
+            notices=self._notices,
+            name=self.name,
+            queue=queue,
+            on_fault=self._read_groups,
+            threaded=threaded,
         )
         self._central = make_writer(self._writing)
-        self._groups = [make_writer(engine) for engine in self._of_slots] or [self._central]
+        self._slot_writers = [make_writer(engine) for engine in self._of_slots] or [self._central]
+        self._groups = even_groups(len(self._slot_writers))
+        self._read_groups()
 
     def __str__(self) -> str:
         return describe(self.location)
@@ -158,8 +166,12 @@ class Store:
         Raises:
             StoreError: Too many writes wait, or the store is closed.
         """
-        (group,) = {group_of(slot, len(self._groups)) for slot in slots}
-        return self._groups[group].submit(slots, work, fallback=fallback, shared=shared)
+        groups = {self._groups[slot] for slot in slots}
+        if len(groups) != 1:
+            raise StoreError("a shard of the store was split meanwhile; retry")
+        (group,) = groups
+        writer = self._slot_writers[group % len(self._slot_writers)]
+        return writer.submit(slots, work, group=group, fallback=fallback, shared=shared)
 
     def write_node(self, node: str, work: Callable[[Connection, WriteCache], T]) -> Future[T]:
         """Queue work on the rows of one node. See `write_slots`."""
@@ -167,7 +179,18 @@ class Store:
 
     def shares(self, items: Iterable[T], node_of: Callable[[T], str]) -> list[Share[T]]:
         """Share items out by the groups of their nodes' slots, which are written apart."""
-        return share_out(items, node_of, len(self._groups))
+        return share_out(items, node_of, self._groups)
+
+    def _read_groups(self) -> None:
+        """Read which slots are of one shard: after the start, and after a fault.
+
+        A shard that was split has made a transaction span two, which the server refuses.
+        """
+        with suppress(StoreError), self.read() as connection:
+            shards = read_groups(connection)
+            if len(shards) > 1:
+                numbers = {slot: group for group, slots in enumerate(shards) for slot in slots}
+                self._groups = tuple(numbers[slot] for slot in range(SLOTS))
 
     def own_slots(self) -> set[int]:
         """The slots whose background work is this process's, as it wrote them last.
@@ -207,7 +230,7 @@ class Store:
 
     @property
     def _writers(self) -> list[Writer]:
-        return list(dict.fromkeys(each.writer for each in [self._central, *self._groups]))
+        return list(dict.fromkeys(each.writer for each in [self._central, *self._slot_writers]))
 
     def write_and_wait(self, work: Callable[[Connection], T]) -> T:
         """Run work in a transaction, and wait until it is durable.
@@ -219,7 +242,7 @@ class Store:
 
     def clear_caches(self) -> None:
         """Drop what the writers have cached, after their present transactions."""
-        for each in self._groups:
+        for each in self._slot_writers:
             _wait(self, each.writer.submit(partial(_clear, each.cache)))
 
     @contextmanager

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_TIMEOUT_S: Final = 10.0
+_TIMEOUT_S: Final = 20.0
 """The server's own timeout for an idle transaction."""
 _TERMINATE: Final = text(
     "SELECT pg_terminate_backend(a.pid) FROM pg_stat_activity a "

@@ -23,7 +23,7 @@ from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.descriptions import read_description, store_descriptions
 from eskin_cloud.store.schema.tables import metadata, versions
-from eskin_cloud.store.slot import group_of, slot_of
+from eskin_cloud.store.slot import even_groups, slot_of
 from eskin_cloud.store.write.ingest import IngestResult, ingest, ingest_individually
 from eskin_cloud.store.write.node_sites import store_sites
 from eskin_cloud.store.write.parsed_message import ParsedMessage
@@ -66,7 +66,7 @@ NEAR: Final = _node_of(3)
 FAR: Final = _node_of(5)
 """A node of another slot, which the same transaction may write."""
 SLOTS_USED: Final = (slot_of(NEAR), slot_of(FAR))
-assert len({group_of(slot, 4) for slot in SLOTS_USED}) == 1
+assert len({even_groups(4)[slot] for slot in SLOTS_USED}) == 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,14 +24,14 @@ from eskin_cloud.store.notify import NoticeSender
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages
 from eskin_cloud.store.schema.tables import dead_letters, sequences
-from eskin_cloud.store.slot import SLOTS, group_of, in_order, share_out, slot_of
+from eskin_cloud.store.slot import SLOTS, even_groups, in_order, share_out, slot_of
 from eskin_cloud.store.write.audit_log import list_audit_entries
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from sqlalchemy import func, select, text
+from sqlalchemy import Engine, event, func, select, text
 
-from eskin.errors import QueryError
+from eskin.errors import QueryError, StoreError
 from tests.support.examples import examples
 from tests.support.processes import wait_until
 from tests.unit.cloud.clouds import Stand, emptied, put, put_items
@@ -42,7 +42,7 @@ from tests.unit.cloud.streams import events_of
 from tests.unit.cloud.streams import listen as stream_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from eskin_cloud.store.location import StoreLocation
     from eskin_cloud.store.write.write_cache import WriteCache
@@ -84,7 +84,8 @@ def two(cluster: Cluster, shared_database: URL) -> Iterator[tuple[Store, Store]]
 def test_only_writers_of_the_same_slot_wait(two: tuple[Store, Store]) -> None:
     one, other = two
     ours, near, far = named(3), named(4), named(40)
-    assert group_of(3, 4) == group_of(4, 4) != group_of(40, 4)
+    groups = even_groups(4)
+    assert groups[3] == groups[4] != groups[40]
     with ThreadPoolExecutor(1) as pool:
         with one_commit(one, ours):
             assert kinds(put(other, stretch(0), node=near)) == ["stored"]
@@ -168,6 +169,60 @@ def stands(
                 one.cloud.settings, store, clock=one.clock, dashboard=tmp_path / "dashboard"
             )
             yield one, Stand(cloud, one.clock, one.gateway, one.token)
+
+
+SHARDS = [frozenset(range(first, SLOTS, 20)) for first in range(20)]
+"""As Citus may have them: more than there are writers, of slots that are no neighbours."""
+
+
+@pytest.fixture
+def sharded(
+    cluster: Cluster, shared_database: URL, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Store]:
+    cluster.clear(shared_database)
+    monkeypatch.setattr("eskin_cloud.store.store.read_groups", lambda _: SHARDS)
+    with Store(shared_database) as made:
+        yield made
+
+
+def test_no_transaction_locks_slots_of_two_shards(sharded: Store) -> None:
+    locked: list[set[int]] = []
+
+    def see(*given: Any) -> None:
+        statement, parameters = given[2], given[3]
+        if "FOR UPDATE" in statement:
+            locked.append(set(parameters.values()))
+
+    nodes = [named(slot) for slot in range(SLOTS)]
+    event.listen(Engine, "before_cursor_execute", see)
+    try:
+        with ThreadPoolExecutor(32) as pool, one_commit(sharded, nodes[0]):
+            said = [pool.submit(put, sharded, stretch(1), node=node) for node in nodes[4:36]]
+            # The first writer has jobs of several shards then.
+            wait_until(lambda: sharded.waiting >= 8, "those of the first writer wait together")
+        assert {kinds(each.result(120))[0] for each in said} == {"stored"}
+    finally:
+        event.remove(Engine, "before_cursor_execute", see)
+    assert {slot for each in locked for slot in each} >= set(range(4, 36))
+    assert all(any(each <= shard for shard in SHARDS) for each in locked), locked
+
+
+def test_shards_are_read_again_after_a_fault(
+    sharded: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    items = [named(0), named(20)]
+    assert [each.slots for each in sharded.shares(items, str)] == [{0, 20}]
+    split = [frozenset({slot}) for slot in range(SLOTS)]
+    monkeypatch.setattr("eskin_cloud.store.store.read_groups", lambda _: split)
+
+    def refuse(connection: Connection, _: WriteCache) -> None:
+        connection.execute(text("DO $$ BEGIN RAISE 'no' USING ERRCODE = '53100'; END $$"))
+
+    with pytest.raises(StoreError):
+        sharded.write_slots([0, 20], refuse).result(120)
+    assert [each.slots for each in sharded.shares(items, str)] == [{0}, {20}]
+    with pytest.raises(StoreError, match="retry"):
+        sharded.write_slots([0, 20], refuse)
 
 
 @pytest.mark.anyio
@@ -354,13 +409,17 @@ def test_ids_of_positions_are_read_back_and_reveal_no_count(
         ids.read_position(ids.write(1))
 
 
-@given(st.lists(st.sampled_from(NODES), max_size=50), st.sampled_from([1, 4, 16]))
-def test_shares_of_items_hold_each_once(items: list[str], groups: int) -> None:
+@given(
+    st.lists(st.sampled_from(NODES), max_size=50),
+    st.sampled_from([1, 4, 16]).map(even_groups)
+    | st.lists(st.integers(0, 40), min_size=SLOTS, max_size=SLOTS),
+)
+def test_shares_of_items_hold_each_once(items: list[str], groups: Sequence[int]) -> None:
     shares = share_out(items, str, groups)
     assert in_order(shares, [each.items for each in shares]) == items
     for each in shares:
         assert each.slots == {slot_of(item) for item in each.items}
-        assert len({group_of(slot, groups) for slot in each.slots}) == 1
+        assert len({groups[slot] for slot in each.slots}) == 1
 
 
 @settings(

@@ -36,6 +36,7 @@ class SlotWriter:
         notices: Notifies other processes after a commit; ``None`` where there are none.
         name: Identifies the process to them.
         queue: Most jobs that may wait.
+        on_fault: Called in its thread after the store failed.
         threaded: Whether a thread writes, as of `Writer`.
 
     Attributes:
@@ -50,6 +51,7 @@ class SlotWriter:
         *,
         name: str,
         queue: int,
+        on_fault: Callable[[], None],
         threaded: bool = True,
     ) -> None:
         self.cache = WriteCache(name)
@@ -62,6 +64,7 @@ class SlotWriter:
             on_save=self._save,
             on_commit=self._commit,
             on_rollback=self.cache.clear,
+            on_fault=on_fault,
             probe=_probe,
             threaded=threaded,
         )
@@ -71,17 +74,22 @@ class SlotWriter:
         slots: Collection[int],
         work: Callable[[Connection, WriteCache], T],
         *,
+        group: int,
         fallback: Callable[[Connection, WriteCache], T] | None,
         shared: bool,
     ) -> Future[T]:
-        """Queue work on rows of nodes. Arguments are those of `Store.write_slots`.
+        """Queue work on rows of nodes. Arguments are those of `Store.write_slots`, and the group.
 
         Raises:
             StoreError: Too many jobs wait, or the store is closed.
         """
         bound = [partial(_call, each, self.cache) for each in (work, fallback) if each is not None]
         return self.writer.submit(
-            bound[0], fallback=bound[1] if fallback else None, shared=shared, slots=slots
+            bound[0],
+            fallback=bound[1] if fallback else None,
+            shared=shared,
+            slots=slots,
+            group=group,
         )
 
     def _begin(self, connection: Connection, slots: AbstractSet[int]) -> None:

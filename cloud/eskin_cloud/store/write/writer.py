@@ -13,7 +13,7 @@ from eskin.errors import EskinError, StoreError
 from eskin_cloud.store.db_errors import explain, is_store_fault
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable, Collection, Iterable
     from collections.abc import Set as AbstractSet
 
     from sqlalchemy import Connection, Engine
@@ -30,6 +30,7 @@ class _Job:
     future: Future[Any]
     shared: bool
     slots: AbstractSet[int]
+    group: int
 
 
 class Writer:
@@ -43,6 +44,7 @@ class Writer:
             changes.
         on_commit: Called after a commit, before the futures of its jobs are done.
         on_rollback: Called after a rollback, to clear caches.
+        on_fault: Called after the store failed.
         probe: Writes a little. It runs first after a fault, so that a job which writes nothing
             cannot clear the fault.
         threaded: Whether a thread runs the jobs. Without one, `submit` runs them in the caller's
@@ -54,7 +56,7 @@ class Writer:
         jobs: Number of committed jobs.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all that a transaction calls
         self,
         engine: Engine,
         *,
@@ -63,6 +65,7 @@ class Writer:
         on_save: Callable[[Connection], None],
         on_commit: Callable[[], None],
         on_rollback: Callable[[], None],
+        on_fault: Callable[[], None],
         probe: Callable[[Connection, AbstractSet[int]], None],
         threaded: bool = True,
     ) -> None:
@@ -72,6 +75,7 @@ class Writer:
         self._on_save = on_save
         self._on_commit = on_commit
         self._on_rollback = on_rollback
+        self._on_fault = on_fault
         self._probe = probe
         self._closing = threading.Event()
         self._lock = threading.Lock()
@@ -95,12 +99,14 @@ class Writer:
         fallback: Callable[[Connection], T] | None = None,
         shared: bool = False,
         slots: Collection[int] = (),
+        group: int = 0,
     ) -> Future[T]:
         """Queue a job; its future is done after the commit.
 
         Args:
             work: The job.
             slots: Those of the nodes whose rows it writes.
+            group: That of the slots: no transaction has jobs of two groups.
             fallback: Runs instead if ``work`` raises anything but an `EskinError`.
             shared: Whether the job needs no savepoint. If a shared job fails, the transaction is
                 rolled back, and each of its jobs runs in a transaction of its own.
@@ -114,7 +120,7 @@ class Writer:
                 raise StoreError("the store is closed")
             try:
                 attempts = (work,) if fallback is None else (work, fallback)
-                self._jobs.put_nowait(_Job(attempts, future, shared, frozenset(slots)))
+                self._jobs.put_nowait(_Job(attempts, future, shared, frozenset(slots), group))
             except queue.Full:
                 raise StoreError(
                     f"{self._jobs.maxsize} writes wait already; retry in a moment"
@@ -145,8 +151,8 @@ class Writer:
             except queue.Empty:
                 break
             running = _collect(following, batch)
-        if batch:
-            self._commit(batch)
+        for jobs in _by_group(batch):
+            self._commit(jobs)
         return running
 
     def _commit(self, batch: list[_Job]) -> Exception | None:
@@ -221,12 +227,21 @@ class Writer:
         self._on_rollback()
         cause = explain(error)
         self.fault = f"the store cannot be written: {cause}"
+        self._on_fault()
         log.error("commit failed: jobs=%d reason=%s", len(batch), cause)
         for job in batch:
             if not job.future.done():
                 failure = StoreError(f"{self.fault}; then retry")
                 failure.__cause__ = error
                 job.future.set_exception(failure)
+
+
+def _by_group(batch: list[_Job]) -> Iterable[list[_Job]]:
+    """The jobs of each group, in order."""
+    jobs: dict[int, list[_Job]] = {}
+    for job in batch:
+        jobs.setdefault(job.group, []).append(job)
+    return jobs.values()
 
 
 def _is_of_shared_work(batch: list[_Job], error: Exception) -> bool:
