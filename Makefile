@@ -43,7 +43,7 @@ THINGSBOARD_NEEDS := benchmarks/thingsboard/requirements.txt
 TLC := $(VENV)/tlc
 TLC_NEEDS := tests/robustness/model/requirements.txt
 
-.PHONY: help demo test test-compose test-cluster lint bench soak chaos powercut fuzz simulate model nightly scan lock docs dashboard install system clean
+.PHONY: help demo test test-compose test-cluster lint bench soak chaos powercut fuzz simulate interleavings model nightly scan lock docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -94,6 +94,10 @@ fuzz: $(VENV)/.development $(VENV)/.fuzz ## Hostile inputs to every parser (ARGS
 
 simulate: $(VENV)/.development ## Nodes, gateways and a cloud in one thread, under seeded faults (ARGS="--seeds 100", ARGS="--seed 3")
 	$(BIN)/python -m tests.robustness.simulation $(ARGS)
+
+interleavings: $(VENV)/.development ## Clouds on one PostgreSQL, in many orders of their statements (200; more by python -m tests.robustness.interleavings)
+	@services/install_test_packages.sh postgresql
+	$(BIN)/pytest -m schedules tests/robustness/interleavings $(ARGS)
 
 model: $(VENV)/.development $(TLC)/.installed ## Check the model of delivery with TLC (ARGS="--large", ARGS="--mutants")
 	@services/install_test_packages.sh openjdk-17-jre-headless

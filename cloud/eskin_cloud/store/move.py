@@ -21,6 +21,7 @@ from eskin_cloud.store.location import describe, reading_engine, writing_engine
 from eskin_cloud.store.row_digests import without_digest
 from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.tables import feed, metadata, versions
+from eskin_cloud.store.shard_groups import read_groups
 from eskin_cloud.store.version import create_tables, require_version
 from eskin_cloud.store.write.bulk_insert import insert_many
 from eskin_cloud.store.write.write_cache import MOVING
@@ -117,7 +118,12 @@ def _prepare(writing: Engine, target: StoreLocation, now: int) -> None:
         create_tables(connection, now=now)
         # Locks all slots first: what a cloud has just stored is seen, and nothing comes after it.
         writers = select(feed.c.writer).order_by(feed.c.slot).with_for_update()
-        if MOVING in connection.execute(writers).scalars():
+        locked = [
+            writer
+            for slots in read_groups(connection)
+            for writer in connection.execute(writers.where(feed.c.slot.in_(slots))).scalars()
+        ]
+        if MOVING in locked:
             return
         full = next((table.name for table in TABLES if _count(connection, table)), None)
         if full is not None:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from tests.robustness.interleavings.operations import Unit
     from tests.robustness.interleavings.world import World
 
+pytestmark = pytest.mark.schedules
+
 SCHEDULES: Final = {
     "ingest-ingest": 20, "ingest-erase": 24, "ingest-compact": 18, "ingest-build": 14,
     "ingest-read": 18, "ingest-move": 6, "erase-erase": 8, "erase-compact": 8, "erase-build": 6,

@@ -304,10 +304,6 @@ def test_worker_added_while_data_flow_loses_and_doubles_nothing(programs: Path) 
         assert len(set(cursors)) == len(cursors)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="keys of nodes do not all begin with the slot, and Citus prepares each COPY",
-)
 def test_transaction_of_a_node_stays_in_one_shard(servers: CitusCluster) -> None:
     """A transaction of two servers is prepared at each (two-phase commit)."""
     place = servers.fresh()

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from sqlalchemy import (
     delete,
-    exists,
     func,
     insert,
     literal_column,
@@ -149,9 +148,9 @@ def _between() -> Select[Any]:
     r, o = ranges.subquery(), lost_ranges.c
     # Most explained gaps equal one lost range; these must not use up `MAX_MISSING_RANGES`.
     same = of_same_node(lost_ranges, r) & (o.boot == r.c.boot) & (o.first == r.c.begin)
-    explained = exists().where(same, o.last >= r.c.finish)
-    missing = (r.c.begin <= r.c.finish) & ~explained
-    query = select(r.c.node, r.c.boot, r.c.begin, r.c.finish).where(missing)
+    joined = r.outerjoin(lost_ranges, same & (o.last >= r.c.finish))
+    query = select(r.c.node, r.c.boot, r.c.begin, r.c.finish).select_from(joined)
+    query = query.where(r.c.begin <= r.c.finish, o.first.is_(None))
     return query.order_by(r.c.node, r.c.boot, r.c.begin)
 
 
