@@ -111,10 +111,12 @@ class _Site:
 
 def _time_of(process: psutil.Process) -> float:
     """Processor time of a process and of its children, those that have ended included."""
-    times = process.cpu_times()
+    try:
+        times, children = process.cpu_times(), process.children()
+    except psutil.NoSuchProcess:  # its parent has its time
+        return 0.0
     ended = times.children_user + times.children_system
-    running = sum(_time_of(child) for child in process.children())
-    return float(times.user + times.system + ended + running)
+    return float(times.user + times.system + ended + sum(map(_time_of, children)))
 
 
 def _requests(nodes: Sequence[str], boot: int) -> Iterator[bytes]:
