@@ -21,7 +21,8 @@ class StoreSection(Section):
     url: str | None = Field(
         default=None,
         description="PostgreSQL server, `postgresql://USER@HOST:PORT/DATABASE`; by a Unix "
-        "socket in a folder: `postgresql://USER@/DATABASE?host=FOLDER`",
+        "socket in a folder: `postgresql://USER@/DATABASE?host=FOLDER`; the primary of several "
+        "servers: `postgresql://USER@/DATABASE?host=HOST:PORT&host=HOST:PORT`",
     )
     path: Path | None = Field(
         default=None,

@@ -39,8 +39,9 @@ _LOGIN_ERRORS: Final = (
     ("too many clients", "53300"),
     ("remaining connection slots", "53300"),
     ('" does not exist', "3D000"),
+    ("hot standby mode", "25006"),
 )
-"""Messages of a server that rejects a login, with their SQLSTATE."""
+"""Messages of a server that rejects a login, or is a standby, with their SQLSTATE."""
 _UNREACHABLE: Final = "the server does not answer; start it, or correct store.url"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
 
@@ -18,6 +19,7 @@ StoreLocation: TypeAlias = Path | URL
 GROUPS: Final = 4
 """Groups of slots that a process writes to PostgreSQL at once, each by a connection."""
 
+_PORT: Final = re.compile(r":\d+$")
 _INVALID_URL: Final = "is no PostgreSQL URL; write postgresql://USER@HOST:PORT/DATABASE"
 
 
@@ -77,7 +79,9 @@ def is_local(url: URL) -> bool:
 
 
 def _hosts(url: URL) -> tuple[str, ...]:
-    return (url.host,) if url.host else tuple(url.normalized_query.get("host", ()))
+    """The servers that the URL names, without their ports."""
+    named = (url.host,) if url.host else url.normalized_query.get("host", ())
+    return tuple(host if host.startswith("/") else _PORT.sub("", host) for host in named)
 
 
 def describe(place: StoreLocation) -> str:

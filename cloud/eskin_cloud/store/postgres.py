@@ -88,6 +88,8 @@ def driver_arguments(url: URL) -> dict[str, Any]:
 def _connect_arguments(options: str, application: str) -> dict[str, Any]:
     """Timeouts, so that no call waits without end for an unreachable server."""
     return {
+        # Of several servers, and after a failover: a standby refuses writes, and its rows are old.
+        "target_session_attrs": "primary",
         "connect_timeout": _CONNECT_S,
         "keepalives_idle": 5,
         "keepalives_interval": 5,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -27,7 +28,6 @@ from tests.unit.cloud.messages import NODE, START, stretch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from sqlalchemy import URL, Connection
 
@@ -92,6 +92,15 @@ def test_two_processes_store_each_message_once(store: Store) -> None:
         assert numbers(sorted(cursors)) == list(range(1, 61))
         assert connection.execute(select(pages.c.frames)).scalar_one() == 60
         assert connection.execute(select(sequences.c.first, sequences.c.last)).all() == [(0, 59)]
+
+
+def test_next_server_is_tried_where_the_first_is_away(cluster: Cluster, store: Store) -> None:
+    place = store.location
+    assert not isinstance(place, Path)
+    away = f"{cluster.folder}/away:{cluster.port}"
+    place = place.set(query={"host": (away, f"{cluster.folder}:{cluster.port}")}, port=None)
+    with Store(place) as other, other.read() as connection:
+        assert connection.execute(select(func.count()).select_from(versions)).scalar_one() == 1
 
 
 def test_unit_of_another_process_counts(store: Store) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from eskin_cloud.settings import CloudSettings
 from eskin_cloud.store import Store
+from eskin_cloud.store.postgres import driver_arguments
 
 from eskin.errors import SettingsError, StoreError
 from tests.support.files import write_settings
@@ -24,6 +25,11 @@ if TYPE_CHECKING:
         ({}, "store.path", "is missing"),
         ({"url": "postgresql://u@h/d", "path": "x"}, "store.path", "beside store.url"),
         ({"url": "postgresql://u@db.example/d"}, "store.root", "plaintext stays on loopback"),
+        (
+            {"url": "postgresql://u@/d?host=localhost:5432&host=db.example:5432"},
+            "store.root",
+            "plaintext stays on loopback",
+        ),
         ({"url": "postgresql://u:secret@localhost/d"}, "store.url", "store.password_file"),
         ({"url": "mysql://u@localhost/d"}, "store.url", "postgresql://USER@HOST"),
         ({"url": "postgresql:///d"}, "store.url", "postgresql://USER@HOST"),
@@ -36,6 +42,14 @@ def test_bad_setting_is_named(
     with pytest.raises(SettingsError, match=said) as refused:
         _load(tmp_path, store)
     assert refused.value.setting == setting
+
+
+def test_several_servers_on_loopback_need_no_root(tmp_path: Path) -> None:
+    url = "postgresql://u@/d?host=localhost:5432&host=127.0.0.1:5433"
+    place = _load(tmp_path, {"url": url}).store.place
+    assert not isinstance(place, Path)
+    words = driver_arguments(place)
+    assert (words["host"], words["port"]) == ("localhost,127.0.0.1", "5432,5433")
 
 
 def test_password_comes_from_its_file_and_is_never_shown(tmp_path: Path) -> None:
