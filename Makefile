@@ -43,6 +43,10 @@ THINGSBOARD_NEEDS := benchmarks/thingsboard/requirements.txt
 TLC := $(VENV)/tlc
 TLC_NEEDS := tests/robustness/model/requirements.txt
 
+# Patroni, in an environment of its own: tests and `make chaos ARGS=--cluster` have it promote a standby.
+PATRONI := $(VENV)/patroni
+PATRONI_NEEDS := tests/system/patroni/requirements.txt
+
 .PHONY: help demo test test-compose test-cluster lint bench soak chaos powercut fuzz simulate interleavings model nightly scan lock docs dashboard install system clean
 
 help: ## List these commands
@@ -81,8 +85,8 @@ soak: $(VENV)/.development ## Measure the stack's memory under a steady load (AR
 	@services/install_test_packages.sh mosquitto
 	$(BIN)/python -m benchmarks.soak $(ARGS)
 
-chaos: $(VENV)/.development $(TLC)/.installed ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1 --store postgresql")
-	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev postgresql openjdk-17-jre-headless
+chaos: $(VENV)/.development $(TLC)/.installed $(PATRONI)/.installed ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1 --cluster")
+	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev postgresql etcd-server openjdk-17-jre-headless
 	$(BIN)/python -m tests.robustness.chaos $(ARGS)
 
 powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any byte (ARGS="--images 500 --seed 1")
@@ -103,7 +107,7 @@ model: $(VENV)/.development $(TLC)/.installed ## Check the model of delivery wit
 	@services/install_test_packages.sh openjdk-17-jre-headless
 	$(BIN)/python -m tests.robustness.model $(ARGS)
 
-nightly: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed $(RTAMT)/.installed $(TLC)/.installed system ## Every long check, one after the other; logs in build/nightly (root; ARGS="--step fuzz --seed 2")
+nightly: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed $(RTAMT)/.installed $(TLC)/.installed $(PATRONI)/.installed system ## Every long check, one after the other; logs in build/nightly (root; ARGS="--step fuzz --seed 2")
 	$(BIN)/python -m tests.nightly $(ARGS)
 
 scan: $(VENV)/.scan ## Check the pinned libraries for known vulnerabilities (needs the network)
@@ -125,7 +129,7 @@ install: $(VENV)/.runtime ## Make the virtual environment with the command eskin
 	@$(BIN)/eskin warm
 
 system: ## Install the Debian packages that the tests need
-	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql softhsm2 prometheus prometheus-alertmanager
+	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql etcd-server softhsm2 prometheus prometheus-alertmanager
 
 clean: ## Remove what was built (data folders stay)
 	rm -rf $(VENV) build $(dir $(DASHBOARD_BUILT)) $(DASHBOARD)/node_modules
@@ -193,6 +197,12 @@ $(TLC)/.installed: $(TLC_NEEDS) | $(VENV)/bin/pip
 	@echo "Installing TLC, for the model of delivery …"
 	@$(PYTHON) -m venv $(TLC)
 	@$(TLC)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
+	@touch $@
+
+$(PATRONI)/.installed: $(PATRONI_NEEDS) | $(VENV)/bin/pip
+	@echo "Installing Patroni, for tests of failover …"
+	@$(PYTHON) -m venv $(PATRONI)
+	@$(PATRONI)/bin/pip install --disable-pip-version-check --require-hashes --no-deps --requirement $< $(ON_ONE_LINE)
 	@touch $@
 
 $(DASHBOARD_BUILT): $(DASHBOARD_SOURCES) | $(VENV)/bin/pip

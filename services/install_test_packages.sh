@@ -6,7 +6,7 @@ set -euo pipefail
 declare -A command=([mosquitto]=mosquitto [mosquitto-clients]=mosquitto_sub [chromium]=chromium
   [docker.io]=dockerd [docker-compose]=docker-compose [debootstrap]=debootstrap
   [iproute2]=ip [iptables]=iptables [gcc]=gcc [libc6-dev]=/usr/include/stdio.h
-  [postgresql]=initdb [softhsm2]=softhsm2-util
+  [postgresql]=initdb [etcd-server]=etcd [softhsm2]=softhsm2-util
   [openjdk-17-jre-headless]=java [influxdb]=influxd [prometheus]=prometheus
   [prometheus-alertmanager]=prometheus-alertmanager
   [gcc-arm-none-eabi]=arm-none-eabi-gcc [libnewlib-arm-none-eabi]=/usr/lib/arm-none-eabi/newlib/libc.a

@@ -22,6 +22,7 @@ STEPS: Final = {
     "planted": [".venv/bin/python", "-m", "tests.robustness.planted"],
     "chaos-sqlite": ["make", "chaos", "ARGS=--duration 300 --seed {seed}"],
     "chaos-postgresql": ["make", "chaos", "ARGS=--duration 300 --seed {seed} --store postgresql"],
+    "chaos-cluster": ["make", "chaos", "ARGS=--duration 300 --seed {seed} --cluster"],
     "model": ["make", "model", "ARGS=--large --seconds 3600"],
     "model-mutants": ["make", "model", "ARGS=--mutants"],
     "simulate": ["make", "simulate", "ARGS=--seeds 3000 --count 12 --first {seed}000"],

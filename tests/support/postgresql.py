@@ -118,7 +118,7 @@ class Cluster:
         self.folder = folder or Path(tempfile.mkdtemp(prefix="pg-"))
         self._sockets = sockets or self.folder
         self._numbers = count(1)
-        as_user = _as_another_user(self.folder) if os.geteuid() == 0 else []
+        as_user = as_another_user(self.folder) if os.geteuid() == 0 else []
         data = self.folder / "data"
         initdb = program("initdb", programs=programs)
         subprocess.run(
@@ -251,7 +251,7 @@ def _is_gone(process: psutil.Process) -> bool:
     return gone
 
 
-def _as_another_user(folder: Path) -> list[str]:
+def as_another_user(folder: Path) -> list[str]:
     """Words before a command, by which it is no longer root's; the folder is its own, too."""
     names = {entry.pw_name for entry in pwd.getpwall()}
     user = pwd.getpwnam("postgres" if "postgres" in names else "daemon")

@@ -48,6 +48,7 @@ class RealStack:
         clouds: All of them.
         cloud: The first.
         store: The clouds' database, where it is SQLite.
+        spools: Those of the gateways.
         spool: The first gateway's.
     """
 
@@ -68,7 +69,10 @@ class RealStack:
         self.identities.make(IdentityKind.SERVER, "server.cloud")
         self.store = folder / "store.sqlite"
         self.place: StoreLocation = place or self.store
-        self.spool = folder / "spool.sqlite"
+        self.spools = [
+            folder / f"spool{'' if n == 1 else f'-{n}'}.sqlite" for n in range(1, gateways + 1)
+        ]
+        self.spool = self.spools[0]
         self._ports = [free_ports(2) for _ in range(clouds)]
         self.broker = Mosquitto(folder / "broker", self.identities)
         self.clouds = [self._make_cloud(number, missing_s) for number in range(clouds)]
@@ -145,16 +149,17 @@ class RealStack:
         })  # fmt: skip
         return Running([ESKIN, "cloud", "--config", str(config)], log=self.folder / f"{name}.log")
 
-    def start_gateway(self) -> None:
-        """Start the gateway again, after it was ended."""
-        starts = self.gateway.output().count("ready:")
-        self.gateway.start()
-        _await_ready(self.gateway, starts + 1)
+    def start_gateway(self, number: int = 0) -> None:
+        """Start a gateway again, after it was ended."""
+        gateway = self.gateways[number]
+        starts = gateway.output().count("ready:")
+        gateway.start()
+        _await_ready(gateway, starts + 1)
 
     def _make_gateway(self, number: int, broker: Mapping[str, object]) -> Running:
         own = self.identities.make(IdentityKind.GATEWAY, f"gateway.g{number}")
         urls = [f"https://127.0.0.1:{ingest}/api/v1/ingest" for ingest, _ in self._ports]
-        spool = self.spool if number == 1 else self.folder / f"spool-{number}.sqlite"
+        spool = self.spools[number - 1]
         config = write_settings(self.folder / f"gateway-{number}.toml", {
             "broker": broker,
             "identity": {"directory": own.directory, "site": self.pki / "site.main"},

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import threading
 import time
 from typing import TYPE_CHECKING, Final
 
-import httpx
 from eskin_cloud.store import Store
-from eskin_cloud.store.schema.frame_tables import frames
-from eskin_cloud.store.schema.tables import sequences
-from sqlalchemy import func, select
 
+from tests.support.live_viewers import LiveViewer, count_stored, require_each_once
 from tests.support.processes import wait_until
 from tests.support.stacks import RealStack
 
@@ -24,91 +19,24 @@ if TYPE_CHECKING:
 LIMIT_S: Final = 10.0
 
 
-class Viewer(threading.Thread):
-    """Reads the live stream of a cloud, and goes on at the next where it breaks off.
-
-    A client that is slow is sent fewer and wider hulls, so samples are counted and not frames. What
-    states no new id may come again after a break, so it counts once a new id follows.
-
-    Attributes:
-        samples: How many the hulls that came are of.
-        breaks: How often the stream broke off.
-    """
-
-    def __init__(self, stack: RealStack, token: str) -> None:
-        super().__init__(daemon=True)
-        self.samples = 0
-        self.breaks = 0
-        self.ended = threading.Event()
-        self._stack = stack
-        self._token = token
-        self._id: str | None = None
-
-    def run(self) -> None:
-        cloud = 0
-        while not self.ended.is_set():
-            try:
-                self._read(cloud)
-            except httpx.HTTPError:
-                self.breaks += 1
-                cloud = (cloud + 1) % len(self._stack.clouds)
-
-    def _read(self, cloud: int) -> None:
-        headers = {} if self._id is None else {"Last-Event-ID": self._id}
-        with (
-            self._stack.operator(cloud, self._token) as client,
-            client.stream("GET", "/live", headers=headers) as answer,
-        ):
-            answer.raise_for_status()
-            kind, name, pending = "", None, 0
-            for line in answer.iter_lines():
-                field, _, value = line.partition(": ")
-                if field == "event":
-                    kind = value
-                elif field == "id":
-                    name = value
-                elif field == "data" and kind == "frame":
-                    patches = json.loads(value)["patches"]
-                    pending += sum(each["n"] * len(each["lo"]) for each in patches)
-                elif not line and name != self._id:
-                    self.samples += pending
-                    self._id, pending = name, 0
-                if self.ended.is_set():
-                    return
-
-
 def test_kill_of_any_cloud_loses_and_doubles_nothing(tmp_path: Path, cluster: Cluster) -> None:
     place = cluster.fresh(empty=True)
     with RealStack(tmp_path, clouds=2, place=place) as stack, Store(place) as store:
-
-        def stored() -> int:
-            with store.read() as connection:
-                counted = select(
-                    func.coalesce(func.sum(sequences.c.last - sequences.c.first + 1), 0)
-                )
-                return int(connection.execute(counted).scalar_one())
-
-        viewer = Viewer(stack, stack.token())
+        viewer = LiveViewer(stack, stack.token())
         viewer.start()
         with stack.sensor_node() as node:
             wait_until(lambda: viewer.samples > 0, "the viewer sees frames")
             for killed in (0, 1, 0):
-                before, begun = stored(), time.monotonic()
+                before, begun = count_stored(store), time.monotonic()
                 shown = viewer.samples
                 stack.clouds[killed].kill()
-                wait_until(lambda: stored() > before + 20, "messages are stored again")  # noqa: B023
+                wait_until(
+                    lambda: count_stored(store) > before + 20,  # noqa: B023
+                    "messages are stored again",
+                )
                 assert time.monotonic() - begun < LIMIT_S
                 wait_until(lambda: viewer.samples > shown, "the viewer goes on")  # noqa: B023
                 stack.start_cloud(killed)
             node.stop()
-        with store.read() as connection:
-            spans = connection.execute(
-                select(sequences.c.boot, sequences.c.first, sequences.c.last)
-            ).all()
-            count = connection.execute(select(func.sum(frames.c.samples))).scalar_one()
-        assert len(spans) == 1, "no number is missing"
-        assert spans[0].first == 0
-        wait_until(lambda: viewer.samples >= count, f"the viewer sees all {count} samples")
-        viewer.ended.set()
+        require_each_once(store, viewer)
         assert viewer.breaks >= 2
-        assert viewer.samples == count, "each sample comes once"

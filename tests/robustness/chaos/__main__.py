@@ -18,7 +18,7 @@ from rich.console import Console
 
 from tests.robustness.chaos.faults import FAULTS
 from tests.robustness.chaos.plan import Blow, Stroke, make_plan
-from tests.robustness.chaos.site import Site, part_names
+from tests.robustness.chaos.site import STORES, Site, part_names
 from tests.robustness.chaos.verdict import DRAIN_S, judge
 from tests.robustness.model.traces import check_windows, pick, vanished, windows
 from tests.support.processes import unwound_by_signals, wait_until
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from tests.robustness.chaos.verdict import Verdict
     from tests.robustness.model.traces import Event
 
-_STORES: Final = ("sqlite", "postgresql")
 _START_S: Final = 180.0
 _OF_ITS_OWN: Final = "ESKIN_CHAOS_NAMESPACE"
 
@@ -41,7 +40,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="draws the plan")
     parser.add_argument("--data", type=Path, default=None, help="folder to keep; else a fresh one")
     parser.add_argument(
-        "--store", choices=_STORES, default=_STORES[0], help="what the cloud keeps in"
+        "--store", choices=list(STORES), default="sqlite", help="what the cloud keeps in"
+    )
+    parser.add_argument(
+        "--cluster", dest="store", action="store_const", const="cluster", help="--store cluster"
     )
     options = parser.parse_args()
     if os.geteuid() != 0:
@@ -50,22 +52,22 @@ def main() -> int:
     if _OF_ITS_OWN not in os.environ:
         _go_into_namespaces_of_our_own()
     console = Console(stderr=True)
-    server = options.store == "postgresql"
-    plan = make_plan(options.seed, seconds=options.duration, parts=part_names(server=server))
+    recorded = options.store == "sqlite"
+    plan = make_plan(options.seed, seconds=options.duration, parts=part_names(options.store))
     console.print(f"{len(plan)} faults in {options.duration:g} s, seed {options.seed}")
     with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-chaos-") as fresh:
         root = (options.data or Path(fresh) / "site").resolve()
-        with Site(root, server=server) as site:
+        with Site(root, kind=options.store) as site:
             wait_until(site.has_begun, "frames of all nodes are stored", seconds=_START_S)
             site.watch()
             site.raise_alarms(seed=options.seed)
-            if not server:
+            if recorded:
                 site.record()
             blows = _play(site, plan, console.print)
             console.print("all faults are over; waiting until everything has arrived")
             site.drain(seconds=DRAIN_S)
             verdict = judge(site, blows)
-            if not server:
+            if recorded:
                 verdict.faults += trace_faults(site.recorded(), console.print)
             site.require_alive(site.served)
         _report(verdict, plan, console.print)

@@ -22,18 +22,25 @@ class Fault(Protocol):
         """Let it be right again."""
 
 
+@dataclass(frozen=True, slots=True)
 class Kill:
-    """``kill -9``, and a new start; the broker also loses what it had on its disk."""
+    """``kill -9``, and a new start; the broker also loses what it had on its disk.
+
+    Attributes:
+        only: Which of its processes; all else.
+    """
+
+    only: str = ""
 
     def begin(self, part: Part) -> None:
         """End it as a power cut would."""
-        part.running.kill()
+        part.processes(self.only).kill()
         if part.name == "broker":
             (part.disk.folder / "mosquitto.db").unlink(missing_ok=True)
 
     def end(self, part: Part) -> None:
         """Start it again."""
-        part.running.start()
+        part.processes(self.only).start()
 
 
 class Restart:
@@ -49,16 +56,23 @@ class Restart:
         part.running.start()
 
 
+@dataclass(frozen=True, slots=True)
 class Hang:
-    """SIGSTOP: its connections stay open, and it does not answer."""
+    """SIGSTOP: its connections stay open, and it does not answer.
+
+    Attributes:
+        only: Which of its processes; all else.
+    """
+
+    only: str = ""
 
     def begin(self, part: Part) -> None:
         """Stop it."""
-        part.running.signal(signal.SIGSTOP)
+        part.processes(self.only).signal(signal.SIGSTOP)
 
     def end(self, part: Part) -> None:
         """Let it go on."""
-        part.running.signal(signal.SIGCONT)
+        part.processes(self.only).signal(signal.SIGCONT)
 
 
 class Cut:
@@ -94,6 +108,8 @@ class Renewal:
             part.renew(directory)
         if part.name in {"broker", DATABASE}:
             part.running.signal(signal.SIGHUP)
+        elif part.name in MEMBERS:
+            part.processes("postgresql").signal(signal.SIGHUP)
 
     def end(self, part: Part) -> None:
         """Nothing is to be taken back."""
@@ -183,6 +199,8 @@ class ClockJump:
 
 DATABASE: Final = "database"
 """Name of the part that is PostgreSQL."""
+MEMBERS: Final = ("database-1", "database-2")
+"""Names of the parts that are Patroni and PostgreSQL, where these are a cluster."""
 
 FAULTS: Final[Mapping[str, Fault]] = {
     "kill": Kill(),
@@ -196,6 +214,10 @@ FAULTS: Final[Mapping[str, Fault]] = {
     "lossy": Lossy(0.2),
     "reset": Reset(),
     "disk full": DiskFull(),
+    "kill postgresql": Kill("postgresql"),
+    "kill patroni": Kill("patroni"),
+    "hang postgresql": Hang("postgresql"),
+    "hang patroni": Hang("patroni"),
     "clock ahead": ClockJump(3600),
     "clock behind": ClockJump(-3600),
 }
@@ -209,5 +231,7 @@ BROKER: Final = ("parrot",)
 """What can happen to the broker alone."""
 GATEWAY: Final = ("flood",)
 """What can happen to gateways alone."""
+MEMBER: Final = ("kill postgresql", "kill patroni", "hang postgresql", "hang patroni")
+"""What can happen to members of the cluster alone."""
 TIMED: Final = ("clock ahead", "clock behind")
 """What can happen to parts whose time something rests on; not to broker and database."""

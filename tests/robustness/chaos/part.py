@@ -80,6 +80,11 @@ class Part:
         """Start it for the first time."""
         self.running.start()
 
+    def processes(self, only: str) -> Running:
+        """Its process; one of several by its name, where it has several."""
+        assert not only, f"{self.name} has no {only}"
+        return self.running
+
     def renew(self, directory: Path) -> None:
         """Give an identity its next certificate and key, as the CA service does."""
         own = Identity.load(directory)

@@ -6,7 +6,15 @@ import random
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from tests.robustness.chaos.faults import BROKER, DATABASE, EVERYWHERE, GATEWAY, TIMED
+from tests.robustness.chaos.faults import (
+    BROKER,
+    DATABASE,
+    EVERYWHERE,
+    GATEWAY,
+    MEMBER,
+    MEMBERS,
+    TIMED,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +26,11 @@ _TOGETHER: Final = 0.35
 _LONGEST_PAUSE_S: Final = 1.0
 _LONG_S: Final = 300.0
 """Plans that last so long have the cloud away for a minute and a half."""
-_OWN: Final[Mapping[str, tuple[str, ...]]] = {"broker": BROKER, DATABASE: ()}
+_OWN: Final[Mapping[str, tuple[str, ...]]] = {
+    "broker": BROKER,
+    DATABASE: (),
+    **dict.fromkeys(MEMBERS, MEMBER),
+}
 """What can happen to a part besides what can happen to all; to others, their clock can jump."""
 
 
@@ -63,7 +75,8 @@ def make_plan(seed: int, *, seconds: float, parts: Sequence[str]) -> list[Stroke
     """All strokes that are over before the end, by their begin.
 
     The gateway that is killed while the cloud is away, and the flood that follows, is in every
-    plan: others have lost data there. So is a database that is killed under that flood.
+    plan: others have lost data there. So is a database that is killed under that flood; of a
+    cluster, its first primary, which is away for so long that the standby is promoted.
 
     Args:
         seed: Draws all.
@@ -77,7 +90,7 @@ def make_plan(seed: int, *, seconds: float, parts: Sequence[str]) -> list[Stroke
     for stroke in _opening(parts) + (_absence() if seconds >= _LONG_S else []):
         strokes.append(stroke)
         busy[stroke.part] = max(busy[stroke.part], stroke.end)
-    now = max(stroke.end for stroke in _opening(parts))
+    now = max(stroke.end for stroke in strokes if stroke.part == "broker")
     for fault, part, length, pause, together in _endless(draw, parts):
         begin = max(now + pause, busy[part] + 0.1)
         if begin > now + _LONGEST_S:
@@ -98,7 +111,11 @@ def _opening(parts: Sequence[str]) -> list[Stroke]:
         Stroke("kill", "gateway-2", 4.0, 4.5),
         Stroke("kill", "broker", 6.5, 7.0),
     ]
-    return [*strokes, Stroke("kill", DATABASE, 6.2, 6.8)] if DATABASE in parts else strokes
+    if DATABASE in parts:
+        strokes.append(Stroke("kill", DATABASE, 6.2, 6.8))
+    if MEMBERS[0] in parts:
+        strokes.append(Stroke("kill", MEMBERS[0], 6.2, 36.0))
+    return strokes
 
 
 def _absence() -> list[Stroke]:

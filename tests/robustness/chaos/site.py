@@ -1,6 +1,6 @@
 """The real stack on hosts of its own: Mosquitto, two gateways that share a load, clouds, nodes.
 
-Where the store is on a server: PostgreSQL, too.
+Where the store is on a server: PostgreSQL, too, or a cluster of it that Patroni looks after.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from eskin.identity.identity import CHAIN_FILE
 from eskin.mosquitto import BrokerPorts
 from tests.robustness.chaos.alarms import define
 from tests.robustness.chaos.clocks import Wallclock, build_library
-from tests.robustness.chaos.database import Database
+from tests.robustness.chaos.database import Database, DatabaseCluster
 from tests.robustness.chaos.disks import Disk
-from tests.robustness.chaos.faults import DATABASE
+from tests.robustness.chaos.faults import DATABASE, MEMBERS
 from tests.robustness.chaos.hosts import Host, make_switch
 from tests.robustness.chaos.part import INSIDER, Around, Part
 from tests.robustness.chaos.recorder import (
@@ -52,8 +52,10 @@ SKIN: Final = "small-hand"
 """A node of 336 taxels, which sends frames and is watched."""
 NODES: Final = ("fingertip", "palm", "forearm", SKIN)
 GATEWAYS: Final = ("gateway-1", "gateway-2")
-CLOUDS: Final = ("cloud", "cloud-2")
-"""On PostgreSQL; an SQLite file serves the first alone."""
+CLOUDS: Final = ("cloud", "cloud-2", "cloud-3")
+STORES: Final = {"sqlite": 1, "postgresql": 2, "cluster": 3}
+"""What keeps the store, and how many clouds are on it: an SQLite file serves one alone."""
+_ETCD: Final = "etcd"
 _PORTS: Final = BrokerPorts(nodes=8883, gateways=8884, clients=8885)
 _INGEST: Final = 8443
 _PEOPLE: Final = 8080
@@ -68,7 +70,7 @@ class Site:
 
     Args:
         root: The folder.
-        server: Whether PostgreSQL keeps the store; an SQLite file else.
+        kind: What keeps the store, of `STORES`.
 
     Attributes:
         store: Where the cloud's store is.
@@ -77,7 +79,7 @@ class Site:
         watcher: Its process.
     """
 
-    def __init__(self, root: Path, *, server: bool = False) -> None:
+    def __init__(self, root: Path, *, kind: str = "sqlite") -> None:
         self.layout = Layout(root)
         self._logs = self.layout.logs
         self._logs.mkdir(parents=True)
@@ -86,15 +88,15 @@ class Site:
         make_switch()
         hosts = self._hosts = {
             name: Host(name, number)
-            for number, name in enumerate(part_names(server=server), start=1)
+            for number, name in enumerate((*part_names(kind), _ETCD), start=1)
         }
         self._identities = Identities(root / "identities")
-        self.database = self._make_database(hosts[DATABASE]) if server else None
+        self.database = self._make_database(kind)
         self.store: StoreLocation = (
             self.layout.store if self.database is None else self.database.place
         )
         self.broker = self._make_broker(hosts["broker"])
-        self.clouds = [self._make_cloud(hosts[name]) for name in CLOUDS[: 2 if server else 1]]
+        self.clouds = [self._make_cloud(hosts[name]) for name in CLOUDS[: STORES[kind]]]
         self.gateways = [
             self._make_gateway(hosts[name], number) for number, name in enumerate(GATEWAYS, start=1)
         ]
@@ -106,7 +108,7 @@ class Site:
     @property
     def parts(self) -> list[Part]:
         """All of them, in the order of their start."""
-        first = [] if self.database is None else [self.database]
+        first = [] if self.database is None else self.database.parts
         return [*first, self.broker, *self.clouds, *self.gateways, *self.nodes]
 
     @property
@@ -121,10 +123,16 @@ class Site:
     def __enter__(self) -> Self:
         for part in self.parts:
             self._exits.callback(part.close)
+        if isinstance(self.database, DatabaseCluster):
+            self._exits.callback(_end, self.database.etcd)
         for part in self.parts:
             self._exits.callback(_end, part.running)
             self._exits.callback(part.calm)
-            part.start()
+        if self.database is not None:
+            self.database.start()
+        for part in self.parts:
+            if part.name not in {DATABASE, *MEMBERS}:
+                part.start()
         return self
 
     def __exit__(
@@ -286,10 +294,19 @@ class Site:
             config.write(f"\nlistener {INSIDER} 127.0.0.1\nallow_anonymous true\n")
         return self._part("broker", [str(mosquitto()), "-c", str(file)], host, disk, server)
 
-    def _make_database(self, host: Host) -> Database:
-        hosts = (host.address,)
-        server = self._identities.make(IdentityKind.SERVER, "server.database", hosts=hosts)
-        return Database(server, host=host, folder=self._logs, **self._around(DATABASE))
+    def _make_database(self, kind: str) -> Database | DatabaseCluster | None:
+        names = database_names(kind)
+        if not names:
+            return None
+        hosts = [self._hosts[name] for name in names]
+        servers = [
+            self._identities.make(IdentityKind.SERVER, f"server.{host.name}", hosts=(host.address,))
+            for host in hosts
+        ]
+        around = self._around(DATABASE)
+        if kind == "postgresql":
+            return Database(servers[0], host=hosts[0], folder=self._logs, **around)
+        return DatabaseCluster(servers, hosts, self._hosts[_ETCD], folder=self._logs, **around)
 
     def _make_cloud(self, host: Host) -> Part:
         first = host.name == CLOUDS[0]
@@ -367,15 +384,14 @@ class Site:
         }
 
 
-def part_names(*, server: bool) -> tuple[str, ...]:
+def database_names(kind: str) -> tuple[str, ...]:
+    """Names of the parts that are the database."""
+    return {"sqlite": (), "postgresql": (DATABASE,), "cluster": MEMBERS}[kind]
+
+
+def part_names(kind: str) -> tuple[str, ...]:
     """Names of all parts of a site."""
-    return (
-        "broker",
-        *CLOUDS[: 2 if server else 1],
-        *GATEWAYS,
-        *NODES,
-        *((DATABASE,) if server else ()),
-    )
+    return ("broker", *CLOUDS[: STORES[kind]], *GATEWAYS, *NODES, *database_names(kind))
 
 
 def _end(running: Running) -> None:

@@ -7,8 +7,9 @@ from itertools import pairwise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.robustness.chaos.faults import DATABASE, FAULTS, TIMED
+from tests.robustness.chaos.faults import DATABASE, FAULTS, MEMBER, MEMBERS, TIMED
 from tests.robustness.chaos.plan import make_plan
+from tests.support.patroni import DYNAMIC
 
 PARTS = ("broker", "cloud", "gateway-1", "gateway-2", "fingertip", DATABASE)
 SEEDS = st.integers(0, 2**32)
@@ -28,7 +29,7 @@ def test_plan_fits(seed: int, seconds: float) -> None:
 
 def test_every_fault_is_in_a_long_plan() -> None:
     plan = make_plan(1, seconds=600.0, parts=PARTS)
-    assert {stroke.fault for stroke in plan} == set(FAULTS)
+    assert {stroke.fault for stroke in plan} == set(FAULTS) - set(MEMBER)
     assert {stroke.part for stroke in plan} == set(PARTS)
     assert any(a.end > b.begin for a, b in pairwise(plan)), "none overlap"
 
@@ -43,6 +44,19 @@ def test_database_befalls_all_that_can_and_its_clock_stays() -> None:
     assert befell >= {"kill", "hang", "disk full", "cut", "reset", "renewal"}
     assert befell.isdisjoint(TIMED)
     assert any(stroke.part == DATABASE for stroke in make_plan(2, seconds=10.0, parts=PARTS))
+
+
+def test_member_of_a_cluster_is_away_for_a_promotion_and_befalls_all_that_can() -> None:
+    parts = [*PARTS[:-1], *MEMBERS]
+    plan = make_plan(1, seconds=600.0, parts=parts)
+    ttl = DYNAMIC["ttl"]
+    assert isinstance(ttl, int)
+    kills = [s for s in plan if (s.fault, s.part) == ("kill", MEMBERS[0])]
+    assert kills[0].end - kills[0].begin > ttl
+    for member in MEMBERS:
+        befell = {stroke.fault for stroke in plan if stroke.part == member}
+        assert befell >= {*MEMBER, "kill", "cut", "renewal"}
+        assert befell.isdisjoint(TIMED)
 
 
 def test_plan_without_a_database_spares_it() -> None:
