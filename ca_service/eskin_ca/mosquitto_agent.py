@@ -25,6 +25,7 @@ from eskin.identity import ChainVerifier, IdentityKind
 from eskin.identity.identity import ROOT_FILE, write_whole
 from eskin.mosquitto import revoked, versions
 from eskin.mosquitto.configuration import KINDS
+from eskin.runtime.stop_signals import stop_on_signals
 from eskin.runtime.supervised import FaultLog
 from eskin_ca.client import fetch_anchor, fetch_revocations, fetch_revoked
 from eskin_ca.http_client import NotReadyError
@@ -32,7 +33,6 @@ from eskin_ca.http_client import NotReadyError
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
-    from types import FrameType
 
     from eskin.runtime.files.stamp import Version
 
@@ -94,13 +94,7 @@ class MosquittoAgent:
         settings = self._folder / "dynamic-security.json"
         write_whole(settings, json.dumps(DYNAMIC_SECURITY).encode(), mode=0o600)
         broker = subprocess.Popen(self._argv)  # noqa: S603 - what the operator asks for
-
-        def end(number: int, frame: FrameType | None) -> None:
-            del number, frame
-            self._stopping.set()
-
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, end)
+        stop_on_signals(self._stopping)
         try:
             self._seen = self._state()
             while broker.poll() is None and not self._stopping.wait(_LOOK_S):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import signal
 from functools import partial
 from random import SystemRandom
 from threading import Event
@@ -14,6 +13,7 @@ from eskin.identity import ChainVerifier, IdentityKind, RevocationFile, client_c
 from eskin.identity.identity import ROOT_FILE
 from eskin.privacy import open_keystore
 from eskin.runtime.memory import freeze_gc
+from eskin.runtime.stop_signals import stop_on_signals
 from eskin.runtime.supervised import Backoff
 from eskin.wire.frames.warm_up import warm_up
 from eskin.wire.timestamp import SECOND
@@ -49,8 +49,6 @@ from eskin_gateway.upstream.ingest_client import IngestClient
 from eskin_gateway.upstream.subjects_client import SubjectsClient
 
 if TYPE_CHECKING:
-    from types import FrameType
-
     from eskin_gateway.settings import GatewaySettings
 
 log = logging.getLogger(__name__)
@@ -63,14 +61,7 @@ def run(settings: GatewaySettings) -> None:
         EskinError: Identity, spool or address cannot be used.
     """
     stop = Event()
-
-    def end(number: int, frame: FrameType | None) -> None:
-        del frame
-        log.info("ending: signal=%s", signal.Signals(number).name)
-        stop.set()
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, end)
+    stop_on_signals(stop)
     gateway = Gateway(settings)
     warm_up()
     gateway.start()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import signal
 import threading
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from eskin.identity import Identity
 from eskin.runtime.memory import freeze_gc
+from eskin.runtime.stop_signals import stop_on_signals
 from eskin.wire.envelope import sign
 from eskin.wire.topics import Stream, node_topic
 from eskin_sensor_node.link.publisher import Publisher
@@ -27,8 +27,6 @@ from eskin_sensor_node.skin_node.factory import build_skin_node
 from eskin_sensor_node.skin_node.factory import warm_up as warm_up_skin
 
 if TYPE_CHECKING:
-    from types import FrameType
-
     from eskin_sensor_node.firmware.outbox import Outbox
     from eskin_sensor_node.machine.clock import Clock
     from eskin_sensor_node.machine.flash.flash import Flash
@@ -54,13 +52,7 @@ def run(settings: NodeSettings) -> None:
         PrivacyError: The key of the flash cannot be had.
     """
     stop = threading.Event()
-
-    def end(number: int, _frame: FrameType | None) -> None:
-        log.info("stopping: signal=%s", signal.Signals(number).name)
-        stop.set()
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, end)
+    stop_on_signals(stop)
     truth = GroundTruth(settings.truth.path, limit=settings.truth.limit_bytes)
     flash = open_flash(settings)
     try:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import logging
 import resource
-import signal
 import threading
 import time
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import numbered
+from eskin.runtime.stop_signals import stop_on_signals
 from eskin_sensor_node.fleet.cohort import Cohort
 from eskin_sensor_node.fleet.connection import Connection
 from eskin_sensor_node.fleet.connector import Connector
@@ -29,8 +29,6 @@ from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.settings import RadioSection
 
 if TYPE_CHECKING:
-    from types import FrameType
-
     from eskin_sensor_node.settings import NodeSettings
 
 log = logging.getLogger(__name__)
@@ -52,13 +50,7 @@ def run(settings: NodeSettings) -> None:
         SettingsError: There cannot be so many connections, or a setting is none of a fleet.
     """
     stop = threading.Event()
-
-    def end(number: int, _frame: FrameType | None) -> None:
-        log.info("stopping: signal=%s", signal.Signals(number).name)
-        stop.set()
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, end)
+    stop_on_signals(stop)
     if settings.skin.present:
         raise SettingsError("fleet.count", "a node with a skin runs alone; start one process each")
     _require_open_air(settings)
