@@ -12,6 +12,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
+import httpx
 import psutil
 import psycopg
 from eskin_cloud.store.location import parse_url
@@ -19,7 +20,7 @@ from eskin_cloud.store.location import parse_url
 from eskin.demo.ports import free_ports
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE
 from tests.support.postgresql import as_another_user, program
-from tests.support.processes import Running, wait_until
+from tests.support.processes import PLAIN, Running, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -184,7 +185,8 @@ class Member(Running):
         self.name = name
         self.folder = folder
         self.address = address
-        self.port, self._rest = free_ports(2)
+        self.port, rest = free_ports(2)
+        self._rest = f"{address}:{rest}"
         as_user = _as_another_user(folder) if os.geteuid() == 0 else []
         self._data = folder / "data"
         config = folder / "patroni.yml"
@@ -217,8 +219,8 @@ class Member(Running):
             "scope": "eskin",
             "name": self.name,
             "restapi": {
-                "listen": f"{self.address}:{self._rest}",
-                "connect_address": f"{self.address}:{self._rest}",
+                "listen": self._rest,
+                "connect_address": self._rest,
             },
             "etcd3": {"hosts": [etcd]},
             "bootstrap": {
@@ -262,6 +264,13 @@ class Member(Running):
     def has_standby(self) -> bool:
         """Whether its commits wait for another member."""
         return self._says("EXISTS (SELECT FROM pg_stat_replication WHERE sync_state = 'sync')")
+
+    def is_synchronous(self) -> bool:
+        """Whether Patroni holds it for a synchronous standby, which it may promote."""
+        try:
+            return httpx.get(f"http://{self._rest}/synchronous", timeout=2, verify=PLAIN).is_success
+        except httpx.HTTPError:
+            return False
 
     def execute(self, statement: str) -> Sequence[Sequence[Any]]:
         """Do something as the administrator; gives the rows of an answer.
@@ -331,8 +340,19 @@ class PatroniCluster:
         self._exits.close()
 
     def settle(self) -> Member:
-        """Wait until there are a primary, which is given, and a synchronous standby."""
-        return settle(self.members)
+        """Wait until a standby may be promoted; gives the primary.
+
+        Patroni notes it in etcd a moment after the primary's commits begin to wait for it.
+        """
+        primary = settle(self.members)
+        noted = "a standby may be promoted"
+        wait_until(lambda: any(member.is_synchronous() for member in self.members), noted)
+        return primary
+
+    def standby(self) -> Member:
+        """The one that is not the primary, once it may be promoted."""
+        primary = self.settle()
+        return next(member for member in self.members if member is not primary)
 
     def create(self, name: str) -> URL:
         """Make an empty database; gives it at both members."""
