@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Literal
 
 from eskin_gateway.forward.forwarder import Forwarder
@@ -17,7 +18,7 @@ from tests.unit.gateway.descriptions import KnownDescriptions
 from tests.unit.gateway.in_memory import quick
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from tests.unit.gateway.stub_cloud import StubCloud
@@ -75,6 +76,7 @@ class Setup:
         *,
         most: int = 4,
         descriptions: KnownDescriptions | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.cloud = stub
         self.spool = Spool(folder / "spool.db", capacity=10**7, max_dead_letters=100)
@@ -89,4 +91,5 @@ class Setup:
             descriptions_client=descriptions or KnownDescriptions(),
             backoff=quick(),
             metrics=self.metrics,
+            clock=clock,
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from threading import Event
-from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -44,11 +43,8 @@ def test_forwarder_pauses_after_a_small_batch_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, took: float, rests: list[float]
 ) -> None:
     now = [0.0]
-    monkeypatch.setattr(
-        "eskin_gateway.forward.forwarder.time", SimpleNamespace(monotonic=lambda: now[0])
-    )
     cloud = MemoryCloud()
-    setup = Setup(tmp_path, cloud, cloud, most=most)
+    setup = Setup(tmp_path, cloud, cloud, most=most, clock=lambda: now[0])
     send = cloud.send
 
     def slowly(messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
