@@ -82,12 +82,20 @@ class _SlotRows:
         self.layouts: set[tuple[str, bytes]] = set()
         self.units: dict[str, dict[str, str]] = {}
 
+    def lasting(self) -> _SlotRows:
+        """What no other process changes: sites, and layouts of which a page is stored."""
+        kept = _SlotRows()
+        kept.sites = self.sites
+        stored = {(key[1], key[2]) for key, row in self.rows[pages].items() if row is not None}
+        kept.layouts = self.layouts & stored
+        return kept
+
 
 class WriteCache:
     """Rows of nodes, pages and sequences, and the last cursors; `save` writes them back.
 
     Only the writer thread uses it. A rollback clears it; what another process has written of a
-    slot drops that slot.
+    slot drops all of that slot that may have changed.
 
     Args:
         name: Identifies the process to others.
@@ -109,7 +117,7 @@ class WriteCache:
         return rows + sum(len(each.ranges) for each in known)
 
     def lock(self, connection: Connection, slots: Collection[int]) -> None:
-        """Lock slots until the commit, and drop what is cached of those that others wrote.
+        """Lock slots until the commit, and drop what others may have changed.
 
         The first statement of a transaction that writes rows of nodes: what it reads afterwards
         is what the last writer of the slot has committed.
@@ -126,7 +134,7 @@ class WriteCache:
             if writer == MOVING:
                 refuse_moving()
             if writer != self.name:
-                self._slots.pop(slot, None)
+                self._slots[slot] = self._slots[slot].lasting()
                 self.digests.forget(slot)
             self._cursors[slot] = cursor
 
