@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import cbor2
 import numpy as np
 import pytest
+from eskin_cloud.store import Store
 from eskin_cloud.store.schema.frame_tables import descriptions, frames
 from eskin_cloud.store.schema.tables import dead_letters, lost_ranges
 from eskin_cloud.store.write.ingest import REJECTED, STORED, UNKNOWN_LAYOUT, UNKNOWN_NODE
@@ -50,8 +51,9 @@ from tests.unit.cloud.test_frames import results, rows
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from eskin_cloud.store import Store
+    from sqlalchemy import URL
 
+    from tests.support.postgresql import Cluster
     from tests.unit.cloud.clouds import Stand
 
 GOOD: Final = cbor2.loads(frame(1).encode())
@@ -296,6 +298,21 @@ def test_channel_keeps_its_unit(store: Store) -> None:
     alike = layout((PALM, WARM, patch("tip", 2, quantity="force", unit="N")))
     describe(store, alike, patch("tip", 2, quantity="force", unit="N"))
     assert results(put(store, frame(6, of=alike), frame(0))) == [STORED, "duplicate"]
+
+
+def test_channel_keeps_its_unit_whichever_cloud_stored_it_first(
+    cluster: Cluster, shared_database: URL
+) -> None:
+    cluster.clear(shared_database)
+    colder = (PALM, patch("warm", 1, quantity="temperature", unit="K"), TIP)
+    other = layout(colder)
+    with Store(shared_database) as one, Store(shared_database) as two:
+        describe(one, HAND, *PATCHES)
+        describe(one, other, *colder)
+        # Read by its layout, of which nothing is stored then.
+        assert results(put(one, one_patch(other, sequence=0, columns=2))) == [REJECTED]
+        assert results(put(two, frame(1))) == [STORED]
+        assert results(put(one, frame(2, of=other), frame(3))) == [REJECTED, STORED]
 
 
 def test_channels_of_all_layouts_of_a_node_count(
