@@ -159,7 +159,7 @@ class Site:
             if status is None:
                 continue
             last = running.output()[-3000:]
-            lacked = self.database is not None and name in CLOUDS and _NO_STORE in last[-500:]
+            lacked = self.database is not None and name in CLOUDS and _NO_STORE in last[-2000:]
             assert status == 2 and lacked, f"{name} ended with {status}:\n{last}"  # noqa: PT018 - one condition
             running.start()
 
