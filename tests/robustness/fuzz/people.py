@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from eskin_cloud.store import Store
 
-    from tests.robustness.fuzz.asgi import Answer
+    from tests.support.asgi import Answer
 
 
 class People:

@@ -25,12 +25,12 @@ from sqlalchemy.exc import OperationalError
 from eskin.errors import StoreError
 from tests.robustness.simulation.faults import CLOUD
 from tests.robustness.simulation.timeline import EPOCH, SECOND
+from tests.support.asgi import Answer, ask
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
 
     from sqlalchemy import Connection
-    from starlette.types import Message
 
     from tests.robustness.simulation.parties import Parties
     from tests.robustness.simulation.world import World
@@ -146,19 +146,21 @@ class Cloud:
         if self._world.faults.lasting(CLOUD, "is unavailable"):
             self._world.timeline.note(CLOUD, f"answers 503 to {gateway}: {name}")
             return httpx.Response(503)
-        status, fields, answered = self._run(self._ask(gateway, path, headers, body))
+        answer: Answer = self._run(self._ask(gateway, path, headers, body))
         asked = _items(body) if name == "ingest" else []
-        self._world.timeline.note(CLOUD, _shown(gateway, name, status, asked, answered))
+        self._world.timeline.note(CLOUD, _shown(gateway, name, asked, answer))
         if self._dies_in_commit:
             self.die(self._lasts)
             raise httpx.RemoteProtocolError("the cloud died")
-        if name == "ingest" and status == httpx.codes.OK:
-            self._world.laws.check_answer(asked, answered)
+        if name == "ingest" and answer.status == httpx.codes.OK:
+            self._world.laws.check_answer(asked, answer.body)
         dying = self._world.faults.once(CLOUD, "dies after a commit")
         if dying is not None:
             self.die(dying.lasts)
             raise httpx.RemoteProtocolError("the cloud died")
-        return httpx.Response(status, headers=fields, content=answered)
+        return httpx.Response(
+            answer.status, headers=list(answer.headers.items()), content=answer.body
+        )
 
     def _run(self, work: Coroutine[Any, Any, Any]) -> Any:
         self._answering = True
@@ -169,36 +171,11 @@ class Cloud:
 
     async def _ask(
         self, gateway: str, path: str, headers: list[tuple[bytes, bytes]], body: bytes
-    ) -> tuple[int, list[tuple[bytes, bytes]], bytes]:
-        scope: dict[str, Any] = {
-            "type": "http",
-            "asgi": {"version": "3.0"},
-            "http_version": "1.1",
-            "method": "POST",
-            "scheme": "https",
-            "path": path,
-            "raw_path": path.encode(),
-            "query_string": b"",
-            "root_path": "",
-            "headers": headers,
-            "client": ("127.0.0.1", 5000),
-            "server": ("127.0.0.1", 8443),
-            "extensions": {"tls": {"client_cert_chain": self._chains[gateway]}},
-        }
-        waiting: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
-        sent: list[Message] = []
-
-        async def receive() -> Message:
-            return waiting.pop() if waiting else {"type": "http.disconnect"}
-
-        async def send(message: Message) -> None:
-            sent.append(message)
-
-        await self._app(scope, receive, send)
+    ) -> Answer:
+        tls = {"tls": {"client_cert_chain": self._chains[gateway]}}
+        answer = await ask(self._app, "POST", path.encode(), headers, body, extensions=tls)
         await self._cloud.gateway_contacts.written()
-        start, *rest = sent
-        parts = b"".join(message.get("body", b"") for message in rest)
-        return start["status"], start["headers"], parts
+        return answer
 
     # Jobs.
 
@@ -239,13 +216,11 @@ def _items(body: bytes) -> list[tuple[str, int, int]]:
     return found
 
 
-def _shown(
-    gateway: str, name: str, status: int, asked: list[tuple[str, int, int]], answered: bytes
-) -> str:
+def _shown(gateway: str, name: str, asked: list[tuple[str, int, int]], answer: Answer) -> str:
     """A line of the history."""
-    if name != "ingest" or status != httpx.codes.OK:
-        return f"answers {status} to {gateway}: {name}"
-    items = orjson.loads(answered)["items"]
+    if name != "ingest" or answer.status != httpx.codes.OK:
+        return f"answers {answer.status} to {gateway}: {name}"
+    items = orjson.loads(answer.body)["items"]
     results = [
         f"{n}/{b}/{k}:{item['result']}" for (n, b, k), item in zip(asked, items, strict=True)
     ]
