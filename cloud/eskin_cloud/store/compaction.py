@@ -128,7 +128,7 @@ def find_compactable_frames(
     p = pages.c
     with store.read() as connection:
         query = select(p.slot, p.node, p.layout, p.page, p.compacted).where(p.frames > 0)
-        query = query.where(p.slot.in_(list(slots)))
+        query = query.where(p.slot.in_(list(slots))).order_by(p.slot, p.node, p.layout, p.page)
         found = []
         for *key, since in connection.execute(query).all():
             first = _heads(connection, (key[0], key[1], key[2], key[3]), since, 1).first()
