@@ -5,6 +5,8 @@ gateways bring the same frames over TLS, each those of its nodes to a cloud of i
 all clouds and of the server is counted, from the first request to the last answer. Nodes' slots
 are as their names have them, so clouds write the same slots, and each drops what it has cached of
 a slot that another one has written. No cloud compacts frames meanwhile.
+
+With ``--citus`` the store of K clouds is distributed over K servers. The coordinator counts, too.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ import psutil
 
 from benchmarks.report import Row
 from benchmarks.said import HAND, descriptions, say
+from tests.support.citus import CitusCluster
 from tests.support.identities import Identities
 from tests.support.postgresql import Cluster
 from tests.unit.cloud.service import Service
@@ -47,24 +50,30 @@ _NO_COMPACTION: Final = "[compaction]\non = false\n"
 """Each cloud compacts a quarter of the time at most: more clouds would do more of it meanwhile."""
 
 
-def measure_clouds(folder: Path) -> list[Row]:
+CITUS_HELP: Final = "programs of a PostgreSQL with Citus, as services/citus/build.sh prints them"
+
+
+def measure_clouds(folder: Path, citus: Path | None = None) -> list[Row]:
     """CPU seconds for a million samples, medians of rounds, as multiples of those of one cloud.
 
     Args:
         folder: For settings and logs.
+        citus: Folder of the programs of a PostgreSQL with Citus, on which K clouds have K workers;
+            without it, clouds have one server.
     """
     used: dict[int, list[float]] = {number: [] for number in _CLOUDS}
     with ExitStack() as stack:
-        sites = {number: _Site(folder / str(number), number, stack) for number in _CLOUDS}
+        sites = {number: _Site(folder / str(number), number, stack, citus) for number in _CLOUDS}
         for turn in range(_ROUNDS + 1):
             for number, site in sites.items():
                 seconds = site.bring(turn)
                 if turn:  # the first one compiles and warms up
                     used[number].append(seconds)
     one = median(used[1])
+    servers = "one server" if citus is None else "as many shards on servers of their own"
     return [
         Row(
-            f"CPU for a million samples, {number} clouds on one server",
+            f"CPU for a million samples, {number} clouds on {servers}",
             round(median(used[number]), 3),
             "s",
             peer="one cloud",
@@ -78,13 +87,18 @@ def measure_clouds(folder: Path) -> list[Row]:
 
 
 class _Site:
-    """Clouds on a server of their own, each with a gateway's client."""
+    """Clouds with a store of their own, each with a gateway's client."""
 
-    def __init__(self, folder: Path, number: int, stack: ExitStack) -> None:
+    def __init__(self, folder: Path, number: int, stack: ExitStack, citus: Path | None) -> None:
         folder.mkdir(parents=True)
-        cluster = stack.enter_context(Cluster())
+        cluster: Cluster
+        if citus is None:
+            cluster = stack.enter_context(Cluster())
+            self._servers = [cluster.running]
+        else:
+            cluster = stack.enter_context(CitusCluster(citus, workers=number))
+            self._servers = [each.running for each in (cluster, *cluster.workers)]
         identities, place = Identities(folder / "pki"), cluster.fresh()
-        self._server = cluster.running
         self._clouds = [
             stack.enter_context(
                 Service(folder / f"cloud-{k}", identities, place=place, more=_NO_COMPACTION)
@@ -108,8 +122,8 @@ class _Site:
         return (self._used() - before) / (_NODES * _FRAMES * HAND.samples / 1e6)
 
     def _used(self) -> float:
-        """Processor time of the clouds and of the server, with all its sessions."""
-        processes = [each.process for each in (*self._clouds, self._server)]
+        """Processor time of the clouds and of the servers, with all their sessions."""
+        processes = [each.process for each in (*self._clouds, *self._servers)]
         return sum(_time_of(psutil.Process(each.pid)) for each in processes if each is not None)
 
 
@@ -144,9 +158,11 @@ def _post_all(client: httpx.Client, bodies: Sequence[bytes]) -> None:
 
 def main() -> None:
     """Print the figures."""
-    argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0]).parse_args()
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--citus", type=Path, metavar="PROGRAMS", help=CITUS_HELP)
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="clouds-") as folder:
-        for row in measure_clouds(Path(folder)):
+        for row in measure_clouds(Path(folder), arguments.citus):
             print(f"{row.name}: {row.value:g} {row.unit}, ratio {row.ratio}, target {row.target}")
 
 

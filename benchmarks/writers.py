@@ -3,34 +3,43 @@
 ``python -m benchmarks.writers`` adds 40 ms to each flush of the server. Each writer is a process
 with a store of its own, and writes the nodes of its own slots: one batch after the other, each of
 which is durable before the next begins. Meanwhile locks that a session waits for are counted.
+
+With ``--citus`` the store is distributed over four servers, whose flushes are slow, and each
+writer's nodes are in a shard of another server.
 """
 
 from __future__ import annotations
 
 import argparse
 import multiprocessing
-import subprocess
 import tempfile
 import time
+from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Self
 
 import psycopg
 from eskin_cloud.store import Store
+from eskin_cloud.store.distribute import check
 from eskin_cloud.store.slot import even_groups, slot_of
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from sqlalchemy import make_url
 
+from benchmarks.clouds import CITUS_HELP
 from benchmarks.report import Row
+from tests.support.citus import CitusCluster
 from tests.support.postgresql import Cluster
+from tests.support.preloads import build_preload
 from tests.unit.cloud.clouds import put_items
 from tests.unit.cloud.messages import stretch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.synchronize import Event
+
+    from sqlalchemy import URL
 
 _FLUSH_MS: Final = 40
 _MESSAGES: Final = 3
@@ -39,10 +48,11 @@ _SECONDS: Final = 5.0
 _WRITERS: Final = (1, 2, 4)
 _ROUNDS: Final = 3
 _LEAST: Final = 0.8
+_SLOW_FLUSH: Final = Path(__file__).with_name("slow_flush.c")
 _WAITING: Final = b"SELECT count(*) FROM pg_locks WHERE NOT granted AND locktype <> 'object'"
 
 
-def measure_writers(flush_ms: int = _FLUSH_MS) -> list[Row]:
+def measure_writers(flush_ms: int = _FLUSH_MS, citus: Path | None = None) -> list[Row]:
     """Commits a second of K writers as multiples of one, medians of rounds; and waits for locks.
 
     The server's own limit is measured beside: sessions that insert one row a transaction, without
@@ -50,36 +60,28 @@ def measure_writers(flush_ms: int = _FLUSH_MS) -> list[Row]:
 
     Args:
         flush_ms: What each flush takes longer.
+        citus: Folder of the programs of a PostgreSQL with Citus; without it, there is one server.
     """
     ours: dict[int, list[float]] = {number: [] for number in _WRITERS}
     bare: dict[int, list[float]] = {number: [] for number in _WRITERS}
     shared: list[float] = []
     waits = 0
-    with tempfile.TemporaryDirectory(prefix="flush-") as folder:
-        Path(folder).chmod(0o755)
-        library = _compiled(Path(folder))
-        prefix = ["env", f"LD_PRELOAD={library}", f"SLOW_FLUSH_MS={flush_ms}"]
-        with Cluster(prefix=prefix) as cluster:
-            # So that commits share flushes, as PostgreSQL's manual advises for slow disks.
-            for setting in (f"commit_delay = {200 * flush_ms}", "commit_siblings = 1"):
-                cluster.execute(f"ALTER SYSTEM SET {setting}", database="postgres")
-            cluster.execute("SELECT pg_reload_conf()", database="postgres")
-            for _ in range(_ROUNDS):
-                for number in _WRITERS:
-                    nodes = [_node(k, number) for k in range(number)]
-                    rate, waited = _rate(cluster, _write, nodes)
-                    ours[number].append(rate)
-                    bare[number].append(_rate(cluster, _insert, nodes)[0])
-                    waits += waited
-                shared.append(_rate(cluster, _write, [_node(0, 1)] * 2)[0])
-            cluster.running.kill()  # a last checkpoint would take minutes
+    with _Place(flush_ms, citus) as place:
+        for _ in range(_ROUNDS):
+            for number in _WRITERS:
+                rate, waited = place.rate(_write, place.nodes(number))
+                ours[number].append(rate)
+                bare[number].append(place.rate(_insert, place.nodes(number))[0])
+                waits += waited
+            shared.append(place.rate(_write, place.nodes(1) * 2)[0])
     one, rows = median(ours[1]), []
     for number in _WRITERS[1:]:
         ratio = median(ours[number]) / one
         most = median(bare[number]) / median(bare[1])
+        apart = "slots of their own" if citus is None else "shards of servers of their own"
         rows += [
             Row(
-                f"commits of {number} clouds in slots of their own, {flush_ms} ms a flush",
+                f"commits of {number} clouds in {apart}, {flush_ms} ms a flush",
                 round(median(ours[number]), 1),
                 "1/s",
                 peer="one cloud",
@@ -94,45 +96,91 @@ def measure_writers(flush_ms: int = _FLUSH_MS) -> list[Row]:
     return [*rows, both, Row("waits for locks between writers of different slots", waits, "")]
 
 
-def _compiled(folder: Path) -> Path:
-    source = Path(__file__).with_name("slow_flush.c")
-    made = folder / "slow_flush.so"
-    subprocess.run(["cc", "-shared", "-fPIC", "-o", made, source, "-ldl"], check=True)
-    return made
+class _Place:
+    """A store on servers whose flushes are slow."""
 
+    def __init__(self, flush_ms: int, citus: Path | None) -> None:
+        self._flush_ms = flush_ms
+        self._citus = citus
+        self._stack = ExitStack()
+        self._boots = count(1)
 
-def _node(number: int, among: int) -> str:
-    """A node of which so many writers have one each, in slots of their own."""
-    names = (f"node-{k}" for k in count())
-    return next(each for each in names if even_groups(among)[slot_of(each)] == number)
+    def __enter__(self) -> Self:
+        with ExitStack() as stack:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="flush-")))
+            folder.chmod(0o755)
+            environment = [
+                f"LD_PRELOAD={build_preload(_SLOW_FLUSH, folder)}",
+                f"SLOW_FLUSH_MS={self._flush_ms}",
+            ]
+            prefix = ["env", *environment]
+            if self._citus is None:
+                cluster = stack.enter_context(Cluster(prefix=prefix))
+                self._clusters = [cluster]
+            else:
+                most = max(_WRITERS)
+                cluster = stack.enter_context(
+                    CitusCluster(self._citus, workers=most, prefix=prefix)
+                )
+                self._clusters = [cluster, *cluster.workers]
+            self._url = cluster.fresh()
+            self._slots = [] if self._citus is None else [e.slots for e in check(self._url)]
+            database = str(self._url.database)
+            cluster.execute("CREATE TABLE bare (slot smallint, boot bigint)", database=database)
+            if self._citus is not None:
+                spread = "SELECT create_distributed_table('bare', 'slot', colocate_with => 'feed')"
+                cluster.execute(spread, database=database)
+            for each in self._clusters:
+                stack.callback(each.running.kill)  # a last checkpoint would take minutes
+                # So that commits share flushes, as PostgreSQL's manual advises for slow disks.
+                for setting in (f"commit_delay = {200 * self._flush_ms}", "commit_siblings = 1"):
+                    each.execute(f"ALTER SYSTEM SET {setting}", database="postgres")
+                each.execute("SELECT pg_reload_conf()", database="postgres")
+            self._stack = stack.pop_all()
+        return self
 
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
 
-def _rate(cluster: Cluster, work: Callable[..., None], nodes: list[str]) -> tuple[float, int]:
-    """Commits a second of one writer for each node, and how often a lock was waited for."""
-    place = cluster.fresh()
-    context = multiprocessing.get_context("spawn")
-    ready = [context.Event() for _ in nodes]
-    begin, stored = context.Event(), [context.Value("q", 0) for _ in nodes]
-    url = place.render_as_string(hide_password=False)
-    writers = [
-        context.Process(target=work, args=(url, node, 1000 * k, is_ready, begin, own))
-        for k, (node, is_ready, own) in enumerate(zip(nodes, ready, stored, strict=True))
-    ]
-    for each in writers:
-        each.start()
-    for event in ready:
-        assert event.wait(120), "a writer is ready"
-    begin.set()
-    waits, begun = 0, time.monotonic()
-    words = f"host={cluster.folder} user={place.username} dbname={place.database}"
-    with psycopg.connect(words, autocommit=True) as connection:
-        while time.monotonic() - begun < _SECONDS:
-            waits += connection.execute(_WAITING).fetchone()[0]  # type: ignore[index]  # one row
-            time.sleep(0.005)
-    for each in writers:
-        each.join(120)
-        assert each.exitcode == 0, "a writer failed"
-    return sum(each.value for each in stored) / _SECONDS, waits
+    def nodes(self, number: int) -> list[str]:
+        """A node for each of so many writers, in slots of their own; on Citus, of other servers."""
+        groups = even_groups(number)
+        whose = self._slots or [
+            frozenset(slot for slot, group in enumerate(groups) if group == k)
+            for k in range(number)
+        ]
+        return [
+            next(node for k in count() if slot_of(node := f"node-{k}") in slots)
+            for slots in whose[:number]
+        ]
+
+    def rate(self, work: Callable[..., None], nodes: list[str]) -> tuple[float, int]:
+        """Commits a second of one writer for each node, and how often a lock was waited for."""
+        context = multiprocessing.get_context("spawn")
+        ready = [context.Event() for _ in nodes]
+        begin, stored = context.Event(), [context.Value("q", 0) for _ in nodes]
+        url = self._url.render_as_string(hide_password=False)
+        writers = [
+            context.Process(target=work, args=(url, node, next(self._boots), is_ready, begin, own))
+            for node, is_ready, own in zip(nodes, ready, stored, strict=True)
+        ]
+        for each in writers:
+            each.start()
+        for event in ready:
+            assert event.wait(120), "a writer is ready"
+        begin.set()
+        waits, begun = 0, time.monotonic()
+        with ExitStack() as stack:
+            name = str(self._url.database)
+            watchers = [stack.enter_context(_session(c.place(name))) for c in self._clusters]
+            while time.monotonic() - begun < _SECONDS:
+                for watcher in watchers:
+                    waits += watcher.execute(_WAITING).fetchone()[0]  # type: ignore[index]  # a row
+                time.sleep(0.005)
+        for each in writers:
+            each.join(120)
+            assert each.exitcode == 0, "a writer failed"
+        return sum(each.value for each in stored) / _SECONDS, waits
 
 
 def _write(url: str, node: str, boot: int, ready: Event, begin: Event, stored: object) -> None:
@@ -152,23 +200,29 @@ def _write(url: str, node: str, boot: int, ready: Event, begin: Event, stored: o
 
 
 def _insert(url: str, node: str, boot: int, ready: Event, begin: Event, stored: object) -> None:
-    place, row = make_url(url), b"INSERT INTO bare VALUES (%s, %s)"
-    words = f"host={place.query['host']} user={place.username} dbname={place.database}"
-    with psycopg.connect(words, autocommit=True) as connection:
-        connection.execute(b"CREATE TABLE IF NOT EXISTS bare (node text, boot bigint)")
+    row = b"INSERT INTO bare VALUES (%s, %s)"
+    with _session(make_url(url)) as connection:
         ready.set()
         assert begin.wait(120)
         end = time.monotonic() + _SECONDS
         while time.monotonic() < end:
-            connection.execute(row, (node, boot))
+            connection.execute(row, (slot_of(node), boot))
             stored.value += 1  # type: ignore[attr-defined]  # a shared number
+
+
+def _session(place: URL) -> psycopg.Connection:
+    port = f" port={place.port}" if place.port else ""
+    words = f"host={place.query['host']}{port} user={place.username} dbname={place.database}"
+    return psycopg.connect(words, autocommit=True)
 
 
 def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("--flush-ms", type=int, default=_FLUSH_MS, help="default %(default)s")
-    for row in measure_writers(parser.parse_args().flush_ms):
+    parser.add_argument("--citus", type=Path, metavar="PROGRAMS", help=CITUS_HELP)
+    arguments = parser.parse_args()
+    for row in measure_writers(arguments.flush_ms, arguments.citus):
         print(f"{row.name}: {row.value:g} {row.unit}, ratio {row.ratio}, target {row.target}")
 
 

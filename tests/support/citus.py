@@ -14,7 +14,7 @@ from eskin_cloud.store.distribute import distribute
 from tests.support.postgresql import Cluster
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from types import TracebackType
 
     from sqlalchemy import URL
@@ -49,18 +49,25 @@ class CitusCluster(Cluster):
         programs: Folder of a server's programs, with Citus.
         workers: How many there are at first.
         settings: More settings of each server.
+        prefix: Words before the command of each server.
     """
 
     def __init__(
-        self, programs: Path, *, workers: int = 2, settings: Mapping[str, str] | None = None
+        self,
+        programs: Path,
+        *,
+        workers: int = 2,
+        settings: Mapping[str, str] | None = None,
+        prefix: Sequence[str] = (),
     ) -> None:
         self._programs = programs
+        self._prefix = prefix
         self._settings = dict(settings or {})
         self._ports = count(_FIRST_PORT)
         self._databases = count(1)
         self.folder = Path(tempfile.mkdtemp(prefix="citus-"))
         settings = self._shared(next(self._ports))
-        super().__init__(folder=self.folder, programs=programs, settings=settings)
+        super().__init__(folder=self.folder, prefix=prefix, programs=programs, settings=settings)
         self.workers: list[Cluster] = [self._new_worker() for _ in range(workers)]
 
     def _shared(self, port: int) -> dict[str, str]:
@@ -80,6 +87,7 @@ class CitusCluster(Cluster):
         folder.mkdir()
         return Cluster(
             folder=folder,
+            prefix=self._prefix,
             programs=self._programs,
             sockets=self.folder,
             settings=self._shared(port),
