@@ -126,7 +126,7 @@ class _Place:
             self._url = cluster.fresh()
             self._slots = [] if self._citus is None else [e.slots for e in check(self._url)]
             database = str(self._url.database)
-            cluster.execute("CREATE TABLE bare (slot smallint, boot bigint)", database=database)
+            cluster.execute("CREATE TABLE bare (slot integer, boot bigint)", database=database)
             if self._citus is not None:
                 spread = "SELECT create_distributed_table('bare', 'slot', colocate_with => 'feed')"
                 cluster.execute(spread, database=database)
