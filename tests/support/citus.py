@@ -20,6 +20,11 @@ if TYPE_CHECKING:
     from sqlalchemy import URL
 
 REPOSITORY: Final = Path(__file__).parents[2]
+SOURCE: Final = "ESKIN_CITUS_SOURCE"
+"""The variable that names Citus's source tree."""
+NO_SOURCE: Final = (
+    "no source tree of Citus is given: make test-cluster SOURCE=DIR, DIR a checkout of v13.0.5"
+)
 _FIRST_PORT: Final = 5432
 """Ports only name the sockets in the cluster's folder: no server listens to a network."""
 

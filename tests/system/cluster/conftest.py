@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.support.citus import CitusCluster, build
+from tests.support.citus import NO_SOURCE, SOURCE, CitusCluster, build
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-SOURCE = "ESKIN_CITUS_SOURCE"
 PROGRAMS = "ESKIN_CITUS_PROGRAMS"
 """Folder of the programs of a PostgreSQL with Citus, where it was built before."""
 
@@ -27,10 +26,7 @@ def programs() -> Iterator[Path]:
         yield Path(built)
         return
     if not source:
-        pytest.skip(
-            "no source tree of Citus is given: make test-cluster SOURCE=DIR, "
-            "DIR a checkout of v13.0.5"
-        )
+        pytest.skip(NO_SOURCE)
     copy, folder = build(Path(source).resolve())
     yield folder
     shutil.rmtree(copy)

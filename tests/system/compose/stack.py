@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import httpx
 
@@ -14,7 +15,7 @@ from tests.support.processes import free_port, wait_until
 from tests.system.compose.engine import run
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
 REPOSITORY = Path(__file__).parents[3]
 NODES = ("fingertip", "forearm", "palm")
@@ -28,6 +29,7 @@ IDENTIFIED = (
 """Services with a private key."""
 SERVICES = ("database", *IDENTIFIED)
 IMAGES = ("ca", "broker", "client", "cloud", "database", "gateway", "sensor-node")
+FILES: Final = (REPOSITORY / "docker-compose.yml", Path(__file__).with_name("patience.yml"))
 
 
 class Stack:
@@ -36,21 +38,40 @@ class Stack:
     Args:
         environment: Of docker and docker-compose.
         folder: Takes the root certificate.
+        project: Its name at the engine.
+        files: What describes it; a later one adds to those before it.
+        clouds: Which services are clouds, each with the variable that names its port.
+        services: Those that run, and must be healthy.
+
+    Attributes:
+        services: Those that run.
     """
 
-    def __init__(self, environment: Mapping[str, str], folder: Path) -> None:
-        self.port = free_port()
-        self._environment = {**environment, "ESKIN_PORT": str(self.port)}
+    def __init__(
+        self,
+        environment: Mapping[str, str],
+        folder: Path,
+        *,
+        project: str = "eskin-test",
+        files: Sequence[Path] = FILES,
+        clouds: Mapping[str, str] = {"cloud": "ESKIN_PORT"},
+        services: Sequence[str] = SERVICES,
+    ) -> None:
+        self._ports = {cloud: free_port() for cloud in clouds}
+        named = {clouds[cloud]: str(port) for cloud, port in self._ports.items()}
+        self._environment = {**environment, **named}
         self._root = folder / "root.pem"
+        self.services = services
         old = shutil.which("docker-compose")
-        self._compose = [
-            *(["docker-compose"] if old else ["docker", "compose"]),
-            "-p",
-            "eskin-test",
-        ]
-        for file in (REPOSITORY / "docker-compose.yml", Path(__file__).with_name("patience.yml")):
+        self._compose = [*(["docker-compose"] if old else ["docker", "compose"]), "-p", project]
+        for file in files:
             self._compose += ["-f", str(file)]
         self._token = ""
+
+    @property
+    def port(self) -> int:
+        """Where the first cloud's dashboard is on this machine."""
+        return next(iter(self._ports.values()))
 
     def compose(self, *words: str, seconds: float = 60.0, errors: bool = True) -> str:
         """Run docker-compose."""
@@ -68,7 +89,7 @@ class Stack:
     def up(self) -> None:
         """Start everything, and wait until all is healthy."""
         self.compose("up", "--detach", "--no-build", seconds=900)
-        for service in SERVICES:
+        for service in self.services:
             self.wait_healthy(service)
 
     def execute(self, service: str, *argv: str) -> str:
@@ -100,13 +121,13 @@ class Stack:
             seconds=60,
         )
 
-    def client(self, *, signed_in: bool = True) -> httpx.Client:
-        """Of the cloud's API, as people reach it."""
+    def client(self, cloud: str = "cloud", *, signed_in: bool = True) -> httpx.Client:
+        """Of a cloud's API, as people reach it."""
         self._root.write_text(self.execute("ca", "cat", "root.pem"))
         if signed_in and not self._token:
-            self._token = self.execute("cloud", "eskin", "cloud", "token", "--name", "test")
+            self._token = self.execute(cloud, "eskin", "cloud", "token", "--name", "test")
         return httpx.Client(
-            base_url=f"https://localhost:{self.port}",
+            base_url=f"https://localhost:{self._ports[cloud]}",
             verify=client_context(self._root),
             headers={"Authorization": f"Bearer {self._token}"} if signed_in else {},
             trust_env=False,
@@ -126,9 +147,44 @@ class Stack:
         return self.compose("ps") + self.compose("logs", "--no-color", "--tail", "40")
 
 
+@contextmanager
+def brought_up(stack: Stack, say: Callable[[str], None]) -> Iterator[None]:
+    """Build a stack and start it until all nodes are known; take it away in the end.
+
+    Args:
+        stack: What is started.
+        say: Tells how far it is.
+    """
+    healthy = False
+    try:
+        say("building the images ...")
+        stack.build()
+        say("starting the stack ...")
+        stack.up()
+        say("the stack is healthy")
+        # On a fresh machine kernels are compiled first.
+        wait_until(lambda: _knows_all(stack), "each node has reported", seconds=300)
+        healthy = True
+        yield
+    finally:
+        if not healthy:
+            say(stack.logs())
+        stack.compose("down", "--volumes", "--timeout", "10", seconds=120)
+        say("the stack is down")
+
+
+def _knows_all(stack: Stack) -> bool:
+    with stack.client() as client:
+        return {node["id"] for node in items(client, "/api/v1/nodes")} == set(NODES)
+
+
 def items(client: httpx.Client, path: str) -> list[dict[str, Any]]:
-    """The items of a list of the API."""
+    """The items of a list of the API.
+
+    Raises:
+        httpx.HTTPStatusError: The answer is another than 200.
+    """
     answer = client.get(path)
-    assert answer.status_code == httpx.codes.OK, f"{path}: {answer.status_code} {answer.text}"
+    answer.raise_for_status()
     listed: list[dict[str, Any]] = answer.json()["items"]
     return listed

@@ -15,6 +15,13 @@ from eskin.identity import new_key
 from eskin.identity.identity import save_key
 from eskin.wire.timestamp import parse_timestamp
 from tests.support.processes import wait_until
+from tests.system.compose.checks import (
+    PSQL,
+    missing,
+    require_few_rights,
+    require_limits,
+    wait_for_samples_after,
+)
 from tests.system.compose.secrets import secrets_in
 from tests.system.compose.stack import IDENTIFIED, IMAGES, NODES, SERVICES, Stack, items
 
@@ -23,9 +30,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = pytest.mark.compose
-
-PSQL = ["psql", "--no-psqlrc", "-At", "-h", "/run/database"]
-"""Query the database as the cloud does."""
 
 
 @pytest.fixture
@@ -77,19 +81,7 @@ def test_dashboard_asks_to_sign_in_and_takes_a_one_time_address(stack: Stack) ->
 
 @pytest.mark.parametrize("service", SERVICES)
 def test_container_has_no_right_that_it_does_not_need(stack: Stack, service: str) -> None:
-    status = dict(
-        line.split(":\t", maxsplit=1)
-        for line in stack.execute(service, "cat", "/proc/self/status").splitlines()
-        if ":\t" in line
-    )
-    assert "0" not in status["Uid"].split()
-    assert int(status["CapBnd"], 16) == 0
-    assert status["NoNewPrivs"].strip() == "1"
-    known = stack.inspect(service)
-    assert known["Config"]["User"] not in {"", "root", "0"}
-    assert known["HostConfig"]["ReadonlyRootfs"] is True
-    assert known["HostConfig"]["RestartPolicy"]["Name"] == "unless-stopped"
-    assert {mount["Type"] for mount in known["Mounts"]} == {"volume"}
+    require_few_rights(stack, service)
 
 
 def test_dashboard_alone_is_reachable_and_from_this_machine_alone(stack: Stack) -> None:
@@ -104,10 +96,7 @@ def test_dashboard_alone_is_reachable_and_from_this_machine_alone(stack: Stack) 
 
 @pytest.mark.parametrize("service", SERVICES)
 def test_container_takes_so_much_memory_and_so_many_processes(stack: Stack, service: str) -> None:
-    limits = stack.inspect(service)["HostConfig"]
-    assert 0 < limits["Memory"] <= 1536 * 2**20
-    assert limits["MemorySwap"] == limits["Memory"]
-    assert 0 < limits["PidsLimit"] <= 512
+    require_limits(stack, service)
 
 
 def test_services_reach_those_alone_that_they_must_speak_with(stack: Stack) -> None:
@@ -193,10 +182,10 @@ def test_killed_containers_come_back_and_nothing_is_lost(
     for service in ("gateway", "broker", "database", "cloud"):
         stack.kill(service)
         stack.wait_healthy(service)
-    _wait_for_samples_after(stack, client, time.time_ns())
+    wait_for_samples_after(stack, client, time.time_ns())
     # What was on the way when its carrier died is sent again a few seconds later. Outboxes need not
     # be empty in any status: each states the same moment between two frames.
-    wait_until(lambda: not _missing(stack), "no sample is missing", seconds=60)
+    wait_until(lambda: not missing(stack), "no sample is missing", seconds=60)
     assert items(client, "/api/v1/events?kind=gap") == []
 
 
@@ -221,21 +210,4 @@ def test_data_and_identities_outlive_the_containers(stack: Stack, client: httpx.
         assert channel["first"] == before[name]["first"]
         assert parse_timestamp(channel["last"]) >= parse_timestamp(before[name]["last"])
     assert stack.execute("ca", "cat", "ledger.jsonl").count('"kind": "node"') == serials
-    _wait_for_samples_after(stack, client, time.time_ns())
-
-
-def _missing(stack: Stack) -> str:
-    """Nodes and boots of which the store lacks messages between the first and the last one."""
-    query = "select node, boot from sequences group by 1, 2 having count(*) > 1"
-    return stack.execute("database", *PSQL, "-d", "eskin", "-c", query)
-
-
-def _wait_for_samples_after(stack: Stack, client: httpx.Client, moment: int) -> None:
-    def come() -> bool:
-        try:
-            channels = stack.channels(client)
-        except httpx.TransportError:
-            return False  # the cloud has only just come back
-        return all(parse_timestamp(channel["last"]) > moment for channel in channels.values())
-
-    wait_until(come, "every channel has newer samples", seconds=90)
+    wait_for_samples_after(stack, client, time.time_ns())
