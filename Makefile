@@ -63,9 +63,9 @@ test-compose: $(VENV)/.development ## Bring docker-compose.yml up on a real cont
 	@services/install_test_packages.sh docker.io docker-compose debootstrap
 	$(BIN)/pytest tests/system/compose -m compose --timeout 1800 $(ARGS)
 
-test-cluster: $(VENV)/.development ## Build Citus from a source tree, and check a distributed store on it (SOURCE=DIR, a checkout of v13.0.5)
+test-cluster: $(VENV)/.development ## Build Citus from a source tree, and check a distributed store and docker-compose.cluster.yml on it (SOURCE=DIR, a checkout of v13.0.5; root)
 ifneq ($(SOURCE),)
-	@services/install_test_packages.sh postgresql $(if $(PG_CONFIG),,postgresql-server-dev-15 libkrb5-dev liblz4-dev libzstd-dev libssl-dev)
+	@services/install_test_packages.sh postgresql $(if $(PG_CONFIG),,postgresql-server-dev-15 libkrb5-dev liblz4-dev libzstd-dev libssl-dev) docker.io docker-compose debootstrap
 endif
 	ESKIN_CITUS_SOURCE="$(SOURCE)" $(BIN)/pytest tests/system/cluster -m cluster --timeout 1800 $(ARGS)
 
