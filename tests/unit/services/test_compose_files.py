@@ -81,7 +81,8 @@ def mounts(service: Document) -> dict[str, str]:
 
 
 def dockerfile(service: Document) -> str:
-    return (ROOT / service["build"]["context"] / service["build"]["dockerfile"]).read_text()
+    build: dict[str, str] = service["build"]
+    return (ROOT / build["context"] / build["dockerfile"]).read_text()
 
 
 def of_image(name: str, image: str) -> dict[str, Document]:
