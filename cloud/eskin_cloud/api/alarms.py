@@ -11,7 +11,6 @@ from eskin.wire.messages.cbor_map import MOST_COUNT
 from eskin_cloud.alarms.receivers import count_waiting, list_receivers
 from eskin_cloud.api.dependencies import CloudState, Operator, Reader
 from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
-from eskin_cloud.query.cursors import read_numbers, write_cursor
 from eskin_cloud.schemas.alarms import (
     AlarmDocument,
     AlarmHistoryDocument,
@@ -49,7 +48,8 @@ def get_alarms(
     cloud: CloudState, _: Reader, query: Annotated[AlarmsQuery, Query()]
 ) -> PageDocument[AlarmDocument]:
     """List alarms, the latest first."""
-    before = None if query.cursor is None else read_numbers(query.cursor, 1)[0]
+    ids = cloud.feed.ids
+    before = None if query.cursor is None else ids.read(query.cursor, 1)[0]
     with cloud.store.read() as connection:
         rows = list_alarms(
             connection,
@@ -59,7 +59,7 @@ def get_alarms(
             is_open=None if query.state is None else query.state == "raised",
         )
     shown = rows[: query.limit]
-    following = write_cursor(shown[-1]["id"]) if len(rows) > len(shown) else None
+    following = ids.write(shown[-1]["id"]) if len(rows) > len(shown) else None
     return PageDocument(items=[AlarmDocument.of(row) for row in shown], next=following)
 
 

@@ -7,7 +7,6 @@ from fastapi import APIRouter, Query
 from eskin_cloud.api.dependencies import Administrator, CloudState
 from eskin_cloud.api.nodes import ListQuery
 from eskin_cloud.api.problems import REFUSALS
-from eskin_cloud.query.cursors import read_numbers, write_cursor
 from eskin_cloud.schemas.access import AuditEntryDocument
 from eskin_cloud.schemas.base import PageDocument
 from eskin_cloud.store.write.audit_log import list_audit_entries
@@ -25,9 +24,10 @@ def get_audit_log(
 
     An entry's ``digest`` covers it and all entries before it.
     """
-    before = None if query.cursor is None else read_numbers(query.cursor, 1)[0]
+    ids = cloud.feed.ids
+    before = None if query.cursor is None else ids.read(query.cursor, 1)[0]
     with cloud.store.read() as connection:
         rows, following = list_audit_entries(connection, before=before, limit=_PAGE)
-    cursor = None if following is None else write_cursor(following)
+    cursor = None if following is None else ids.write(following)
     items = [AuditEntryDocument.model_validate(row) for row in rows]
     return PageDocument(items=items, next=cursor)

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.responses import Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
-from eskin.errors import EskinError, QueryError, StoreError
+from eskin.errors import EskinError, StoreError
 from eskin.privacy import is_biometric
 from eskin.runtime.http_server.problems import ProblemError
 from eskin.runtime.http_server.protocol import PROMPT
@@ -22,6 +22,7 @@ from eskin_cloud.live.frame_selection import FrameSelection
 from eskin_cloud.live.frame_stream import FrameStream
 from eskin_cloud.live.stream import stream
 from eskin_cloud.live.subscription import Subscription
+from eskin_cloud.query.opaque_ids import UnknownCursorError
 from eskin_cloud.store.feed_position import FeedPosition
 from eskin_cloud.store.read.lookup import find_node, parse_channel
 
@@ -236,7 +237,7 @@ async def resume(cloud: AppState, text: str | None, parameter: str) -> FeedPosit
         parameter: Its name.
 
     Raises:
-        QueryError: No cloud on this store has issued it.
+        UnknownCursorError: No cloud on this store has issued it.
         StoreError: The store cannot be read.
     """
     feed = cloud.feed
@@ -244,8 +245,10 @@ async def resume(cloud: AppState, text: str | None, parameter: str) -> FeedPosit
         return feed.last
     try:
         position = feed.ids.read_position(text)
-    except QueryError as error:
-        raise QueryError(parameter, f"{text!r} is no id of this stream; leave it out") from error
+    except UnknownCursorError as error:
+        raise UnknownCursorError(
+            parameter, "leave it out, and read what was stored before from /events and /series"
+        ) from error
     if not feed.last.reaches(position):  # another cloud sent what this one has not heard of yet
         await feed.catch_up()
     return position.no_later_than(feed.last)

@@ -19,7 +19,6 @@ from eskin_cloud.alarms.live_monitor import MOST_KEPT
 from eskin_cloud.api.dependencies import Access, CloudState, Operator, Reader
 from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
 from eskin_cloud.app_state import AppState
-from eskin_cloud.query.cursors import read_texts, write_cursor
 from eskin_cloud.query.formula_channels import channel_places, parse_formula
 from eskin_cloud.schemas.alarms import LiveVerdictDocument, MonitorDocument
 from eskin_cloud.schemas.base import NoQuery, PageDocument, PageQuery, moment
@@ -144,12 +143,13 @@ def get_monitors(
     cloud: CloudState, _: Reader, query: Annotated[PageQuery, Query()]
 ) -> PageDocument[MonitorDocument]:
     """List the monitors that are evaluated live, by name."""
-    after = "" if query.cursor is None else read_texts(query.cursor, 1)[0]
+    ids = cloud.feed.ids
+    after = "" if query.cursor is None else ids.read_name(query.cursor)
     with cloud.store.read() as connection:
         rows = list_monitors(connection, after=after, limit=query.limit + 1)
         raised = {alarm["monitor"]: alarm["id"] for alarm in open_alarms(connection)}
     shown = rows[: query.limit]
-    following = write_cursor(shown[-1]["name"]) if len(rows) > len(shown) else None
+    following = ids.write_name(shown[-1]["name"]) if len(rows) > len(shown) else None
     items = [_describe(cloud, row, raised.get(row["name"])) for row in shown]
     return PageDocument(items=items, next=following)
 

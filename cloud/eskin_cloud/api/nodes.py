@@ -52,8 +52,10 @@ class ChannelsQuery(ListQuery):
 @router.get("/nodes", response_model=PageDocument[NodeDocument], responses=REFUSALS)
 def get_nodes(cloud: CloudState, access: Reader, query: Annotated[ListQuery, Query()]) -> Response:
     """List the nodes, by name."""
+    ids = cloud.feed.ids
+    after = "" if query.cursor is None else ids.read_name(query.cursor)
     with cloud.store.read() as connection:
-        rows, following = list_nodes(connection, query.cursor)
+        rows, following = list_nodes(connection, after)
         names = [row["node"] for row in rows]
         counts, holes = count_channels(connection, names), list_missing(connection, names)
         sealed = access.uncounted(connection, names)
@@ -67,7 +69,7 @@ def get_nodes(cloud: CloudState, access: Reader, query: Annotated[ListQuery, Que
         )
         for row in rows
     ]
-    return as_json(page(items, following))
+    return as_json(page(items, None if following is None else ids.write_name(following)))
 
 
 @router.get("/nodes/{node}", response_model=NodeDocument, responses=REFUSALS_OF_PLACE)
@@ -95,15 +97,17 @@ def get_channels(
 
     All, or those of a quantity, or those whose name contains a text.
     """
+    ids = cloud.feed.ids
+    after = "" if query.cursor is None else ids.read_name(query.cursor)
     with cloud.store.read() as connection:
         find_node(connection, node)
         rows, following = list_channels(
-            connection, node, query.cursor, quantity=query.quantity, text=query.text
+            connection, node, after, quantity=query.quantity, text=query.text
         )
         gone = list_removed(connection, node)
         counted = not access.uncounted(connection, [node])
     items = [describe_channel(row, gone.get(row["patch"]), counted=counted) for row in rows]
-    return as_json(page(items, following))
+    return as_json(page(items, None if following is None else ids.write_name(following)))
 
 
 def _node(

@@ -15,11 +15,13 @@ from eskin_cloud.ingest.errors import (
     UntrustedGatewayError,
 )
 from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
+from eskin_cloud.query.opaque_ids import UnknownCursorError
 from eskin_cloud.store.read.lookup import UnknownChannelError
 
 PROBLEMS: Final = Problems(
     {
         UnknownChannelError: Refusal(404, kind="unknown-resource"),
+        UnknownCursorError: Refusal(422, kind="unknown-cursor"),
         QueryError: Refusal(422, kind="invalid-query"),
         CommandError: Refusal(422, kind="invalid-command"),
         BacklogError: Refusal(409, kind="command-backlog"),
@@ -39,6 +41,8 @@ PROBLEMS: Final = Problems(
         "unknown-resource": "No node, channel, command, token or session has this name. List "
         "those that exist, and check the spelling.",
         "invalid-query": "A parameter of the query is not valid. The detail names it; correct it.",
+        "unknown-cursor": "No cloud on this store has issued the cursor: it is of another store, "
+        "or of one that was replaced. Begin without a cursor.",
         "invalid-command": "The command or one of its arguments is not valid for this node. The "
         "detail names what is allowed.",
         "command-backlog": "Too many commands wait for this node. Wait until it has answered some.",

@@ -10,7 +10,6 @@ from eskin.interval import Verdict
 from eskin.monitor import horizon
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.window_params import opened
-from eskin_cloud.query.cursors import read_numbers, write_cursor
 from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.query.verdict_totals import total_verdicts
@@ -70,13 +69,14 @@ def list_verdicts(
             first = 2 * window.start
         else:
             # A cursor holds the window, too: new data must not move a default one.
-            first, end = read_numbers(query.cursor, 2)
+            first, end = cloud.feed.ids.read(query.cursor, 2)
             window = make_window(first // 2, end)
         with _sources(cloud, access, connection, rows, formula, window) as sources:
             pieces = StoredVerdicts(formula, sources).pieces(window)
             rest = (each for each in pieces if each.last >= first)
             found, following = _paged(rest, first, window, query.limit, wanted or _may_hold)
-    return as_json(page([describe_verdict(each) for each in found], following))
+    cursor = None if following is None else cloud.feed.ids.write(following, window.end)
+    return as_json(page([describe_verdict(each) for each in found], cursor))
 
 
 def total_time(
@@ -139,14 +139,14 @@ def _paged(
     window: Window,
     limit: int,
     wanted: Callable[[StoredPiece], bool],
-) -> tuple[list[StoredPiece], str | None]:
-    """The first stretches from a tick on, and a cursor for what is left of the window."""
+) -> tuple[list[StoredPiece], int | None]:
+    """The first stretches from a tick on, and the tick at which the rest of the window begins."""
     following = first
     found: list[StoredPiece] = []
     for piece in pieces:
         listed = wanted(piece)
         if listed and len(found) == limit:
-            return found, write_cursor(max(piece.first, first), window.end)
+            return found, max(piece.first, first)
         following = piece.last + 1
         found += [piece._replace(first=max(piece.first, first))] * listed
-    return found, None if following >= 2 * window.end else write_cursor(following, window.end)
+    return found, None if following >= 2 * window.end else following

@@ -66,7 +66,7 @@ class Feed:
         self._used = 0
         with store.read() as connection:
             self._last = self._floor = last_position(connection)
-            self.ids = OpaqueIds.of(connection)
+        self.ids = OpaqueIds(store.cursor_key)
         self._recent: deque[FeedEntry] = deque()
         self._news = asyncio.Event()
         self._newest_frames: dict[str, int] = {}

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import select, union
 
 from eskin.privacy.sealed_message import read_page
-from eskin_cloud.query.cursors import read_texts, write_cursor
 from eskin_cloud.store.damage import DamagedRowError, are_countable
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
 from eskin_cloud.store.read.patch_columns import describe_columns
@@ -29,45 +28,33 @@ if TYPE_CHECKING:
 _PAGE: Final = 1000
 
 
-def list_nodes(
-    connection: Connection, cursor: str | None
-) -> tuple[Sequence[RowMapping], str | None]:
-    """One page of nodes, by name, and the cursor of the next.
-
-    Raises:
-        QueryError: The cursor is invalid.
-    """
+def list_nodes(connection: Connection, after: str) -> tuple[Sequence[RowMapping], str | None]:
+    """The nodes after a name, one page of them, and the name after which the next begins."""
     name = nodes.c.node
-    query = select(nodes).order_by(name).limit(_PAGE + 1)
-    if cursor is not None:
-        query = query.where(name > read_texts(cursor, 1)[0])
+    query = select(nodes).where(name > after).order_by(name).limit(_PAGE + 1)
     found = connection.execute(query).mappings().all()
     page = intact_rows(connection, nodes, found[:_PAGE])
-    return page, write_cursor(found[_PAGE - 1]["node"]) if len(found) > _PAGE else None
+    return page, found[_PAGE - 1]["node"] if len(found) > _PAGE else None
 
 
 def list_channels(
     connection: Connection,
     node: str,
-    cursor: str | None,
+    after: str,
     *,
     quantity: str | None = None,
     text: str | None = None,
 ) -> tuple[list[Channel], str | None]:
-    """One page of a node's channels, by name, and the cursor of the next.
+    """A node's channels after a name, one page, and the name after which the next begins.
 
     Args:
         connection: In a read transaction.
         node: The node.
-        cursor: The cursor of an earlier page.
+        after: The last name of the page before; empty at first.
         quantity: Whose channels are listed; else those of all.
         text: What a channel's name contains, in upper or lower case.
-
-    Raises:
-        QueryError: The cursor is invalid.
     """
     columns = _columns(connection, node)
-    after = "" if cursor is None else read_texts(cursor, 1)[0]
     names = sorted(
         name
         for name in columns
@@ -75,7 +62,7 @@ def list_channels(
         and (quantity is None or name.endswith(f".{quantity}"))
         and (text is None or text.lower() in name.lower())
     )
-    following = write_cursor(names[_PAGE - 1]) if len(names) > _PAGE else None
+    following = names[_PAGE - 1] if len(names) > _PAGE else None
     described: dict[str, list[Channel]] = {}
     page: list[Channel] = []
     for name in names[:_PAGE]:

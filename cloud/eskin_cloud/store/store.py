@@ -54,6 +54,7 @@ class Store:
         location: The file, or the server's URL.
         clock: Returns UTC ns.
         readers: Number of connections that read.
+        cursor_key: Encrypts cursors for clients (`eskin_cloud.query.opaque_ids`).
         compacted: Bytes of frames that were compacted since the start.
         name: Identifies this process to the others on the store.
         damage: Why the store is not read any more (`jobs.integrity`); ``None`` if it is intact.
@@ -95,7 +96,7 @@ class Store:
             if isinstance(location, Path):
                 location.parent.mkdir(parents=True, exist_ok=True)
             with self._writing.begin() as connection:
-                create_tables(connection, now=clock())
+                self.cursor_key = create_tables(connection, now=clock())
                 check_small_tables(connection)
         except (OSError, SQLAlchemyError, StoreError, *UNREADABLE) as error:
             self._dispose()
@@ -107,6 +108,7 @@ class Store:
             SlotWriter,
             notices=self._notices,
             name=self.name,
+            cursor_key=self.cursor_key,
             queue=queue,
             on_fault=self._read_groups,
             threaded=threaded,
@@ -250,13 +252,13 @@ class Store:
         """A read transaction on one state of the store.
 
         Raises:
-            StoreError: The store cannot be read, is damaged, or has another version.
+            StoreError: The store cannot be read, is damaged, has another version, or was replaced.
         """
         if self.damage is not None:
             raise StoreError(self.damage)
         try:
             with self._reading.begin() as connection:
-                require_version(connection)
+                require_version(connection, self.cursor_key)
                 yield connection
         except (SQLAlchemyError, UnicodeDecodeError) as error:
             raise StoreError(f"{self}: the store cannot be read: {explain(error)}") from error

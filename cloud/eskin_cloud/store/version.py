@@ -1,5 +1,7 @@
 """The version of the schema: create the tables once, reject a store of another version.
 
+The cursor key is made with the tables, so it also tells one store from another.
+
 A cloud creates the tables under the store's write lock, so that of several clouds that start at
 once, one creates them.
 """
@@ -9,7 +11,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import func, insert, inspect, select, text
+from sqlalchemy import insert, inspect, select, text
 
 from eskin.errors import StoreError
 from eskin_cloud.store.feed_position import FEED_START
@@ -22,15 +24,20 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
 VERSION: Final = 1
-_VERSION: Final = select(func.max(versions.c.version))
+_LATEST: Final = (
+    select(versions.c.version, versions.c.cursor_key).order_by(versions.c.version.desc()).limit(1)
+)
 
 
-def create_tables(connection: Connection, *, now: int) -> None:
+def create_tables(connection: Connection, *, now: int) -> bytes:
     """Create the tables if there are none.
 
     Args:
         connection: In a transaction that holds the write lock.
         now: UTC ns.
+
+    Returns:
+        The store's cursor key.
 
     Raises:
         StoreError: The store has another version.
@@ -45,21 +52,34 @@ def create_tables(connection: Connection, *, now: int) -> None:
         connection.execute(
             insert(versions).values(version=VERSION, applied=now, cursor_key=os.urandom(32))
         )
-    require_version(connection)
+    return require_version(connection)
 
 
-def require_version(connection: Connection) -> None:
-    """Check the schema's version.
+def require_version(connection: Connection, cursor_key: bytes | None = None) -> bytes:
+    """Check the schema's version, and that it is still the store that was opened.
+
+    Args:
+        connection: In a transaction.
+        cursor_key: The key of the store that was opened; ``None`` accepts each.
+
+    Returns:
+        The store's cursor key.
 
     Raises:
-        StoreError: It is another version.
+        StoreError: It is another version, or another store.
     """
-    standing = connection.execute(_VERSION).scalar_one() or 0
+    standing, key = connection.execute(_LATEST).one_or_none() or (0, b"")
     if standing != VERSION:
         raise StoreError(
             f"the store has schema version {standing}, this program knows {VERSION}; "
             "start the program that made it, or use another store"
         )
+    if cursor_key not in {None, key}:
+        raise StoreError(
+            "the store has another cursor key than when this cloud opened it: it was replaced, or "
+            "another store was moved into it; restart this cloud"
+        )
+    return bytes(key)
 
 
 def _store_data_inline(connection: Connection) -> None:

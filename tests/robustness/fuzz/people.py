@@ -12,6 +12,7 @@ from eskin_cloud.app import people_application
 from eskin_cloud.settings import LimitsSection
 
 from tests.robustness.fuzz.asgi import Asker
+from tests.robustness.fuzz.mutations.queries import IDS
 from tests.support.identities import Identities
 from tests.unit.cloud.clouds import Stand, standing
 
@@ -45,6 +46,7 @@ class People:
         (folder / "dashboard" / "index.html").write_text("<!doctype html>")
         identities = Identities(folder / "identities")
         stand = stack.enter_context(standing(folder, identities, limits=generous))
+        stand.cloud.feed.ids = IDS
         self.store: Store = stand.cloud.store
         self.token = _operator(stand)
         self._asker = Asker(people_application(stand.cloud))

@@ -35,7 +35,7 @@ ALONE: Final = {f"tests.unit.cloud.test_{room}" for room in (
 )}  # fmt: skip
 """Tests that run on SQLite alone, because they do not depend on the kind of store."""
 BOTH: Final = {f"tests.unit.cloud.test_{room}" for room in (
-    "commands", "compaction", "faults", "frames", "hostile_frames", "live",
+    "commands", "compaction", "cursors", "faults", "frames", "hostile_frames", "live",
     "missing_messages", "frames_once", "node_monitors", "patch_compaction", "patch_retention",
     "patch_tiles", "pg_copy", "queries", "questions", "retention", "rollup",
     "several_clouds", "shared_commits", "slots", "store", "store_settings", "stored_sequences",

@@ -16,7 +16,7 @@ from eskin_cloud.api.live import resume
 from eskin_cloud.jobs.pg_listener import listen
 from eskin_cloud.jobs.retention import sweep
 from eskin_cloud.live import Feed
-from eskin_cloud.query.opaque_ids import OpaqueIds
+from eskin_cloud.query.opaque_ids import OpaqueIds, UnknownCursorError
 from eskin_cloud.service import make_cloud
 from eskin_cloud.store import Store
 from eskin_cloud.store.feed_position import FEED_START, FeedPosition, last_position, share
@@ -31,7 +31,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import Engine, event, func, select, text
 
-from eskin.errors import QueryError, StoreError
+from eskin.errors import StoreError
 from tests.support.examples import examples
 from tests.support.processes import wait_until
 from tests.unit.cloud.clouds import Stand, emptied, put, put_items
@@ -403,9 +403,9 @@ def test_ids_of_positions_are_read_back_and_reveal_no_count(
     text_ = ids.write_position(one)
     assert OpaqueIds(bytes(32)).read_position(text_) == one
     assert len(text_) == len(ids.write_position(other))
-    with pytest.raises(QueryError):
+    with pytest.raises(UnknownCursorError):
         OpaqueIds(bytes(31) + b"\x01").read_position(text_)
-    with pytest.raises(QueryError):
+    with pytest.raises(UnknownCursorError):
         ids.read_position(ids.write(1))
 
 

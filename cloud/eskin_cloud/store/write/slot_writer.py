@@ -35,6 +35,7 @@ class SlotWriter:
         engine: With one connection.
         notices: Notifies other processes after a commit; ``None`` where there are none.
         name: Identifies the process to them.
+        cursor_key: The store's (`require_version`).
         queue: Most jobs that may wait.
         on_fault: Called in its thread after the store failed.
         threaded: Whether a thread writes, as of `Writer`.
@@ -50,12 +51,14 @@ class SlotWriter:
         notices: NoticeSender | None,
         *,
         name: str,
+        cursor_key: bytes,
         queue: int,
         on_fault: Callable[[], None],
         threaded: bool = True,
     ) -> None:
         self.cache = WriteCache(name)
         self._notices = notices
+        self._cursor_key = cursor_key
         self._news = News()
         self.writer = Writer(
             engine,
@@ -93,10 +96,10 @@ class SlotWriter:
         )
 
     def _begin(self, connection: Connection, slots: AbstractSet[int]) -> None:
-        """Check the version, and lock the slots: other processes may have written."""
+        """Check version and store, and lock the slots: other processes may have written."""
         take_news(connection)  # of a transaction that was rolled back
         self._news = News()
-        require_version(connection)
+        require_version(connection, self._cursor_key)
         if slots:
             self.cache.lock(connection, slots)
         elif connection.execute(_IS_MOVING).scalar_one():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 from urllib.parse import parse_qsl, urlencode
 
-from eskin_cloud.query.cursors import write_cursor
+from eskin_cloud.query.opaque_ids import OpaqueIds
 
 from eskin.monitor.predicted_quantities import DEFAULTS, MODELS, UNITS
 from tests.robustness.fuzz.mutations.texts import mutate_text
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     Pairs = list[tuple[str, str]]
 
+IDS: Final = OpaqueIds(bytes(32))
+"""By which the cloud that is asked encrypts cursors, so that they may hold anything."""
 OTHER: Final = "t02.capacitance"
 """A second channel of the node."""
 _NAMES: Final = (
@@ -39,9 +41,9 @@ _WORDS: Final = (
     "true", "false", "above", "below", "peak", "gap", "status", "command", "certain", "possible",
     "asc", "desc", NODE, CHANNEL, f"{NODE}/{CHANNEL}", f"{NODE}/{OTHER}", f"{NODE}/nowhere", "/",
     "unknown/t01.x", *MODELS, "a" * 300,
-    write_cursor(START, START + 3000 * DT), write_cursor(START + 50 * DT, START),
-    write_cursor(START, START + 10**9, START), write_cursor(-(2**63), 2**63 - 1),
-    write_cursor(5), write_cursor(NODE, 3), write_cursor(0, 0, 0, 0),
+    IDS.write(START, START + 3000 * DT), IDS.write(START + 50 * DT, START),
+    IDS.write(START, START + 10**9, START), IDS.write(-(2**63), 2**63 - 1),
+    IDS.write(5), IDS.write_name(NODE), IDS.write(0, 0, 0, 0), IDS.write(START, START, 0, 0, 0, 0),
 )  # fmt: skip
 _POOLS: Final = (_NUMBERS, _MOMENTS, _WORDS)
 

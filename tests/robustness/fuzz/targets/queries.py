@@ -6,7 +6,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from eskin_cloud.api.responses import choose
-from eskin_cloud.query.cursors import read_numbers, read_texts, write_cursor
+from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin_cloud.store.read.window import parse_time, parse_window
 
 from eskin.errors import MessageError, QueryError
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 OFFERED = ("application/json", "text/csv", "application/vnd.apache.parquet")
 
 _LONGEST = 4096
+_IDS = OpaqueIds(bytes(32))
 
 
 def make(_: Path) -> Target:
@@ -30,8 +31,8 @@ def make(_: Path) -> Target:
         "2026-01-31 12:00:00.123456789+05:30",
         "1769860800000000000",
         "-9223372036854775807",
-        write_cursor(5, -7),
-        write_cursor("fingertip", 3),
+        _IDS.write(5, -7),
+        _IDS.write_name("fingertip"),
         "text/csv;q=0.5, application/*;q=0.3, */*;q=0",
         "eskin/v1/nodes/fingertip/frames",
     )
@@ -55,9 +56,9 @@ def check(data: bytes) -> None:
     except QueryError:
         pass
     try:
-        numbers = read_numbers(text, 2)
-        assert read_numbers(write_cursor(*numbers), 2) == numbers
-        read_texts(text, 2)
+        assert _IDS.read_name(_IDS.write_name(_IDS.read_name(text))) == _IDS.read_name(text)
+        numbers = _IDS.read(text, 2)
+        assert _IDS.read(_IDS.write(*numbers), 2) == numbers
     except QueryError:
         pass
     assert choose(text, OFFERED) in {*OFFERED, None}
