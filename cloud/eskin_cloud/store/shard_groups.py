@@ -21,12 +21,41 @@ _SHARDS: Final = text(
     " FROM generate_series(0, :last) AS slot ORDER BY slot"
 )
 
+_HOLD: Final = text("UPDATE feed SET cursor = cursor WHERE slot = :held AND cursor < 0")
+"""Writes no row: what counts is Citus's lock of the shard, which it has for a write only."""
+_DISTRIBUTED: Final = "distributed"
+"""Key in ``Connection.info``."""
+
 
 def is_distributed(connection: Connection) -> bool:
     """Whether a store's tables of nodes are distributed by Citus."""
     if connection.dialect.name != "postgresql" or not connection.scalar(_HAS_CITUS):
         return False
     return bool(connection.scalar(_IS_DISTRIBUTED))
+
+
+def session_is_distributed(connection: Connection) -> bool:
+    """Whether the database is distributed; asked once a session."""
+    if _DISTRIBUTED not in connection.info:
+        connection.info[_DISTRIBUTED] = is_distributed(connection)
+    known: bool = connection.info[_DISTRIBUTED]
+    return known
+
+
+def hold_shard(connection: Connection, slot: int) -> None:
+    """Keep the shard of a slot where it is until the transaction ends; nothing without Citus.
+
+    The lock of a row is of one server: a shard that is moved or split leaves it behind, and the
+    next writer would have the row at once. A write locks the shard against both, and a query for
+    rows to lock does not. `feed` is the first table that is distributed, so Citus locks its shards
+    first, too, and a transaction that begins here waits for a move with no lock that it needs.
+
+    Args:
+        connection: At the beginning of a transaction.
+        slot: One of those that the transaction writes.
+    """
+    if session_is_distributed(connection):
+        connection.execute(_HOLD, {"held": slot})
 
 
 def read_groups(connection: Connection) -> list[frozenset[int]]:

@@ -7,7 +7,8 @@ import re
 import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
-from itertools import count
+from contextlib import contextmanager
+from itertools import chain, count, islice
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
@@ -21,18 +22,21 @@ from eskin_cloud.store.schema.tables import audit_log, feed, sequences
 from eskin_cloud.store.shard_groups import read_groups
 from eskin_cloud.store.slot import SLOTS, slot_of
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
+from eskin_cloud.store.write.parsed_message import ParsedMessage
 from sqlalchemy import Engine, event, select, update
 from sqlalchemy.exc import DBAPIError
 
 from eskin.errors import StoreError
 from tests.support.citus import CitusCluster
 from tests.support.commands import run
+from tests.support.processes import wait_until
 from tests.support.stores import ask_store, write_place
-from tests.unit.cloud.clouds import put
+from tests.unit.cloud.clouds import put, put_items
 from tests.unit.cloud.commits import kinds
 from tests.unit.cloud.messages import START, stretch
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from sqlalchemy import URL, Table
@@ -59,21 +63,32 @@ def distributed(place: URL) -> list[str]:
     return sorted(name for (name,) in found)
 
 
-def send(store: Store, node: str, number: int) -> None:
-    """Store a frame twice in one batch; send it again, as a gateway does, until it is stored."""
+def send(store: Store, nodes: list[str], number: int) -> int:
+    """Store a frame of each node twice in one batch, which is sent again until it is stored.
+
+    Gives how often it was refused.
+    """
+    refused = 0
+    items = [ParsedMessage.parse(node, stretch(number).encode()) for node in nodes]
     while True:
         try:
-            receipts = kinds(put(store, stretch(number), stretch(number), node=node))
-        except (StoreError, DBAPIError):
+            receipts = kinds(put_items(store, [*items, *items]))
+        except StoreError:
+            refused += 1
             time.sleep(0.1)  # as a gateway waits
         else:
-            assert receipts[1] == "duplicate"
-            return
+            assert set(receipts[len(items) :]) == {"duplicate"}
+            return refused
+
+
+def of_slots(slot: int) -> Iterator[str]:
+    """The nodes of a slot."""
+    return (name for k in count() if slot_of(name := f"node-{k}") == slot)
 
 
 def of_slot(slot: int) -> str:
     """A node of a slot."""
-    return next(name for k in count() if slot_of(name := f"node-{k}") == slot)
+    return next(of_slots(slot))
 
 
 def test_command_distributes_an_empty_store_once(servers: CitusCluster) -> None:
@@ -260,58 +275,135 @@ def test_audit_log_stays_append_only(servers: CitusCluster) -> None:
             store.write_and_wait(lambda c: c.execute(update(audit_log).values(actor="eve")))
 
 
+def bring(store: Store, nodes: list[str], ended: Event) -> int:
+    """Store messages of nodes as a gateway sends them; gives how many batches were refused."""
+    refused = 0
+    for number in count():
+        refused += send(store, nodes, number)
+        if ended.is_set():
+            return refused
+    raise AssertionError
+
+
+@contextmanager
+def flowing(place: URL, slots: range) -> Iterator[tuple[list[Store], list[int]]]:
+    """Two clouds store messages in all slots meanwhile; at the end each is there once.
+
+    Gives the clouds' stores, and at the end how many batches of each were refused.
+    """
+    ended, refused = Event(), list[int]()
+    nodes = [[each for slot in slots for each in islice(of_slots(slot), n, n + 1)] for n in (0, 1)]
+    with Store(place) as one, Store(place) as other, ThreadPoolExecutor(2) as pool:
+        stores = [one, other]
+        flows = [pool.submit(bring, *each, ended) for each in zip(stores, nodes, strict=True)]
+        try:
+            yield stores, refused
+        finally:
+            ended.set()
+        refused += [flow.result(120) for flow in flows]
+    kept = rows(place, frames)
+    by_node: dict[str, list[int]] = {node: [] for node in chain(*nodes)}
+    for row in kept:
+        by_node[row["node"]].append(row["sequence"])
+    lasts = [{max(by_node[node]) for node in mine} for mine in nodes]
+    assert all(sorted(each) == list(range(max(each) + 1)) for each in by_node.values())
+    assert all(len(last) == 1 for last in lasts), "each batch was stored as a whole"
+    ranges = {row["node"]: (row["first"], row["last"]) for row in rows(place, sequences)}
+    assert ranges == {node: (0, max(each)) for node, each in by_node.items()}
+    assert len({row["cursor"] for row in kept}) == len(kept)
+
+
 def test_worker_added_while_data_flow_loses_and_doubles_nothing(programs: Path) -> None:
     """Two clouds store; a third worker takes shards meanwhile. A failed batch is sent again."""
     with CitusCluster(programs) as cluster:
         place = cluster.fresh()
-        nodes = [of_slot(slot) for slot in range(0, SLOTS, 2)]
-        ended = Event()
-
-        def bring(store: Store, mine: list[str]) -> set[tuple[str, int]]:
-            """Store messages as a gateway sends them: until they are stored, some twice."""
-            stored = set()
-            for number in count():
-                for node in mine:
-                    send(store, node, number)
-                    stored.add((node, number))
-                if ended.is_set():
-                    return stored
-            raise AssertionError
-
-        with Store(place) as one, Store(place) as other, ThreadPoolExecutor(2) as pool:
-            flows = [
-                pool.submit(bring, store, mine)
-                for store, mine in ((one, nodes[::2]), (other, nodes[1::2]))
-            ]
-            try:
-                added = cluster.start_worker(place)
-                rebalance = "SELECT rebalance_table_shards(shard_transfer_mode => 'force_logical')"
-                cluster.execute(rebalance, database=str(place.database))
-            finally:
-                ended.set()
-            stored = set().union(*(flow.result(120) for flow in flows))
+        with flowing(place, range(0, SLOTS, 2)):
+            added = cluster.start_worker(place)
+            rebalance = "SELECT rebalance_table_shards(shard_transfer_mode => 'force_logical')"
+            cluster.execute(rebalance, database=str(place.database))
         by_server = {each.name: each for each in check(place)}
         assert by_server[cluster.name_of(added)].slots, "it has taken shards"
-        kept = [(row["node"], row["sequence"]) for row in rows(place, frames)]
-        assert sorted(kept) == sorted(stored)
-        ranges = {
-            (row["node"], number)
-            for row in rows(place, sequences)
-            for number in range(row["first"], row["last"] + 1)
-        }
-        assert ranges == stored
-        cursors = [row["cursor"] for row in rows(place, frames)]
-        assert len(set(cursors)) == len(cursors)
+
+
+def largest_shards(place: URL) -> list[tuple[int, list[int]]]:
+    """The number of each shard and its slots by their hashes, those of most slots first."""
+    found: dict[int, list[int]] = {}
+    asked = (
+        "SELECT get_shard_id_for_distribution_column('feed', slot), slot"
+        " FROM feed ORDER BY hashint4(slot)"
+    )
+    for shard, slot in ask_store(place, asked):
+        found.setdefault(shard, []).append(slot)
+    return sorted(found.items(), key=lambda each: -len(each[1]))
+
+
+def split(servers: CitusCluster, place: URL, shard: int, *, after: int) -> None:
+    """Split a shard after a slot, in the order of hashes: a part goes to each worker."""
+    hashed = f"(SELECT hashint4({after})::text)"
+    nodes = "(SELECT array_agg(nodeid) FROM pg_dist_node WHERE shouldhaveshards)"
+    servers.execute(
+        f"SELECT citus_split_shard_by_split_points({shard}, ARRAY[{hashed}], {nodes},"
+        " 'block_writes')",
+        database=str(place.database),
+    )
+
+
+def move_shard(servers: CitusCluster, place: URL, shard: int) -> None:
+    """Move a shard to the other worker."""
+    ports = dict(map(tuple, ask_store(place, "SELECT shardid, nodeport FROM citus_shards")))
+    source = ports[shard]
+    (target,) = (each.port for each in servers.workers if each.port != source)
+    host = servers.folder
+    servers.execute(
+        f"SELECT citus_move_shard_placement({shard}, '{host}', {source}, '{host}', {target},"
+        " 'force_logical')",
+        database=str(place.database),
+    )
+
+
+def logging_statements(servers: CitusCluster, place: URL) -> list[int]:
+    """Have workers log all statements of new sessions; gives how long their logs are."""
+    for worker in servers.workers:
+        words = f"ALTER DATABASE {place.database} SET log_statement = 'all'"
+        worker.execute(words, database="postgres")
+    return [len(worker.running.output()) for worker in servers.workers]
+
+
+def test_shards_that_are_split_and_moved_while_data_flow_lose_and_double_nothing(
+    servers: CitusCluster,
+) -> None:
+    """A transaction over two parts of a shard is refused once; then the cloud knows them."""
+    place = servers.fresh()
+    logging_statements(servers, place)
+    (first, slots), (second, others), (third, _), *_ = largest_shards(place)
+    with flowing(place, range(SLOTS)) as (clouds, refused):
+        for store in clouds:
+            assert len(store.shares(slots + others, of_slot)) == 2
+            wait_until(lambda: store.commits > SLOTS, "the cloud stores")  # noqa: B023
+        move_shard(servers, place, third)
+        split(servers, place, first, after=slots[0])
+        split(servers, place, second, after=others[0])
+        for store in clouds:
+            wait_until(
+                lambda: len(store.shares(slots + others, of_slot)) == 4,  # noqa: B023
+                "the cloud has read the shards anew",
+            )
+        lengths = [len(worker.running.output()) for worker in servers.workers]
+        for store in clouds:
+            done = store.commits
+            wait_until(lambda: store.commits > done + 2 * SLOTS, "it goes on")  # noqa: B023
+        logs = [worker.running.output() for worker in servers.workers]
+    assert all(refused), "each cloud wrote what was split"
+    check(place)
+    for log, length in zip(logs, lengths, strict=True):
+        assert "FOR UPDATE" in log[length:]
+        assert "PREPARE TRANSACTION" not in log[length:], "a transaction was of two servers"
 
 
 def test_transaction_of_a_node_stays_in_one_shard(servers: CitusCluster) -> None:
     """A transaction of two servers is prepared at each (two-phase commit)."""
     place = servers.fresh()
-    database = str(place.database)
-    for worker in servers.workers:
-        words = f"ALTER DATABASE {database} SET log_statement = 'all'"
-        worker.execute(words, database="postgres")
-    before = [len(worker.running.output()) for worker in servers.workers]
+    before = logging_statements(servers, place)
     with Store(place) as store:
         for slot in range(0, SLOTS, 5):
             put(store, stretch(0), stretch(1), node=of_slot(slot))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from sqlalchemy import insert
 
 from eskin_cloud.store.pg_copy import CopyStream
-from eskin_cloud.store.shard_groups import is_distributed
+from eskin_cloud.store.shard_groups import session_is_distributed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,10 +16,6 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, Table
 
     from eskin_cloud.store.write.write_cache import Row
-
-
-_DISTRIBUTED: Final = "distributed"
-"""Key in ``Connection.info``."""
 
 
 class BulkInsert(Protocol):
@@ -62,17 +58,9 @@ def bulk_insert(connection: Connection, table: Table) -> BulkInsert:
     """
     if connection.dialect.name == "sqlite":
         return _BatchInsert(connection, table)
-    if _is_distributed(connection):
+    if session_is_distributed(connection):
         return _ManyInsert(connection, table)
     return _CopyInsert(connection, table)
-
-
-def _is_distributed(connection: Connection) -> bool:
-    """Whether the database is distributed; asked once a session."""
-    if _DISTRIBUTED not in connection.info:
-        connection.info[_DISTRIBUTED] = is_distributed(connection)
-    known: bool = connection.info[_DISTRIBUTED]
-    return known
 
 
 class _BatchInsert:

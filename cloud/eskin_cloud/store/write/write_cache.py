@@ -16,6 +16,7 @@ from eskin_cloud.store.row_digests import intact_rows, without_digest
 from eskin_cloud.store.schema.frame_tables import pages
 from eskin_cloud.store.schema.node_key import of_boots, of_node
 from eskin_cloud.store.schema.tables import feed, nodes, sequences
+from eskin_cloud.store.shard_groups import hold_shard
 from eskin_cloud.store.slot import SLOTS, key_of, slot_of
 from eskin_cloud.store.write.duplicates import StoredDigests, StoredSequences, stored_spans
 from eskin_cloud.store.write.node_sites import sites_of
@@ -119,7 +120,7 @@ class WriteCache:
     def lock(self, connection: Connection, slots: Collection[int]) -> None:
         """Lock slots until the commit, and drop what others may have changed.
 
-        The first statement of a transaction that writes rows of nodes: what it reads afterwards
+        At the beginning of a transaction that writes rows of nodes: what it reads afterwards
         is what the last writer of the slot has committed.
 
         Args:
@@ -130,6 +131,7 @@ class WriteCache:
             StoreError: A store is being moved here.
         """
         self._cursors.clear()
+        hold_shard(connection, min(slots))
         for slot, cursor, writer in connection.execute(_FEED, {"slots": sorted(slots)}):
             if writer == MOVING:
                 refuse_moving()
