@@ -67,7 +67,7 @@ test-cluster: $(VENV)/.development ## Build Citus from a source tree, and check 
 ifneq ($(SOURCE),)
 	@services/install_test_packages.sh postgresql $(if $(PG_CONFIG),,postgresql-server-dev-15 libkrb5-dev liblz4-dev libzstd-dev libssl-dev) docker.io docker-compose debootstrap
 endif
-	ESKIN_CITUS_SOURCE="$(SOURCE)" $(BIN)/pytest tests/system/cluster -m cluster --timeout 1800 $(ARGS)
+	ESKIN_CITUS_SOURCE="$(SOURCE)" $(BIN)/pytest tests/system -m cluster --timeout 1800 $(ARGS)
 
 lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rules, banned words
 	$(BIN)/ruff format --check .

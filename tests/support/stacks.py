@@ -11,8 +11,8 @@ from eskin_cloud.access import Scope, create_token
 from eskin_cloud.store import Store
 
 from eskin.demo.ports import free_ports
-from eskin.identity import IdentityKind
-from eskin.identity.identity import CHAIN_FILE
+from eskin.identity import Identity, IdentityKind, client_context
+from eskin.identity.identity import CHAIN_FILE, ROOT_FILE
 from tests.support.brokers import Mosquitto
 from tests.support.files import ask, write_settings
 from tests.support.identities import Identities
@@ -33,7 +33,7 @@ class RealStack:
     Args:
         folder: Where all lies.
         gateways: How many; several share the site's load.
-        clouds: How many; each gateway knows all of them.
+        clouds: How many; each gateway knows all of them, and begins with one of its own.
         place: The clouds' store; an SQLite file else.
         keepalive_s: Seconds between a gateway's pings.
         missing_s: Seconds after which the cloud names missing messages.
@@ -86,8 +86,9 @@ class RealStack:
     def __enter__(self) -> Self:
         with ExitStack() as running:
             running.enter_context(self.broker)
-            for number, cloud in enumerate(self.clouds):
+            for cloud in self.clouds:
                 running.enter_context(cloud)
+            for number in range(len(self.clouds)):
                 self._await_cloud(number)
             for gateway in self.gateways:
                 running.enter_context(gateway)
@@ -129,6 +130,14 @@ class RealStack:
         url = f"http://127.0.0.1:{self._ports[cloud][1]}/api/v1"
         return httpx.Client(base_url=url, headers=headers, timeout=60, verify=PLAIN)
 
+    def gateway_client(self, cloud: int = 0) -> httpx.Client:
+        """A client with the first gateway's certificate, at one of the clouds."""
+        own = Identity.load(self.pki / "gateway.g1")
+        context = client_context(self.pki / "server.cloud" / ROOT_FILE, own)
+        url = f"https://127.0.0.1:{self._ports[cloud][0]}/api/v1"
+        headers = {"Content-Type": "application/cbor"}
+        return httpx.Client(base_url=url, headers=headers, timeout=60, verify=context)
+
     def start_cloud(self, number: int = 0) -> None:
         """Start a cloud again, after it was ended."""
         self.clouds[number].start()
@@ -158,7 +167,9 @@ class RealStack:
 
     def _make_gateway(self, number: int, broker: Mapping[str, object]) -> Running:
         own = self.identities.make(IdentityKind.GATEWAY, f"gateway.g{number}")
-        urls = [f"https://127.0.0.1:{ingest}/api/v1/ingest" for ingest, _ in self._ports]
+        first = (number - 1) % len(self._ports)
+        ports = self._ports[first:] + self._ports[:first]
+        urls = [f"https://127.0.0.1:{ingest}/api/v1/ingest" for ingest, _ in ports]
         spool = self.spools[number - 1]
         config = write_settings(self.folder / f"gateway-{number}.toml", {
             "broker": broker,
