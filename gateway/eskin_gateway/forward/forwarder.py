@@ -352,6 +352,7 @@ class Forwarder:
         self._unknown_layouts = UnknownLayouts(descriptions_client, clock)
         self._deferred_nodes = DeferredNodes(clock)
         self._retried = False
+        self._refused = False
         self._heap_trimmer = HeapTrimmer()
         self.reachable: bool | None = None
         self._thread = Supervised(
@@ -441,7 +442,8 @@ class Forwarder:
         try:
             results = self._ingest_client.send([(m.node, m.body) for m in messages])
         except CloudError as error:
-            return self._isolate(messages, error)
+            return self._isolate(messages, error, self._clock() - begun)
+        self._refused = False
         self._retry_queue.succeeded(messages)
         self._thread.succeeded()
         if not self.reachable:
@@ -477,8 +479,11 @@ class Forwarder:
             raise CloudError("the cloud fails at each message that waits")
         return messages
 
-    def _isolate(self, messages: list[SpoolMessage], error: CloudError) -> int:
+    def _isolate(self, messages: list[SpoolMessage], error: CloudError, took_s: float) -> int:
         """After a failed request, halve the next one, until a single message fails.
+
+        A cloud that can store none of a request answers 503, also where it could store messages of
+        other nodes: these are sent before a pause.
 
         Raises:
             CloudError: The next request must wait for the backoff.
@@ -499,6 +504,12 @@ class Forwarder:
             self._retry_queue.release_unconfirmed()
         else:
             self._retry_queue.delay(first)
+            busy = error.status == httpx.codes.SERVICE_UNAVAILABLE
+            if busy and not (self._retried or self._refused):
+                self._refused = True
+                self._metrics.cloud_failures.inc()
+                self._deferred_nodes.defer({m.node: str(error) for m in messages}, took_s)
+                return len(messages)
         raise error
 
     def _settle(self, messages: list[SpoolMessage], results: list[ItemResult]) -> None:

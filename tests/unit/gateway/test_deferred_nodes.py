@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
 from eskin_gateway.forward.forwarder import DeferredNodes
 from eskin_gateway.spool.batch import Batch, SpoolMessage
 from eskin_gateway.upstream.ingest_client import ItemResult
 
+from eskin.errors import CloudError
 from tests.support.processes import wait_until
 from tests.unit.gateway.forwarding import MESSAGES, MemoryCloud, Setup
 
@@ -55,6 +57,43 @@ def test_deferred_messages_stay_in_the_spool_and_hold_up_no_other_node(tmp_path:
     assert sorted(cloud.stored) == sorted([*MESSAGES, *others])
     assert setup.spool.statistics.messages == 0
     assert not setup.forwarder.fault
+    setup.spool.close()
+
+
+class Refusing(Partial):
+    """A cloud that answers 503 where it can store no message of a request."""
+
+    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
+        if {node for node, _ in messages} <= {self.held}:
+            self.asked_of.append({self.held})
+            raise CloudError("the server of its slot is away", status=503, retry_after=5.0)
+        return super().send(messages)
+
+
+def test_request_of_deferred_nodes_alone_holds_up_no_other_node(tmp_path: Path) -> None:
+    cloud = Refusing()
+    setup = Setup(tmp_path, cloud, cloud)
+    for number in range(5):
+        setup.forwarder.forward()
+        assert setup.spool.statistics.messages == len(MESSAGES), "nothing of the node is stored"
+        other = "m", bytes([number])
+        setup.spool.commit(Batch([SpoolMessage("m", 1, other[1])]))
+        assert setup.forwarder.forward() == 1
+        assert cloud.stored[-1] == other
+    assert setup.metrics.value("cloud_failures_total") >= 1
+    assert "its slot is away" in str(setup.forwarder.fault)
+    setup.spool.close()
+
+
+def test_cloud_that_stores_nothing_is_waited_for(tmp_path: Path) -> None:
+    cloud = MemoryCloud()
+    cloud.mode = "busy"
+    setup = Setup(tmp_path, cloud, cloud)
+    setup.forwarder.forward()
+    for number in range(3):
+        setup.spool.commit(Batch([SpoolMessage(f"m{number}", 1, b"new")]))
+        with pytest.raises(CloudError):
+            setup.forwarder.forward()
     setup.spool.close()
 
 
