@@ -105,18 +105,26 @@ class RealStack:
     ) -> None:
         self._running.__exit__(kind, error, trace)
 
-    def sensor_node(self) -> Running:
-        """A fingertip that sends 20 frames a second; not started."""
-        config = write_settings(self.folder / "node.toml", {
-            "node": {"name": "fingertip", "profile": "fingertip"},
+    def sensor_node(self, name: str = "") -> Running:
+        """A fingertip that sends 20 frames a second; not started.
+
+        Args:
+            name: Its name, where there are several; else ``fingertip``.
+        """
+        own, folder = self.identities.node, self.folder
+        if name:
+            own, folder = self.identities.make(IdentityKind.NODE, name), self.folder / name
+            folder.mkdir()
+        config = write_settings(folder / "node.toml", {
+            "node": {"name": own.name, "profile": "fingertip"},
             "sampling": {"stretch_ms": 50.0},
             "broker": {"host": "127.0.0.1", "port": self.broker.node_port, "drain_s": 90.0},
-            "identity": {"directory": self.identities.node.directory,
+            "identity": {"directory": own.directory,
                          "site": self.identities.site.directory / CHAIN_FILE},
-            "flash": {"path": self.folder / "flash.sqlite"},
-            "truth": {"path": self.folder / "truth.sqlite"},
+            "flash": {"path": folder / "flash.sqlite"},
+            "truth": {"path": folder / "truth.sqlite"},
         })  # fmt: skip
-        return Running([ESKIN, "node", "--config", str(config)], log=self.folder / "node.log")
+        return Running([ESKIN, "node", "--config", str(config)], log=folder / "node.log")
 
     def token(self) -> str:
         """A token of a person who may give commands."""
