@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from eskin_cloud.store.damage import DamagedRow, report_damaged
-from eskin_cloud.store.schema.node_key import of_node
+from eskin_cloud.store.schema.node_key import of_node, of_same_node
 from eskin_cloud.store.schema.tables import events, sequences
 from eskin_cloud.store.write.duplicates import find_digest
 from eskin_sensor_node.node.ground_truth import GroundTruth
@@ -211,11 +211,12 @@ def _position(body: bytes) -> Position:
 def _lost(node: str, connection: Connection) -> Sightings:
     """What gaps tell as lost."""
     lost = Sightings()
-    e, gap = events.c, events.alias().c
+    e, gaps = events.c, events.alias()
     # Of statements, the first row holds the message, whatever it is about.
-    here = and_(gap.node == e.node, gap.boot == e.boot, gap.sequence == e.sequence)
+    gap = gaps.c
+    here = and_(of_same_node(gaps, events), gap.boot == e.boot, gap.sequence == e.sequence)
     query = select(e.boot, e.sequence, e.data).where(
-        e.node == node, e.data.is_not(None), exists().where(here, gap.kind == "gap")
+        of_node(events, node), e.data.is_not(None), exists().where(here, gap.kind == "gap")
     )
     for boot, sequence, data in connection.execute(query).all():
         if find_digest(connection, node, boot, sequence) != digest(bytes(data)):
