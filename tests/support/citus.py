@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import tempfile
 import time
+from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -14,17 +17,17 @@ from eskin_cloud.store.distribute import distribute
 from tests.support.postgresql import Cluster
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from types import TracebackType
 
     from sqlalchemy import URL
 
 REPOSITORY: Final = Path(__file__).parents[2]
 SOURCE: Final = "ESKIN_CITUS_SOURCE"
-"""The variable that names Citus's source tree."""
-NO_SOURCE: Final = (
-    "no source tree of Citus is given: make test-cluster SOURCE=DIR, DIR a checkout of v13.0.5"
-)
+"""In the environment: Citus's source tree, of which it is built."""
+PROGRAMS: Final = "ESKIN_CITUS_PROGRAMS"
+"""In the environment: folder of the programs of a PostgreSQL with Citus that was built before."""
+NO_SOURCE: Final = "no source tree of Citus is given: SOURCE=DIR, DIR a checkout of v13.0.5"
 _FIRST_PORT: Final = 5432
 """Ports only name the sockets in the cluster's folder: no server listens to a network."""
 
@@ -45,6 +48,46 @@ def build(source: Path) -> tuple[Path, Path]:
     done = subprocess.run(words, stdout=subprocess.PIPE, text=True, timeout=1800, check=False)
     assert done.returncode == 0, "Citus was not built; see above"
     return copy, Path(done.stdout.splitlines()[-1])
+
+
+@contextmanager
+def citus_programs() -> Iterator[Path | None]:
+    """The folder of the programs of a PostgreSQL with Citus; ``None`` if the environment has none.
+
+    What is built for it is removed at the end.
+    """
+    built, source = os.environ.get(PROGRAMS), os.environ.get(SOURCE)
+    if built or not source:
+        yield Path(built) if built else None
+        return
+    copy, folder = build(Path(source).resolve())
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(copy)
+
+
+def server_settings(sockets: Path, port: int) -> dict[str, str]:
+    """Settings of a server of a cluster.
+
+    Args:
+        sockets: Folder of the sockets by which the servers meet.
+        port: Names the server's socket.
+    """
+    return {
+        "shared_preload_libraries": "citus",
+        "wal_level": "logical",  # by which a shard moves while it is written
+        "max_prepared_transactions": "200",
+        "max_connections": "200",
+        "port": str(port),
+        "citus.local_hostname": str(sockets),
+    }
+
+
+def create_database(server: Cluster, name: str) -> None:
+    """Make a database with Citus at one server."""
+    server.execute(f"CREATE DATABASE {name}", database="postgres")
+    server.execute("CREATE EXTENSION citus", database=name)
 
 
 class CitusCluster(Cluster):
@@ -76,15 +119,7 @@ class CitusCluster(Cluster):
         self.workers: list[Cluster] = [self._new_worker() for _ in range(workers)]
 
     def _shared(self, port: int) -> dict[str, str]:
-        return {
-            "shared_preload_libraries": "citus",
-            "wal_level": "logical",  # by which a shard moves while it is written
-            "max_prepared_transactions": "200",
-            "max_connections": "200",
-            "port": str(port),
-            "citus.local_hostname": str(self.folder),
-            **self._settings,
-        }
+        return {**server_settings(self.folder, port), **self._settings}
 
     def _new_worker(self) -> Cluster:
         port = next(self._ports)
@@ -118,7 +153,7 @@ class CitusCluster(Cluster):
     def fresh(self, *, empty: bool = False) -> URL:
         """A database of its own, with its workers: a distributed store, or without any table."""
         name = f"store_{next(self._databases)}"
-        self._create(self, name)
+        create_database(self, name)
         self.execute(
             f"SELECT citus_set_coordinator_host('{self.folder}', {self.port})", database=name
         )
@@ -142,10 +177,5 @@ class CitusCluster(Cluster):
         return f"{self.folder}:{worker.port}"
 
     def _add(self, worker: Cluster, database: str) -> None:
-        self._create(worker, database)
+        create_database(worker, database)
         self.execute(f"SELECT citus_add_node('{self.folder}', {worker.port})", database=database)
-
-    @staticmethod
-    def _create(server: Cluster, database: str) -> None:
-        server.execute(f"CREATE DATABASE {database}", database="postgres")
-        server.execute("CREATE EXTENSION citus", database=database)

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
     from eskin.identity import Identity
 
-_ADMIN: Final = "eskin"
+ADMIN: Final = "eskin"
+"""The user that makes the cluster."""
 _TEMPLATE: Final = "pattern"
 _SETTINGS: Final = Path(__file__).parents[2] / "services" / "database" / "postgresql.conf"
 """Those of the cluster that is shipped, but for where it is and who may come in."""
@@ -122,7 +123,7 @@ class Cluster:
         data = self.folder / "data"
         initdb = program("initdb", programs=programs)
         subprocess.run(
-            [*as_user, initdb, "-D", data, "-U", _ADMIN, "-A", "trust", "-E", "UTF8",
+            [*as_user, initdb, "-D", data, "-U", ADMIN, "-A", "trust", "-E", "UTF8",
              "--locale=C.UTF-8", "--no-sync", "--no-instructions"],
             check=True, stdout=subprocess.DEVNULL, cwd=self.folder,
         )  # fmt: skip
@@ -219,25 +220,26 @@ class Cluster:
 
     def execute(self, statements: str, *, database: str) -> None:
         """Do something as the administrator."""
-        with psycopg.connect(self._words(database), autocommit=True) as connection:
+        with psycopg.connect(self.words(database), autocommit=True) as connection:
             connection.execute(statements.encode())
 
     def answers(self) -> bool:
         """Whether it accepts connections."""
         try:
-            psycopg.connect(self._words("postgres")).close()
+            psycopg.connect(self.words("postgres")).close()
         except psycopg.OperationalError:
             return False
         return True
 
-    def _words(self, database: str) -> str:
+    def words(self, database: str) -> str:
+        """What libpq connects by as the administrator, by the socket."""
         port = f" port={self.port}" if self.port else ""
-        return f"host={self._sockets}{port} user={_ADMIN} dbname={database}"
+        return f"host={self._sockets}{port} user={ADMIN} dbname={database}"
 
     def place(self, database: str) -> URL:
         """A database, by the socket."""
         port = f":{self.port}" if self.port else ""
-        return parse_url(f"postgresql://{_ADMIN}@{port}/{database}?host={self._sockets}")
+        return parse_url(f"postgresql://{ADMIN}@{port}/{database}?host={self._sockets}")
 
 
 _KEPT: Final = (versions, feed, alarm_state)

@@ -5,39 +5,28 @@ Citus is built from a source tree that the caller names.
 
 from __future__ import annotations
 
-import os
-import shutil
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.support.citus import NO_SOURCE, SOURCE, CitusCluster, build
+from tests.support.citus import NO_SOURCE, CitusCluster, citus_programs
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
     from sqlalchemy import URL
 
     from tests.support.postgresql import Cluster
 
-PROGRAMS = "ESKIN_CITUS_PROGRAMS"
-"""Folder of the programs of a PostgreSQL with Citus, where it was built before."""
-
-
 @pytest.fixture(scope="session")
 def programs() -> Iterator[Path]:
     """The folder of the programs of a PostgreSQL with Citus."""
-    built, source = os.environ.get(PROGRAMS), os.environ.get(SOURCE)
-    if built:
-        yield Path(built)
-        return
-    if not source:
-        pytest.skip(NO_SOURCE)
-    copy, folder = build(Path(source).resolve())
-    yield folder
-    shutil.rmtree(copy)
+    with citus_programs() as folder:
+        if folder is None:
+            pytest.skip(f"{NO_SOURCE} (make test-cluster)")
+        yield folder
 
 
 @pytest.fixture(scope="session")

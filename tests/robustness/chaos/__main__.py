@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
 
@@ -21,6 +22,7 @@ from tests.robustness.chaos.plan import Blow, Stroke, make_plan
 from tests.robustness.chaos.site import STORES, Site, part_names
 from tests.robustness.chaos.verdict import DRAIN_S, judge
 from tests.robustness.model.traces import check_windows, pick, vanished, windows
+from tests.support.citus import NO_SOURCE, citus_programs
 from tests.support.processes import unwound_by_signals, wait_until
 
 if TYPE_CHECKING:
@@ -45,6 +47,9 @@ def main() -> int:
     parser.add_argument(
         "--cluster", dest="store", action="store_const", const="cluster", help="--store cluster"
     )
+    parser.add_argument(
+        "--citus", dest="store", action="store_const", const="citus", help="--store citus"
+    )
     options = parser.parse_args()
     if os.geteuid() != 0:
         sys.stderr.write("make chaos: network namespaces need root; run it with sudo\n")
@@ -55,9 +60,17 @@ def main() -> int:
     recorded = options.store == "sqlite"
     plan = make_plan(options.seed, seconds=options.duration, parts=part_names(options.store))
     console.print(f"{len(plan)} faults in {options.duration:g} s, seed {options.seed}")
-    with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-chaos-") as fresh:
+    with ExitStack() as exits:
+        exits.enter_context(unwound_by_signals())
+        programs = None
+        if options.store == "citus":
+            programs = exits.enter_context(citus_programs())
+            if programs is None:
+                sys.stderr.write(f"make chaos: {NO_SOURCE}\n")
+                return 2
+        fresh = exits.enter_context(tempfile.TemporaryDirectory(prefix="eskin-chaos-"))
         root = (options.data or Path(fresh) / "site").resolve()
-        with Site(root, kind=options.store) as site:
+        with Site(root, kind=options.store, programs=programs) as site:
             wait_until(site.has_begun, "frames of all nodes are stored", seconds=_START_S)
             site.watch()
             site.raise_alarms(seed=options.seed)
@@ -140,6 +153,8 @@ def _report(verdict: Verdict, plan: Sequence[Stroke], say: Callable[[str], None]
     )
     say(f"samples within their intervals: {verdict.samples}; gaps: {verdict.gaps}")
     say(f"alarms: {verdict.alarms} raised, {verdict.deliveries} deliveries of their changes")
+    if verdict.moves != (0, 0):
+        say("shards: {} moves, {} broke off".format(*verdict.moves))
     say(f"the skin's viewer got {verdict.seen} frames, its page {verdict.pages} rounds of answers")
     for fault in verdict.faults:
         say(f"WRONG: {fault}")

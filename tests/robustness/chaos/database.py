@@ -19,7 +19,7 @@ from tests.support.postgresql import Cluster
 from tests.support.processes import wait_until
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from tests.robustness.chaos.hosts import Host
     from tests.support.processes import Running
@@ -29,7 +29,82 @@ _CLOUD: Final = "cloud"
 _DISK: Final = 2048 << 20
 
 
-class Database(Part):
+class Server(Part):
+    """A PostgreSQL server on a disk of its own.
+
+    Args:
+        name: Its name.
+        host: Where it runs.
+        folder: Takes its log.
+        identity: With which it listens to the network, too.
+        programs: Folder of the server's programs; those of the system else.
+        sockets: Folder of its socket; that of its data else.
+        settings: More settings of the server.
+        around: As of any part.
+
+    Attributes:
+        cluster: The server.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        host: Host,
+        folder: Path,
+        identity: Identity | None = None,
+        programs: Path | None = None,
+        sockets: Path | None = None,
+        settings: Mapping[str, str] | None = None,
+        **around: Unpack[Around],
+    ) -> None:
+        # Its user may look into no folder of root's, and a socket's path is short.
+        self._home = tempfile.TemporaryDirectory(prefix="pg-")
+        home = Path(self._home.name)
+        disk = Disk(home, _DISK)
+        self.cluster = Cluster(
+            identity,
+            address=host.address,
+            folder=home,
+            prefix=host.prefix,
+            log=folder / f"{name}.log",
+            programs=programs,
+            sockets=sockets,
+            settings=settings,
+        )
+        super().__init__(
+            name,
+            self.cluster.running,
+            host=host,
+            disk=disk,
+            clock=None,
+            identities=[] if identity is None else [identity.directory],
+            **around,
+        )
+
+    def close(self) -> None:
+        """Take its disk away, and where it was."""
+        super().close()
+        self._home.cleanup()
+
+    def renew(self, directory: Path) -> None:
+        """Give it its next certificate and key, where it finds them."""
+        super().renew(directory)
+        self.cluster.show(Identity.load(directory))
+
+    def come_back(self) -> None:
+        """Wait until it accepts connections: without room for its log it ends, and starts anew."""
+
+        def answers() -> bool:
+            process = self.running.process
+            if process is None or process.poll() is not None:
+                self.running.start()
+            return self.cluster.answers()
+
+        wait_until(answers, "PostgreSQL answers after its disk was full")
+
+
+class Database(Server):
     """The cloud comes to it by TLS and with a password, over a cable; the judge by a Unix socket.
 
     Args:
@@ -46,30 +121,11 @@ class Database(Part):
     def __init__(
         self, identity: Identity, *, host: Host, folder: Path, **around: Unpack[Around]
     ) -> None:
-        # Its user may look into no folder of root's, and a socket's path is short.
-        self._home = tempfile.TemporaryDirectory(prefix="pg-")
-        home = Path(self._home.name)
-        disk = Disk(home, _DISK)
-        self._cluster = Cluster(
-            identity,
-            address=host.address,
-            folder=home,
-            prefix=host.prefix,
-            log=folder / f"{DATABASE}.log",
-        )
-        super().__init__(
-            DATABASE,
-            self._cluster.running,
-            host=host,
-            disk=disk,
-            clock=None,
-            identities=[identity.directory],
-            **around,
-        )
-        self.place = self._cluster.place(_SKIN)
+        super().__init__(DATABASE, host=host, folder=folder, identity=identity, **around)
+        self.place = self.cluster.place(_SKIN)
         self._password = folder / "database.password"
         self.settings: dict[str, object] = {
-            "url": f"postgresql://{_CLOUD}@{host.address}:{self._cluster.port}/{_SKIN}",
+            "url": f"postgresql://{_CLOUD}@{host.address}:{self.cluster.port}/{_SKIN}",
             "password_file": self._password,
             "root": identity.directory / ROOT_FILE,
         }
@@ -81,30 +137,9 @@ class Database(Part):
 
     def start(self) -> None:
         """Start it for the first time, and make an empty database for the cloud."""
-        self._cluster.start()
+        self.cluster.start()
         for words in _make_database(self._password):
-            self._cluster.execute(words, database="postgres")
-
-    def close(self) -> None:
-        """Take its disk away, and where it was."""
-        super().close()
-        self._home.cleanup()
-
-    def renew(self, directory: Path) -> None:
-        """Give it its next certificate and key, where it finds them."""
-        super().renew(directory)
-        self._cluster.show(Identity.load(directory))
-
-    def come_back(self) -> None:
-        """Wait until it accepts connections: without room for its log it ends, and starts anew."""
-
-        def answers() -> bool:
-            process = self.running.process
-            if process is None or process.poll() is not None:
-                self.running.start()
-            return self._cluster.answers()
-
-        wait_until(answers, "PostgreSQL answers after its disk was full")
+            self.cluster.execute(words, database="postgres")
 
 
 class Member(Part):

@@ -197,8 +197,21 @@ class ClockJump:
         part.clock.set(0)
 
 
+class MoveShard:
+    """A shard moves to it from another worker; the first time, it joins the cluster before."""
+
+    def begin(self, part: Part) -> None:
+        """Let it begin; it ends by itself, well or not."""
+        part.take_shard()
+
+    def end(self, part: Part) -> None:
+        """Nothing is to be taken back."""
+
+
 DATABASE: Final = "database"
-"""Name of the part that is PostgreSQL."""
+"""Name of the part that is PostgreSQL, or the coordinator of Citus."""
+WORKERS: Final = ("worker-1", "worker-2", "worker-3")
+"""Names of the parts that are workers of Citus; the last one joins when a shard moves to it."""
 MEMBERS: Final = ("database-1", "database-2")
 """Names of the parts that are Patroni and PostgreSQL, where these are a cluster."""
 
@@ -218,6 +231,7 @@ FAULTS: Final[Mapping[str, Fault]] = {
     "kill patroni": Kill("patroni"),
     "hang postgresql": Hang("postgresql"),
     "hang patroni": Hang("patroni"),
+    "move shard": MoveShard(),
     "clock ahead": ClockJump(3600),
     "clock behind": ClockJump(-3600),
 }
@@ -233,5 +247,9 @@ GATEWAY: Final = ("flood",)
 """What can happen to gateways alone."""
 MEMBER: Final = ("kill postgresql", "kill patroni", "hang postgresql", "hang patroni")
 """What can happen to members of the cluster alone."""
+WORKER: Final = (
+    "kill", "kill", "kill", "move shard", "move shard", "move shard", "hang", "restart", "disk full"
+)  # fmt: skip
+"""All that can happen to workers, which no network leads to; deaths and moves more often."""
 TIMED: Final = ("clock ahead", "clock behind")
 """What can happen to parts whose time something rests on; not to broker and database."""

@@ -92,6 +92,10 @@ class Part:
         hosts, site = (self.host.address,), own.site if own.kind.has_site else ""
         install(directory, self._authority.issue(own.kind, own.name, key, site=site, hosts=hosts))
 
+    def take_shard(self) -> None:
+        """Have a shard moved to it: only workers can."""
+        raise AssertionError(f"{self.name} keeps no shards")
+
     def come_back(self) -> None:
         """Be well again after its disk was full: others need no help for that."""
 

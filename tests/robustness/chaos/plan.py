@@ -14,6 +14,8 @@ from tests.robustness.chaos.faults import (
     MEMBER,
     MEMBERS,
     TIMED,
+    WORKER,
+    WORKERS,
 )
 
 if TYPE_CHECKING:
@@ -32,6 +34,8 @@ _OWN: Final[Mapping[str, tuple[str, ...]]] = {
     **dict.fromkeys(MEMBERS, MEMBER),
 }
 """What can happen to a part besides what can happen to all; to others, their clock can jump."""
+_ALL: Final = dict.fromkeys(WORKERS, WORKER)
+"""All that can happen to a part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +80,8 @@ def make_plan(seed: int, *, seconds: float, parts: Sequence[str]) -> list[Stroke
 
     The gateway that is killed while the cloud is away, and the flood that follows, is in every
     plan: others have lost data there. So is a database that is killed under that flood; of a
-    cluster, its first primary, which is away for so long that the standby is promoted.
+    cluster, its first primary, which is away for so long that the standby is promoted; of Citus,
+    the coordinator, then a worker, and another one that joins.
 
     Args:
         seed: Draws all.
@@ -115,6 +120,9 @@ def _opening(parts: Sequence[str]) -> list[Stroke]:
         strokes.append(Stroke("kill", DATABASE, 6.2, 6.8))
     if MEMBERS[0] in parts:
         strokes.append(Stroke("kill", MEMBERS[0], 6.2, 36.0))
+    if WORKERS[0] in parts:
+        strokes.append(Stroke("kill", WORKERS[0], 7.5, 8.5))
+        strokes.append(Stroke("move shard", WORKERS[-1], 10.0, 12.0))
     return strokes
 
 
@@ -128,7 +136,7 @@ def _endless(
 ) -> Iterator[tuple[str, str, float, float, bool]]:
     while True:
         part = draw.choice(parts)
-        possible = (*EVERYWHERE, *_OWN.get(part, TIMED))
+        possible = _ALL.get(part) or (*EVERYWHERE, *_OWN.get(part, TIMED))
         possible += GATEWAY if part.startswith("gateway") else ()
         length = draw.uniform(_SHORTEST_S, draw.uniform(_SHORTEST_S, _LONGEST_S))
         pause = draw.uniform(0.0, _LONGEST_PAUSE_S)

@@ -1,6 +1,7 @@
 """The real stack on hosts of its own: Mosquitto, two gateways that share a load, clouds, nodes.
 
-Where the store is on a server: PostgreSQL, too, or a cluster of it that Patroni looks after.
+Where the store is on a server: PostgreSQL, too, or a cluster of it that Patroni looks after, or
+one of Citus.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ from eskin.identity import IdentityKind
 from eskin.identity.identity import CHAIN_FILE
 from eskin.mosquitto import BrokerPorts
 from tests.robustness.chaos.alarms import define
+from tests.robustness.chaos.citus import DistributedDatabase
 from tests.robustness.chaos.clocks import Wallclock, build_library
 from tests.robustness.chaos.database import Database, DatabaseCluster
 from tests.robustness.chaos.disks import Disk
-from tests.robustness.chaos.faults import DATABASE, MEMBERS
+from tests.robustness.chaos.faults import DATABASE, MEMBERS, WORKERS
 from tests.robustness.chaos.hosts import Host, make_switch
 from tests.robustness.chaos.part import INSIDER, Around, Part
 from tests.robustness.chaos.recorder import (
@@ -53,7 +55,7 @@ SKIN: Final = "small-hand"
 NODES: Final = ("fingertip", "palm", "forearm", SKIN)
 GATEWAYS: Final = ("gateway-1", "gateway-2")
 CLOUDS: Final = ("cloud", "cloud-2", "cloud-3")
-STORES: Final = {"sqlite": 1, "postgresql": 2, "cluster": 3}
+STORES: Final = {"sqlite": 1, "postgresql": 2, "cluster": 3, "citus": 3}
 """What keeps the store, and how many clouds are on it: an SQLite file serves one alone."""
 _ETCD: Final = "etcd"
 _PORTS: Final = BrokerPorts(nodes=8883, gateways=8884, clients=8885)
@@ -71,6 +73,7 @@ class Site:
     Args:
         root: The folder.
         kind: What keeps the store, of `STORES`.
+        programs: Folder of the programs of a PostgreSQL with Citus, where that keeps the store.
 
     Attributes:
         store: Where the cloud's store is.
@@ -79,7 +82,7 @@ class Site:
         watcher: Its process.
     """
 
-    def __init__(self, root: Path, *, kind: str = "sqlite") -> None:
+    def __init__(self, root: Path, *, kind: str = "sqlite", programs: Path | None = None) -> None:
         self.layout = Layout(root)
         self._logs = self.layout.logs
         self._logs.mkdir(parents=True)
@@ -91,7 +94,7 @@ class Site:
             for number, name in enumerate((*part_names(kind), _ETCD), start=1)
         }
         self._identities = Identities(root / "identities")
-        self.database = self._make_database(kind)
+        self.database = self._make_database(kind, programs)
         self.store: StoreLocation = (
             self.layout.store if self.database is None else self.database.place
         )
@@ -125,13 +128,17 @@ class Site:
             self._exits.callback(part.close)
         if isinstance(self.database, DatabaseCluster):
             self._exits.callback(_end, self.database.etcd)
+        if isinstance(self.database, DistributedDatabase):
+            self._exits.callback(self.database.close)
         for part in self.parts:
             self._exits.callback(_end, part.running)
             self._exits.callback(part.calm)
+        stored: Sequence[Part] = []
         if self.database is not None:
             self.database.start()
+            stored = self.database.parts
         for part in self.parts:
-            if part.name not in {DATABASE, *MEMBERS}:
+            if part not in stored:
                 part.start()
         return self
 
@@ -243,6 +250,8 @@ class Site:
         Raises:
             AssertionError: Something waits, and for so long nothing of it has arrived.
         """
+        if isinstance(self.database, DistributedDatabase):
+            self.database.mover.settle()
         for part in self.nodes:
             part.running.stop(seconds=seconds)
             while self._count(self.layout.flash(part.name), "message"):
@@ -294,7 +303,9 @@ class Site:
             config.write(f"\nlistener {INSIDER} 127.0.0.1\nallow_anonymous true\n")
         return self._part("broker", [str(mosquitto()), "-c", str(file)], host, disk, server)
 
-    def _make_database(self, kind: str) -> Database | DatabaseCluster | None:
+    def _make_database(
+        self, kind: str, programs: Path | None
+    ) -> Database | DatabaseCluster | DistributedDatabase | None:
         names = database_names(kind)
         if not names:
             return None
@@ -302,10 +313,15 @@ class Site:
         servers = [
             self._identities.make(IdentityKind.SERVER, f"server.{host.name}", hosts=(host.address,))
             for host in hosts
+            if host.name not in WORKERS
         ]
         around = self._around(DATABASE)
         if kind == "postgresql":
             return Database(servers[0], host=hosts[0], folder=self._logs, **around)
+        if programs is not None:
+            return DistributedDatabase(
+                servers[0], hosts, folder=self._logs, programs=programs, nodes=NODES, **around
+            )
         return DatabaseCluster(servers, hosts, self._hosts[_ETCD], folder=self._logs, **around)
 
     def _make_cloud(self, host: Host) -> Part:
@@ -386,7 +402,8 @@ class Site:
 
 def database_names(kind: str) -> tuple[str, ...]:
     """Names of the parts that are the database."""
-    return {"sqlite": (), "postgresql": (DATABASE,), "cluster": MEMBERS}[kind]
+    servers = {"postgresql": (DATABASE,), "cluster": MEMBERS, "citus": (DATABASE, *WORKERS)}
+    return servers.get(kind, ())
 
 
 def part_names(kind: str) -> tuple[str, ...]:

@@ -7,7 +7,15 @@ from itertools import pairwise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.robustness.chaos.faults import DATABASE, FAULTS, MEMBER, MEMBERS, TIMED
+from tests.robustness.chaos.faults import (
+    DATABASE,
+    FAULTS,
+    MEMBER,
+    MEMBERS,
+    TIMED,
+    WORKER,
+    WORKERS,
+)
 from tests.robustness.chaos.plan import make_plan
 from tests.support.patroni import DYNAMIC
 
@@ -29,7 +37,7 @@ def test_plan_fits(seed: int, seconds: float) -> None:
 
 def test_every_fault_is_in_a_long_plan() -> None:
     plan = make_plan(1, seconds=600.0, parts=PARTS)
-    assert {stroke.fault for stroke in plan} == set(FAULTS) - set(MEMBER)
+    assert {stroke.fault for stroke in plan} == set(FAULTS) - {*MEMBER, "move shard"}
     assert {stroke.part for stroke in plan} == set(PARTS)
     assert any(a.end > b.begin for a, b in pairwise(plan)), "none overlap"
 
@@ -57,6 +65,20 @@ def test_member_of_a_cluster_is_away_for_a_promotion_and_befalls_all_that_can() 
         befell = {stroke.fault for stroke in plan if stroke.part == member}
         assert befell >= {*MEMBER, "kill", "cut", "renewal"}
         assert befell.isdisjoint(TIMED)
+
+
+def test_worker_of_citus_befalls_what_needs_no_network() -> None:
+    parts = [*PARTS, *WORKERS]
+    plan = make_plan(1, seconds=600.0, parts=parts)
+    for worker in WORKERS:
+        befell = [stroke.fault for stroke in plan if stroke.part == worker]
+        assert set(befell) == set(WORKER)
+        assert befell.count("kill") > 3
+        assert befell.count("move shard") > 3
+    short = make_plan(2, seconds=15.0, parts=parts)
+    assert {("kill", WORKERS[0]), ("move shard", WORKERS[-1])} <= {
+        (stroke.fault, stroke.part) for stroke in short
+    }
 
 
 def test_plan_without_a_database_spares_it() -> None:

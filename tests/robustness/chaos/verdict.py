@@ -13,6 +13,7 @@ from eskin.wire.messages.cbor_map import load
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.timestamp import SECOND
 from tests.robustness.chaos.alarms import judge_alarms
+from tests.robustness.chaos.citus import DistributedDatabase
 from tests.robustness.chaos.site import NODES, SKIN
 from tests.support.skin_watcher import Seen
 from tests.support.stores import ask_store
@@ -103,6 +104,7 @@ class Verdict:
         pages: Rounds of questions of a page that were answered.
         alarms: Alarms that were raised.
         deliveries: Times that a receiver took a change of one.
+        moves: How many shards have moved, and how many moves broke off.
         faults: What is wrong; empty if all is well.
     """
 
@@ -116,6 +118,7 @@ class Verdict:
     pages: int = 0
     alarms: int = 0
     deliveries: int = 0
+    moves: tuple[int, int] = (0, 0)
     faults: list[str] = field(default_factory=list)
 
 
@@ -128,6 +131,10 @@ def judge(site: Site, blows: Sequence[Blow]) -> Verdict:
     _watched(site, verdict)
     verdict.alarms, verdict.deliveries, wrong = judge_alarms(site.store, site.taken)
     verdict.faults += wrong
+    if isinstance(site.database, DistributedDatabase):
+        mover = site.database.mover
+        verdict.moves = mover.moved, len(mover.failed)
+        verdict.faults += site.database.wrong()
     verdict.faults += [f"refused: {letter}" for letter in site.letters()]
     return verdict
 
@@ -185,7 +192,7 @@ def add_up(store: StoreLocation, verdict: Verdict) -> None:
         SELECT p.node, p.page, max(p.frames), max(p.samples), count(f.sequence),
             coalesce(sum(f.samples), 0)
         FROM pages AS p LEFT JOIN frames AS f
-            ON f.node = p.node AND f.layout = p.layout AND f.page = p.page
+            ON f.slot = p.slot AND f.node = p.node AND f.layout = p.layout AND f.page = p.page
         GROUP BY p.node, p.layout, p.page
     """
     for node, page, total, samples, counted, summed in ask_store(store, query):
@@ -228,7 +235,7 @@ def _numbers(store: StoreLocation) -> dict[tuple[str, int], SequenceRanges]:
     # Of statements, the first row holds the message, whatever it is about.
     query = """
         SELECT e.node, e.data FROM events AS e WHERE e.data IS NOT NULL AND EXISTS (
-            SELECT 1 FROM events AS g WHERE g.kind = 'gap' AND g.node = e.node
+            SELECT 1 FROM events AS g WHERE g.kind = 'gap' AND g.slot = e.slot AND g.node = e.node
             AND g.boot = e.boot AND g.sequence = e.sequence)
     """
     for node, data in ask_store(store, query):

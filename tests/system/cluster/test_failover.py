@@ -73,6 +73,10 @@ class Flow:
         except StoreError:
             return 0
 
+    def has_begun(self) -> bool:
+        """Whether some messages are stored."""
+        return self.count() > _MORE
+
     def look(self) -> None:
         """Look once."""
         found, now = self.count(), time.monotonic()
@@ -127,8 +131,7 @@ def test_kill_of_a_server_stops_no_other_and_data_flow_again(
         viewer.start()
         sensors = [running.enter_context(stack.sensor_node(node)) for node in nodes]
         for node in nodes:
-            flow = Flow(store, node)
-            wait_until(lambda flow=flow: flow.count() > _MORE, "messages are stored")
+            wait_until(Flow(store, node).has_begun, "messages are stored")
         for away_s in (*[1.0] * _TIMES, 10.0):
             flows = measure(store, cluster.workers[0], nodes, away_s=away_s)
             log_flows(f"a worker for {away_s:g} s", flows)
