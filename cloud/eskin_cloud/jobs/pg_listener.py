@@ -52,10 +52,13 @@ async def _listen(cloud: AppState, place: URL) -> None:
             cloud.notifier.wake()
             while True:
                 # What was notified while this process did not listen, or was lost.
-                await cloud.feed.catch_up()
+                try:
+                    await cloud.feed.catch_up()
+                except StoreError as error:  # a server of several does not answer
+                    log.warning("feed not read: reason=%s", error)
                 async for notice in connection.notifies(timeout=_POLL_S):
                     receive(cloud, notice.payload)
-    except (psycopg.Error, StoreError) as error:
+    except psycopg.Error as error:
         log.warning("PostgreSQL listener disconnected: reason=%s", error)
 
 

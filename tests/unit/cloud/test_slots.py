@@ -268,12 +268,24 @@ async def heard(stand: Stand, position: FeedPosition, most: int) -> list[tuple[s
 
 
 @pytest.mark.anyio
-@pytest.mark.parametrize("lost", [False, True])
+@pytest.mark.parametrize("fault", ["", "notices are lost", "the feed cannot be polled"])
 async def test_stream_of_one_cloud_has_all_that_any_cloud_stores(
-    stands: tuple[Stand, Stand], monkeypatch: pytest.MonkeyPatch, *, lost: bool
+    stands: tuple[Stand, Stand], monkeypatch: pytest.MonkeyPatch, *, fault: str
 ) -> None:
-    if lost:  # readers also poll
+    polled = set[Feed]()
+
+    async def catch_up_once(feed: Feed) -> None:
+        """As while one of several servers is away, whose slots are no other's."""
+        if feed in polled:
+            raise StoreError("a server does not answer")
+        polled.add(feed)
+        await caught_up(feed)
+
+    caught_up = Feed.catch_up
+    if fault == "notices are lost":  # readers also poll
         monkeypatch.setattr(NoticeSender, "add", lambda *_: None)
+    elif fault:
+        monkeypatch.setattr(Feed, "catch_up", catch_up_once)
     drawn, stopping = Random(3), asyncio.Event()  # noqa: S311 - no secret
     said = [(node, number) for node in NODES for number in range(5)]
     listeners = [
@@ -283,6 +295,8 @@ async def test_stream_of_one_cloud_has_all_that_any_cloud_stores(
     for each in stands:  # ids as clouds write them
         feed = each.cloud.feed
         feed.ids = feed.encoder.ids = feed.frame_encoder.ids = OpaqueIds(bytes(32))
+    while fault == "the feed cannot be polled" and len(polled) < len(stands):
+        await asyncio.sleep(0.01)  # what was notified before a process listens is polled
     readers = [
         asyncio.create_task(heard(each, FEED_START, len(said))) for each in (*stands, stands[0])
     ]
