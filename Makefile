@@ -47,6 +47,9 @@ TLC_NEEDS := tests/robustness/model/requirements.txt
 PATRONI := $(VENV)/patroni
 PATRONI_NEEDS := tests/system/patroni/requirements.txt
 
+# What builds Citus, in `make test-cluster SOURCE=DIR` and `make chaos ARGS=--citus SOURCE=DIR`.
+CITUS_PACKAGES := $(if $(PG_CONFIG),,postgresql-server-dev-15 libkrb5-dev liblz4-dev libzstd-dev libssl-dev)
+
 .PHONY: help demo test test-compose test-cluster lint bench soak chaos powercut fuzz simulate interleavings model nightly scan lock docs dashboard install system clean
 
 help: ## List these commands
@@ -65,7 +68,7 @@ test-compose: $(VENV)/.development ## Bring docker-compose.yml up on a real cont
 
 test-cluster: $(VENV)/.development ## Build Citus from a source tree, and check a distributed store and docker-compose.cluster.yml on it (SOURCE=DIR, a checkout of v13.0.5; root)
 ifneq ($(SOURCE),)
-	@services/install_test_packages.sh postgresql $(if $(PG_CONFIG),,postgresql-server-dev-15 libkrb5-dev liblz4-dev libzstd-dev libssl-dev) docker.io docker-compose debootstrap
+	@services/install_test_packages.sh postgresql $(CITUS_PACKAGES) docker.io docker-compose debootstrap
 endif
 	ESKIN_CITUS_SOURCE="$(SOURCE)" $(BIN)/pytest tests/system -m cluster --timeout 1800 $(ARGS)
 
@@ -85,9 +88,12 @@ soak: $(VENV)/.development ## Measure the stack's memory under a steady load (AR
 	@services/install_test_packages.sh mosquitto
 	$(BIN)/python -m benchmarks.soak $(ARGS)
 
-chaos: $(VENV)/.development $(TLC)/.installed $(PATRONI)/.installed ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1 --cluster")
+chaos: $(VENV)/.development $(TLC)/.installed $(PATRONI)/.installed ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1 --cluster"; ARGS=--citus SOURCE=DIR on Citus)
 	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev postgresql etcd-server openjdk-17-jre-headless
-	$(BIN)/python -m tests.robustness.chaos $(ARGS)
+ifneq ($(SOURCE),)
+	@services/install_test_packages.sh $(CITUS_PACKAGES)
+endif
+	ESKIN_CITUS_SOURCE="$(SOURCE)" $(BIN)/python -m tests.robustness.chaos $(ARGS)
 
 powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any byte (ARGS="--images 500 --seed 1")
 	@services/install_test_packages.sh gcc libc6-dev
@@ -107,8 +113,8 @@ model: $(VENV)/.development $(TLC)/.installed ## Check the model of delivery wit
 	@services/install_test_packages.sh openjdk-17-jre-headless
 	$(BIN)/python -m tests.robustness.model $(ARGS)
 
-nightly: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed $(RTAMT)/.installed $(TLC)/.installed $(PATRONI)/.installed system ## Every long check, one after the other; logs in build/nightly (root; ARGS="--step fuzz --seed 2")
-	$(BIN)/python -m tests.nightly $(ARGS)
+nightly: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed $(RTAMT)/.installed $(TLC)/.installed $(PATRONI)/.installed system ## Every long check, one after the other; logs in build/nightly (root; ARGS="--step fuzz --seed 2"; SOURCE=DIR also on Citus)
+	ESKIN_CITUS_SOURCE="$(SOURCE)" $(BIN)/python -m tests.nightly $(ARGS)
 
 scan: $(VENV)/.scan ## Check the pinned libraries for known vulnerabilities (needs the network)
 	@status=0; \

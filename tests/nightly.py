@@ -7,6 +7,7 @@ status 1 if one failed.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import time
@@ -16,6 +17,8 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
+from tests.support.citus import NO_SOURCE, PROGRAMS, SOURCE
+
 STEPS: Final = {
     "lint": ["make", "lint"],
     "test": ["make", "test", "ARGS=--hypothesis-profile=hunt -m 'not compose'"],
@@ -23,6 +26,10 @@ STEPS: Final = {
     "chaos-sqlite": ["make", "chaos", "ARGS=--duration 300 --seed {seed}"],
     "chaos-postgresql": ["make", "chaos", "ARGS=--duration 300 --seed {seed} --store postgresql"],
     "chaos-cluster": ["make", "chaos", "ARGS=--duration 300 --seed {seed} --cluster"],
+    "chaos-citus": [
+        *("make", "chaos", "ARGS=--duration 300 --seed {seed} --citus", "SOURCE={source}")
+    ],
+    "test-cluster": ["make", "test-cluster", "SOURCE={source}"],
     "model": ["make", "model", "ARGS=--large --seconds 3600"],
     "model-mutants": ["make", "model", "ARGS=--mutants"],
     "simulate": ["make", "simulate", "ARGS=--seeds 3000 --count 12 --first {seed}000"],
@@ -71,7 +78,10 @@ STEPS: Final = {
     "cortex-m33": [sys.executable, "-m", "tests.robustness.cortex_m33"],
     "test-compose": ["make", "test-compose"],
 }
-"""What runs, by the name of its log; ``{seed}`` is what ``--seed`` says."""
+"""What runs, by the name of its log; ``{seed}`` is what ``--seed`` says, ``{source}`` Citus's
+source tree."""
+_ON_CITUS: Final = ("chaos-citus", "test-cluster")
+"""Steps that need Citus."""
 
 
 def main() -> int:
@@ -86,10 +96,14 @@ def main() -> int:
     logs.mkdir(parents=True, exist_ok=True)
     console = Console(stderr=True)
     table = Table("step", "result", "seconds", "log")
-    failed = 0
+    failed, source = 0, os.environ.get(SOURCE, "")
     for name in options.step or STEPS:
+        if name in _ON_CITUS and not (source or os.environ.get(PROGRAMS)):
+            console.print(f"{name}: skipped: {NO_SOURCE}", highlight=False)
+            table.add_row(name, "skipped", "", "")
+            continue
         log, begun = logs / f"{name}.log", time.monotonic()
-        command = [word.format(seed=options.seed) for word in STEPS[name]]
+        command = [word.format(seed=options.seed, source=source) for word in STEPS[name]]
         with console.status(f"{name}: {' '.join(command)}"), log.open("wb") as out:
             status = subprocess.run(command, stdout=out, stderr=out, check=False).returncode
         failed += status != 0
