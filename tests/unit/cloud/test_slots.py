@@ -267,25 +267,35 @@ async def heard(stand: Stand, position: FeedPosition, most: int) -> list[tuple[s
     return found
 
 
+def poll_once(monkeypatch: pytest.MonkeyPatch) -> asyncio.Semaphore:
+    """Let each feed be polled once, then no more, as while one of several servers is away.
+
+    Returns:
+        Released once for each feed.
+    """
+    known, polled, catch_up = set[Feed](), asyncio.Semaphore(0), Feed.catch_up
+
+    async def catch_up_once(feed: Feed) -> None:
+        if feed in known:
+            raise StoreError("a server does not answer")
+        known.add(feed)
+        await catch_up(feed)
+        polled.release()
+
+    monkeypatch.setattr(Feed, "catch_up", catch_up_once)
+    return polled
+
+
 @pytest.mark.anyio
 @pytest.mark.parametrize("fault", ["", "notices are lost", "the feed cannot be polled"])
 async def test_stream_of_one_cloud_has_all_that_any_cloud_stores(
     stands: tuple[Stand, Stand], monkeypatch: pytest.MonkeyPatch, *, fault: str
 ) -> None:
-    polled = set[Feed]()
-
-    async def catch_up_once(feed: Feed) -> None:
-        """As while one of several servers is away, whose slots are no other's."""
-        if feed in polled:
-            raise StoreError("a server does not answer")
-        polled.add(feed)
-        await caught_up(feed)
-
-    caught_up = Feed.catch_up
+    polled = asyncio.Semaphore(2)
     if fault == "notices are lost":  # readers also poll
         monkeypatch.setattr(NoticeSender, "add", lambda *_: None)
     elif fault:
-        monkeypatch.setattr(Feed, "catch_up", catch_up_once)
+        polled = poll_once(monkeypatch)
     drawn, stopping = Random(3), asyncio.Event()  # noqa: S311 - no secret
     said = [(node, number) for node in NODES for number in range(5)]
     listeners = [
@@ -295,8 +305,8 @@ async def test_stream_of_one_cloud_has_all_that_any_cloud_stores(
     for each in stands:  # ids as clouds write them
         feed = each.cloud.feed
         feed.ids = feed.encoder.ids = feed.frame_encoder.ids = OpaqueIds(bytes(32))
-    while fault == "the feed cannot be polled" and len(polled) < len(stands):
-        await asyncio.sleep(0.01)  # what was notified before a process listens is polled
+    for _ in stands:  # what was notified before a process listens is polled
+        await polled.acquire()
     readers = [
         asyncio.create_task(heard(each, FEED_START, len(said))) for each in (*stands, stands[0])
     ]
