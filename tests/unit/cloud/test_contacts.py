@@ -11,6 +11,7 @@ import pytest
 from eskin_cloud.query.contacts import ContactSkin
 from hypothesis import given
 from hypothesis import strategies as st
+from sqlalchemy import Engine, event
 
 from eskin.interval import Interval
 from eskin.wire.frames import DescribedLayout, Frame, Grid, Layout, Patch, PatchSamples, Seam
@@ -253,6 +254,27 @@ async def test_contacts_of_the_past_are_those_of_the_samples_that_hold(stand: St
             "/api/v1/contacts", node=NODE, start=str(start), end=str(start + 1000)
         )
         assert answer.json() == {"items": [], "next": None}
+
+
+async def test_an_instant_needs_as_few_statements_for_many_patches(stand: Stand) -> None:
+    """On Citus each statement goes to another server."""
+    describe(stand.cloud.store, SKIN, *ROWS)
+    await send(stand, BOUNDS, 0)
+    statements: list[str] = []
+
+    def see(*given: Any) -> None:
+        statements.append(given[2])
+
+    at = START + 1000 + 4 * PERIOD
+    event.listen(Engine, "before_cursor_execute", see)
+    try:
+        answer = await stand.get(
+            "/api/v1/contacts", node=NODE, start=str(at), end=str(at + PERIOD), points=1
+        )
+    finally:
+        event.remove(Engine, "before_cursor_execute", see)
+    assert len(answer.json()["items"]) == 1
+    assert sum("FROM patches" in each for each in statements) == 1
 
 
 async def test_unknown_node_and_bad_window_are_refused(stand: Stand) -> None:

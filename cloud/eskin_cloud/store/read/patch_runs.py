@@ -54,6 +54,7 @@ def _overlapping(table: Any) -> Any:
 
 _PAGES: Final = select(pages).where(_here(pages))
 _PATCH: Final = select(patches).where(_here(patches), patches.c.patch == bindparam("patch"))
+_COMPACTED: Final = select(patches.c.patch).where(_here(patches))
 _FRAMES: Final = (
     select(frames)
     .where(_here(frames), frames.c.page == bindparam("page"), _overlapping(frames))
@@ -301,10 +302,14 @@ def read_described_runs(
         window: The window.
     """
     names = {described.layout.patches[number]: number for number in numbers}
-    found: dict[int, list[PatchRun]] = {}
+    found: dict[int, list[PatchRun]] = {number: [] for number in names.values()}
+    key = {"slot": slot_of(node), "node": node}
+    compacted = set(connection.execute(_COMPACTED, key).scalars())
     for name, number in names.items():
-        rows = read_compacted(connection, node, described.patches[number].patch_id, window)
-        found[number] = [run for run in rows if run.patch == name]
+        patch_id = described.patches[number].patch_id
+        if patch_id in compacted:  # not asked of each patch: a skin has many
+            rows = read_compacted(connection, node, patch_id, window)
+            found[number] = [run for run in rows if run.patch == name]
     for row in read_pages(connection, node):
         other = find_layout(connection, node, bytes(row["layout"]))
         mine = [k for k in other.page_ranges[row["page"]] if other.layout.patches[k] in names]
