@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import subprocess
 import sys
 import tempfile
 import time
@@ -23,7 +24,7 @@ from tests.robustness.chaos.site import STORES, Site, part_names
 from tests.robustness.chaos.verdict import DRAIN_S, judge
 from tests.robustness.model.traces import check_windows, pick, vanished, windows
 from tests.support.citus import NO_SOURCE, citus_programs
-from tests.support.processes import unwound_by_signals, wait_until
+from tests.support.processes import ESKIN, unwound_by_signals, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -68,6 +69,8 @@ def main() -> int:
             if programs is None:
                 sys.stderr.write(f"make chaos: {NO_SOURCE}\n")
                 return 2
+        # Else faults fall on compilers, and clouds wait for them instead of doing their work.
+        subprocess.run([ESKIN, "warm"], stdout=sys.stderr, check=True)
         fresh = exits.enter_context(tempfile.TemporaryDirectory(prefix="eskin-chaos-"))
         root = (options.data or Path(fresh) / "site").resolve()
         with Site(root, kind=options.store, programs=programs) as site:
