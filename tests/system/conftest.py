@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from tests.support.postgresql import Cluster
 
+
 @pytest.fixture(scope="session")
 def programs() -> Iterator[Path]:
     """The folder of the programs of a PostgreSQL with Citus."""
