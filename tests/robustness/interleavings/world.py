@@ -27,7 +27,7 @@ from eskin_cloud.store.slot import even_groups, slot_of
 from eskin_cloud.store.write.ingest import IngestResult, ingest, ingest_individually
 from eskin_cloud.store.write.node_sites import store_sites
 from eskin_cloud.store.write.parsed_message import ParsedMessage
-from sqlalchemy import delete
+from sqlalchemy import delete, update
 
 from eskin.identity import IdentityKind
 from eskin.privacy import Encryptor, FileMasterKey, KeyStore
@@ -157,6 +157,10 @@ class World:
         for place in (self.source, self.main):
             with Store(place, clock=self.clock) as store:
                 self._fill(store)
+        # A cloud refuses a store whose key a move has changed, and clouds here outlive a move.
+        with Store(self.source) as source, Store(self.target) as target:
+            same_key = update(versions).values(cursor_key=target.cursor_key)
+            source.write_and_wait(lambda connection: connection.execute(same_key))
         for place in (self.main, self.target):
             self._keep(place)
 
