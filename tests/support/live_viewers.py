@@ -33,6 +33,7 @@ class LiveViewer(threading.Thread):
     Attributes:
         samples: How many the hulls that came are of.
         breaks: How often the stream broke off.
+        may_resume: Whether it goes on after a break at once.
     """
 
     def __init__(self, stack: RealStack, token: str, *, cloud: int = 0) -> None:
@@ -40,6 +41,8 @@ class LiveViewer(threading.Thread):
         self.samples = 0
         self.breaks = 0
         self.ended = threading.Event()
+        self.may_resume = threading.Event()
+        self.may_resume.set()
         self._stack = stack
         self._token = token
         self._cloud = cloud
@@ -57,6 +60,7 @@ class LiveViewer(threading.Thread):
                 self._read(cloud)
             except httpx.HTTPError:
                 self.breaks += 1
+                self.may_resume.wait()
                 cloud = (cloud + 1) % len(self._stack.clouds)
 
     def _read(self, cloud: int) -> None:
