@@ -62,10 +62,10 @@ class FakeSocket extends EventTarget {
     this.sent.push(text);
   }
 
-  close(): void {
+  close(code = 1000): void {
     if (this.readyState === 3) return;
     this.readyState = 3;
-    this.dispatchEvent(Object.assign(new Event("close"), { reason: "" }));
+    this.dispatchEvent(Object.assign(new Event("close"), { code, reason: "" }));
   }
 }
 
@@ -84,17 +84,20 @@ afterEach(() => {
   vi.unstubAllGlobals();
 });
 
-function start(): { feed: FrameFeed; got: LiveMessage[]; states: string[]; unreadable: () => number } {
+function start(): {
+  feed: FrameFeed; got: LiveMessage[]; states: string[]; unreadable: () => number; replaced: () => number;
+} {
   const [got, states]: [LiveMessage[], string[]] = [[], []];
-  let refused = 0;
+  let [refused, replaced] = [0, 0];
   const feed = new FrameFeed({
     url: (nodes, cursor) => `/api/v1/live?node=${nodes.join("&node=")}${cursor === null ? "" : `&cursor=${cursor}`}`,
     onMessage: (one) => got.push(one),
     onUnreadable: () => (refused += 1),
     onState: ({ kind }) => states.push(kind),
+    onReplaced: () => (replaced += 1),
   }, { nodes: ["hand"], patches: null });
   feed.start();
-  return { feed, got, states, unreadable: () => refused };
+  return { feed, got, states, unreadable: () => refused, replaced: () => replaced };
 }
 
 describe("the feed of frames", () => {
@@ -245,5 +248,20 @@ describe("the film", () => {
     failing = false;
     reels.want([{ x: open, step }]);
     expect(asked.length).toBe(3);
+  });
+});
+
+describe("the feed of frames of a store that was replaced", () => {
+  test("ends where the store was replaced by another", () => {
+    const { states, replaced } = start();
+    FakeSocket.all[0]!.open();
+    FakeSocket.all[0]!.give(message("lagging", "c7", 0));
+    FakeSocket.all[0]!.close(1012);
+    vi.advanceTimersByTime(1_000);
+    expect([replaced(), states.at(-1)]).toEqual([0, "connecting"]);
+    FakeSocket.all[1]!.open();
+    FakeSocket.all[1]!.close(4422);
+    vi.advanceTimersByTime(60_000);
+    expect([replaced(), FakeSocket.all.length]).toEqual([1, 2]);
   });
 });

@@ -33,6 +33,8 @@ MOST_MESSAGE_BYTES: Final = 4096
 """Length of a client's message on a WebSocket."""
 _RESTARTING, _UNSUPPORTED, _INVALID, _REFUSED, _FAILED = 1012, 1003, 1007, 1008, 1013
 """Codes with which a WebSocket is closed (RFC 6455, section 7.4, and IANA's registry)."""
+_UNKNOWN_CURSOR: Final = 4422
+"""Of the range for private use."""
 _LONGEST_REASON: Final = 100
 """In characters; a close frame holds 123 bytes."""
 
@@ -147,7 +149,13 @@ async def watch_live(
 ) -> None:
     """Stream frames, events and contacts as they are stored, in CBOR."""
     live, scopes = cloud.settings.live, viewer.holder.scopes
-    position = await resume(cloud, query.cursor, "cursor")
+    try:
+        position = await resume(cloud, query.cursor, "cursor")
+    except UnknownCursorError as error:
+        # A browser shows its page the code of a close, and not the status of a refused upgrade.
+        await websocket.accept()
+        await _close(websocket, (_UNKNOWN_CURSOR, str(error)))
+        return
     nodes = frozenset(query.node)
     await asyncio.to_thread(_require_known, cloud, nodes)
     _require_room(cloud)

@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from eskin_cloud.access import Scope, create_token
 from eskin_cloud.app import gateway_application, people_application
 from eskin_cloud.ingest.gateway_status import HEADER
-from eskin_cloud.query.opaque_ids import OpaqueIds
+from eskin_cloud.query.opaque_ids import OpaqueIds, UnknownCursorError
 from eskin_cloud.service import make_cloud
 from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from eskin_cloud.store import Store
@@ -31,7 +31,6 @@ from eskin_cloud.store.write.node_sites import store_sites
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from sqlalchemy import delete, func, select, update
 
-from eskin.errors import QueryError
 from eskin.identity import IdentityKind
 from eskin.wire.timestamp import SECOND
 from tests.support.identities import SITE
@@ -299,7 +298,7 @@ class PlainIds(OpaqueIds):
         except ValueError:
             numbers = []
         if len(numbers) != count:
-            raise QueryError("cursor", "is invalid")
+            raise UnknownCursorError
         return numbers
 
 

@@ -22,7 +22,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from eskin.wire.frames import Frame
 from tests.unit.cloud.clouds import batch, position, standing
-from tests.unit.cloud.frame_clients import PATIENCE_S, Received, dial, serving
+from tests.unit.cloud.frame_clients import PATIENCE_S, Received, close_code, dial, serving
 from tests.unit.cloud.messages import NODE, peak
 from tests.unit.cloud.skins import HAND, PATCHES, describe, frame, statements
 from tests.unit.cloud.test_recheck import session_of
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin_cloud.store.location import StoreLocation
-    from websockets.asyncio.client import ClientConnection
 
     from tests.support.identities import Identities
     from tests.unit.cloud.clouds import Stand
@@ -52,20 +51,6 @@ def stretch(number: int) -> tuple[Frame, Frame]:
     """Both pages of a stretch."""
     at = number * STRETCH
     return frame(2 * number, at=at), frame(2 * number + 1, page=1, at=at)
-
-
-async def close_code(connection: ClientConnection) -> int:
-    """The code with which the server closes, whatever comes before."""
-
-    async def read_all() -> None:
-        while True:
-            await connection.recv()
-
-    with pytest.raises(ConnectionClosed) as caught:
-        await asyncio.wait_for(read_all(), PATIENCE_S)
-    assert caught.value.rcvd is not None
-    assert caught.value.rcvd.reason
-    return caught.value.rcvd.code
 
 
 @pytest.fixture(autouse=True)
@@ -247,7 +232,8 @@ async def test_caller_without_proof_or_scope_is_refused(stand: Stand) -> None:
         assert await refusal(port, "eskin_guess") == 401
         assert await refusal(port, other) == 403
         assert await refusal(port, stand.token, node=("unheard",)) == 404
-        assert await refusal(port, stand.token, cursor="guess") == 422
+        async with dial(port, stand.token, cursor="guess") as connection:
+            assert await close_code(connection) == 4422
 
 
 async def test_page_of_another_site_opens_no_stream_with_a_session(stand: Stand) -> None:

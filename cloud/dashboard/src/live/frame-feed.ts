@@ -66,12 +66,16 @@ export interface FrameFeedOptions {
   /** A message could not be read. */
   readonly onUnreadable: () => void;
   readonly onState: (state: FeedState) => void;
+  /** The cloud's store is another one than that of what was received. */
+  readonly onReplaced: () => void;
 }
 
 const FIRST_WAIT_MS = 500;
 const LONGEST_WAIT_MS = 15_000;
 /** The cloud states every 10 s that it is there; three missing ones mean a dead connection. */
 const SILENCE_MS = 30_000;
+/** With which the cloud closes a stream whose cursor is not of its store. */
+const UNKNOWN_CURSOR = 4422;
 /** A connection that lasted so long was a good one: the next wait is short again. */
 const GOOD_MS = 5_000;
 
@@ -143,8 +147,14 @@ export class FrameFeed {
     socket.addEventListener("message", ({ data }: MessageEvent<ArrayBuffer | string>) => {
       if (socket === this.socket && typeof data !== "string") this.take(new Uint8Array(data));
     });
-    socket.addEventListener("close", ({ reason }) => {
-      if (socket === this.socket && !this.stopped) this.retryLater(reason || "the cloud closed the live stream");
+    socket.addEventListener("close", ({ code, reason }) => {
+      if (socket !== this.socket || this.stopped) return;
+      if (code === UNKNOWN_CURSOR) {
+        this.stop();
+        this.options.onReplaced();
+      } else {
+        this.retryLater(reason || "the cloud closed the live stream");
+      }
     });
   }
 

@@ -267,6 +267,7 @@ export class Page {
       onMessage: (message: LiveMessage): void => this.receive(message),
       onUnreadable,
       onState: (state: FeedState): void => this.takeState(state),
+      onReplaced: (): void => location.reload(),
     };
     this.feed = new FrameFeed(options, selection);
     this.feed.start();
