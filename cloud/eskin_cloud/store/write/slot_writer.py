@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-_IS_MOVING: Final = select(exists().where(feed.c.writer == MOVING))
+_IS_MOVING: Final = select(exists().where(feed.c.slot == 0, feed.c.writer == MOVING))
+"""A move marks all slots at once; that of one is read from one shard, not from all."""
 
 
 class SlotWriter:
