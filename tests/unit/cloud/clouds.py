@@ -297,7 +297,8 @@ class PlainIds(OpaqueIds):
             numbers = [int(part) for part in text.split(".")]
         except ValueError:
             numbers = []
-        if len(numbers) != count:
+        # What a cloud has encrypted is a number of rows.
+        if len(numbers) != count or not all(0 <= number < 1 << 63 for number in numbers):
             raise UnknownCursorError
         return numbers
 
