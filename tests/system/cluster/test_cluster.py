@@ -12,6 +12,7 @@ from itertools import chain, count, islice
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
+import psycopg
 import pytest
 from eskin_cloud.store import Store
 from eskin_cloud.store.distribute import check, distribute
@@ -39,7 +40,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from sqlalchemy import URL, Table
+    from eskin_cloud.store.write.write_cache import WriteCache
+    from sqlalchemy import URL, Connection, Table
 
 pytestmark = pytest.mark.cluster
 
@@ -411,3 +413,37 @@ def test_transaction_of_a_node_stays_in_one_shard(servers: CitusCluster) -> None
         said = worker.running.output()[length:]
         assert "FOR UPDATE" in said
         assert "PREPARE TRANSACTION" not in said
+
+
+def test_shard_of_a_locked_slot_stays_where_it_is(servers: CitusCluster) -> None:
+    """Where it moved meanwhile, another cloud would lock the slot at the new server."""
+    place, slot = servers.fresh(), 7
+    database = str(place.database)
+    source = next(each for each in check(place) if slot in each.slots)
+    here = next(each for each in servers.workers if servers.name_of(each) == source.name)
+    there = next(each for each in servers.workers if each is not here)
+    move = (
+        "SELECT citus_move_shard_placement(get_shard_id_for_distribution_column('feed', "
+        f"{slot}), '{servers.folder}', {here.port}, '{servers.folder}', {there.port}, "
+        "'force_logical')"
+    )
+    begun = (
+        b"SELECT count(*) FROM pg_replication_slots"
+        b" WHERE slot_name LIKE 'citus_shard_move_slot%' AND confirmed_flush_lsn IS NOT NULL"
+    )
+    ended = Event()
+
+    def hold(_: Connection, cache: WriteCache) -> str:
+        """Have the slot locked once the shard is being copied, for longer than a move takes."""
+        assert not ended.wait(15), "the shard has moved while the slot is locked"
+        return cache.name
+
+    with Store(place) as store, ThreadPoolExecutor(1) as pool:
+        put(store, stretch(0), node=of_slot(slot))  # the writer knows by now what is distributed
+        moving = pool.submit(servers.execute, move, database=database)
+        moving.add_done_callback(lambda _: ended.set())
+        with psycopg.connect(here.words(database), autocommit=True) as worker:
+            wait_until(lambda: worker.execute(begun).fetchall() != [(0,)], "the shard is copied")
+        assert store.write_slots([slot], hold).result(60) == store.name
+        moving.result(60)
+    assert slot in next(e for e in check(place) if e.name == servers.name_of(there)).slots
