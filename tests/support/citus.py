@@ -79,6 +79,7 @@ def server_settings(sockets: Path, port: int) -> dict[str, str]:
         "wal_level": "logical",  # by which a shard moves while it is written
         "max_prepared_transactions": "200",
         "max_connections": "200",
+        "citus.max_adaptive_executor_pool_size": "1",  # as services/citus/citus.conf has it
         "port": str(port),
         "citus.local_hostname": str(sockets),
     }
