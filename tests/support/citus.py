@@ -80,6 +80,8 @@ def server_settings(sockets: Path, port: int) -> dict[str, str]:
         "max_prepared_transactions": "200",
         "max_connections": "200",
         "citus.max_adaptive_executor_pool_size": "1",  # as services/citus/citus.conf has it
+        # Citus has one for each database of the tests, and each move needs some.
+        "max_worker_processes": "64",
         "port": str(port),
         "citus.local_hostname": str(sockets),
     }
