@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
 import cbor2
-import pytest
 from eskin_cloud.api.live import MOST_MESSAGE_BYTES
 from websockets.asyncio.client import connect
-from websockets.exceptions import ConnectionClosed
 
 from eskin.runtime.http_server.protocol import LOCALHOST, HttpLimits
 from tests.unit.eskin.test_listening import listening
@@ -55,20 +53,6 @@ def dial(
         proxy=None,
         **options,
     )
-
-
-async def close_code(connection: ClientConnection) -> int:
-    """The code with which the server closes, whatever comes before."""
-
-    async def read_all() -> None:
-        while True:
-            await connection.recv()
-
-    with pytest.raises(ConnectionClosed) as caught:
-        await asyncio.wait_for(read_all(), PATIENCE_S)
-    assert caught.value.rcvd is not None
-    assert caught.value.rcvd.reason
-    return caught.value.rcvd.code
 
 
 @dataclass

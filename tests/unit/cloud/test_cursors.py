@@ -17,9 +17,10 @@ from eskin_cloud.store.schema.tables import versions
 from sqlalchemy import update
 
 from eskin.errors import StoreError
+from tests.support.websocket_closing import close_code
 from tests.unit.cloud.clouds import Stand, batch, problem, put, standing
 from tests.unit.cloud.commits import kinds
-from tests.unit.cloud.frame_clients import PATIENCE_S, close_code, dial, serving
+from tests.unit.cloud.frame_clients import PATIENCE_S, dial, serving
 from tests.unit.cloud.messages import CHANNEL, NODE, START, stretch
 
 if TYPE_CHECKING:

@@ -21,8 +21,9 @@ from eskin_cloud.store.feed_position import FEED_START
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from eskin.wire.frames import Frame
+from tests.support.websocket_closing import close_code
 from tests.unit.cloud.clouds import batch, position, standing
-from tests.unit.cloud.frame_clients import PATIENCE_S, Received, close_code, dial, serving
+from tests.unit.cloud.frame_clients import PATIENCE_S, Received, dial, serving
 from tests.unit.cloud.messages import NODE, peak
 from tests.unit.cloud.skins import HAND, PATCHES, describe, frame, statements
 from tests.unit.cloud.test_recheck import session_of

@@ -10,13 +10,14 @@ import socket
 from typing import TYPE_CHECKING
 
 import pytest
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, ConnectionClosedError, InvalidStatus
 
 from eskin.identity import IdentityKind, client_context, server_context
 from eskin.runtime.http_server.counted_connection import CALLER
 from eskin.runtime.http_server.protocol import LOCALHOST, HttpLimits
 from eskin.runtime.http_server.websocket import WINDOW_BYTES
+from tests.support.websocket_closing import close_code
 from tests.unit.eskin.test_listening import listening, say, status
 
 if TYPE_CHECKING:
@@ -63,20 +64,6 @@ def client(port: int, path: str = "/", **options: object) -> connect:
     return connect(f"ws://127.0.0.1:{port}{path}", proxy=None, **options)  # type: ignore[arg-type]
 
 
-async def closing(connection: ClientConnection) -> int:
-    """The code with which the server closes."""
-
-    async def read_all() -> None:
-        while True:
-            await connection.recv()
-
-    with pytest.raises(ConnectionClosed) as caught:
-        await asyncio.wait_for(read_all(), PATIENCE_S)
-    assert caught.value.rcvd is not None
-    assert caught.value.rcvd.reason
-    return caught.value.rcvd.code
-
-
 async def test_messages_go_both_ways_uncompressed() -> None:
     async with listening(LIMITS, echo) as port, client(port) as connection:
         assert not connection.protocol.extensions
@@ -101,14 +88,14 @@ async def test_messages_go_both_ways_over_tls(identities: Identities) -> None:
 async def test_long_message_is_refused() -> None:
     async with listening(LIMITS, echo) as port, client(port) as connection:
         await connection.send("x" * 4097)
-        assert await closing(connection) == 1009
+        assert await close_code(connection) == 1009
 
 
 async def test_long_message_in_many_fragments_is_refused() -> None:
     async with listening(LIMITS, echo) as port, client(port) as connection:
         with contextlib.suppress(ConnectionClosedError):
             await connection.send("x" for _ in range(4097))
-        assert await closing(connection) in {1008, 1009}
+        assert await close_code(connection) in {1008, 1009}
 
 
 async def test_many_messages_are_refused() -> None:
@@ -116,7 +103,7 @@ async def test_many_messages_are_refused() -> None:
         with contextlib.suppress(ConnectionClosedError):
             for _ in range(100):
                 await connection.send("x")
-        assert await closing(connection) == 1008
+        assert await close_code(connection) == 1008
 
 
 async def test_flood_of_pings_is_refused() -> None:
@@ -124,7 +111,7 @@ async def test_flood_of_pings_is_refused() -> None:
         with contextlib.suppress(ConnectionClosedError):
             for number in range(10_000):
                 await connection.ping(b"%08d" % number)
-        assert await closing(connection) == 1008
+        assert await close_code(connection) == 1008
 
 
 async def test_client_that_answers_no_ping_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,7 +255,7 @@ async def test_websockets_count_for_a_caller_that_proved_its_name() -> None:
         await other.send("x")
         assert await other.recv() == "x"
         fourth = await stack.enter_async_context(client(port, "/named"))
-        assert await closing(fourth) == 1008
+        assert await close_code(fourth) == 1008
 
 
 async def test_stopping_server_says_so() -> None:
