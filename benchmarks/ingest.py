@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 import cbor2
 from eskin_cloud.store import Store
 from eskin_cloud.store.descriptions import read_description, store_descriptions
-from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.ingest import STORED, ingest
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
@@ -35,6 +34,7 @@ from benchmarks.row_stores import (
 )
 from benchmarks.said import HAND, NODE, SKIN, START, descriptions, say
 from eskin.runtime.memory import freeze_gc
+from eskin.wire.slot import slot_of
 from tests.support.identities import Identities
 from tests.support.postgresql import Cluster
 from tests.unit.cloud.service import Service

@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, Final, Self
 import psycopg
 from eskin_cloud.store import Store
 from eskin_cloud.store.distribute import check
-from eskin_cloud.store.slot import even_groups, slot_of
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from sqlalchemy import make_url
 
 from benchmarks.clouds import CITUS_HELP
 from benchmarks.report import Row
+from eskin.wire.slot import even_groups, slot_of
 from tests.support.citus import CitusCluster
 from tests.support.postgresql import Cluster
 from tests.support.preloads import build_preload

@@ -203,6 +203,7 @@ async def _serve(cloud: AppState) -> None:
             listening.cancel()
         for listener in listeners:
             listener.should_exit = True
+    await cloud.gateway_contacts.written()
 
 
 def _jobs(cloud: AppState, stopping: asyncio.Event) -> list[Coroutine[Any, Any, None]]:

@@ -63,7 +63,8 @@ class CloudSection(Section):
     fallbacks: list[CloudUrl] = Field(
         default=[],
         max_length=16,
-        description="ingests of other clouds on the same store, used in turn when one fails",
+        description="ingests of other clouds on the same store; each cloud gets the messages of as "
+        "many nodes, and those of one that fails",
     )
     timeout_s: float = Field(
         default=10.0, gt=0, le=600, description="seconds to wait for a response"

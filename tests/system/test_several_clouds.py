@@ -10,10 +10,10 @@ import cbor2
 import pytest
 from eskin_cloud.store import Store
 from eskin_cloud.store.schema.frame_tables import frames
-from eskin_cloud.store.slot import slot_of
 from sqlalchemy import select
 
 from eskin.identity import numbered
+from eskin.wire.slot import slot_of
 from tests.support.files import ask
 from tests.support.fleets import RunningFleet, enrol
 from tests.support.live_viewers import LiveViewer, count_stored, require_each_once

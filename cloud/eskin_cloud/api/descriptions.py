@@ -9,13 +9,13 @@ from sqlalchemy import Connection
 from starlette.responses import Response
 
 from eskin.runtime.http_server.problems import documented
+from eskin.wire.slot import in_order
 from eskin_cloud.api.dependencies import CloudState
 from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import apart, received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.ingest.posted_descriptions import Posted, PostedResult, read_posted, store_posted
 from eskin_cloud.schemas.ingest import DescriptionsDocument
-from eskin_cloud.store.slot import in_order
 from eskin_cloud.store.write.write_cache import WriteCache
 
 router = APIRouter(tags=["ingest"])

@@ -16,6 +16,7 @@ from eskin.errors import StoreError
 from eskin.privacy import SealedMessage
 from eskin.runtime.http_server.problems import documented
 from eskin.wire.messages import Result
+from eskin.wire.slot import Share, in_order
 from eskin_cloud.api.dependencies import CloudState
 from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import Received, apart, received
@@ -24,7 +25,6 @@ from eskin_cloud.app_state import AppState
 from eskin_cloud.ingest.batch import read_batch
 from eskin_cloud.schemas.base import Json
 from eskin_cloud.schemas.ingest import IngestDocument
-from eskin_cloud.store.slot import Share, in_order
 from eskin_cloud.store.write.ingest import (
     LATER,
     IngestResult,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from eskin.errors import StoreError
 from eskin_cloud.store.write.gateways import ContactCounts, record_contact
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+_PAUSE_S: Final = 1.0
+"""Between two writes: on Citus each commits on all servers in two phases."""
+
 
 @dataclass(slots=True)
 class _Contact:
@@ -33,7 +37,7 @@ class _Contact:
 class GatewayContacts:
     """Writes the latest contact of each gateway, and what its batches came to.
 
-    A batch is answered before. What comes while a write goes on is written together.
+    A batch is answered before. A write takes what came in the second before.
 
     Args:
         store: Where it is written.
@@ -45,6 +49,7 @@ class GatewayContacts:
         self._clock = clock
         self._noted: dict[str, _Contact] = {}
         self._task: asyncio.Task[None] | None = None
+        self._awaited = asyncio.Event()
 
     def note(
         self,
@@ -71,9 +76,11 @@ class GatewayContacts:
             self._task = asyncio.create_task(self._write())
 
     async def written(self) -> None:
-        """Wait until what was noted is written."""
+        """Wait until what was noted is written, without a pause."""
         if self._task is not None:
+            self._awaited.set()
             await self._task
+            self._awaited.clear()
 
     async def _write(self) -> None:
         try:
@@ -92,6 +99,8 @@ class GatewayContacts:
                         )
 
                 await asyncio.wrap_future(self._store.write(work, shared=True))
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(self._awaited.wait(), _PAUSE_S)
         except StoreError as error:  # the next batch states a contact again
             log.warning("contact of gateways not stored: reason=%s", error)
         finally:

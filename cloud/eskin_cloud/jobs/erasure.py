@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import update
 
+from eskin.wire.slot import SLOTS
 from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.store.removal import has_messages
 from eskin_cloud.store.schema.sealed_tables import erased_subjects
-from eskin_cloud.store.slot import SLOTS
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 
 if TYPE_CHECKING:

@@ -17,6 +17,7 @@ from sqlalchemy import func, select, union_all
 
 from eskin.errors import MessageError
 from eskin.privacy import SealedMessage
+from eskin.wire.slot import SLOTS, slot_of_cursor
 from eskin_cloud.live.frame_encoder import FrameEncoder
 from eskin_cloud.live.layouts import Layouts
 from eskin_cloud.live.sse_encoder import SseEncoder
@@ -29,7 +30,6 @@ from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.node_key import of_nodes
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import events
-from eskin_cloud.store.slot import SLOTS, slot_of_cursor
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence

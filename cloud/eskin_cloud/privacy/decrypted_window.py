@@ -17,6 +17,7 @@ from eskin.errors import MessageError, NoKeyError, QueryError
 from eskin.privacy.sealed_message import name_place
 from eskin.runtime.digest import digest
 from eskin.wire.frames import FrameSummary
+from eskin.wire.slot import slot_of
 from eskin_cloud.privacy.errors import ErasedError
 from eskin_cloud.privacy.sealed_rows import open_row
 from eskin_cloud.store.frame_row import FrameRow, fit_frame
@@ -36,7 +37,6 @@ from eskin_cloud.store.schema.frame_tables import (
 from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from eskin_cloud.store.schema.tables import feed, metadata, nodes
-from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.bulk_insert import bulk_insert
 from eskin_cloud.store.write.pages import add_frames
 from eskin_cloud.store.write.write_cache import WriteCache

@@ -15,6 +15,7 @@ import numpy as np
 from sqlalchemy import delete, insert, select, tuple_
 
 from eskin.runtime.digest import digest
+from eskin.wire.slot import SLOTS, slot_of
 from eskin_cloud.rollup.column_aggregates import joined, pack
 from eskin_cloud.rollup.patch_tiles import fold_chunks, read_chunk, taxels_of
 from eskin_cloud.store.patch_totals import Place, mark_chunks, read_totals, save_built
@@ -26,7 +27,6 @@ from eskin_cloud.store.schema.frame_tables import (
     patches,
     stale_patch_chunks,
 )
-from eskin_cloud.store.slot import SLOTS, slot_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -13,6 +13,7 @@ import numpy as np
 from sqlalchemy import bindparam, select
 
 from eskin.errors import MessageError
+from eskin.wire.slot import slot_of
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates
 from eskin_cloud.rollup.buckets import Buckets
@@ -32,7 +33,6 @@ from eskin_cloud.store.read.patch_runs import find_patch_pages, read_compacted
 from eskin_cloud.store.read.window import before
 from eskin_cloud.store.sample_grid import PATCH_CHUNK
 from eskin_cloud.store.schema.frame_tables import frames, patch_tiles, stale_patch_chunks
-from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -19,6 +19,7 @@ from eskin.errors import MessageError
 from eskin.runtime.digest import digest
 from eskin.wire.frames import Sampling
 from eskin.wire.frames.frame_parts import read_head
+from eskin.wire.slot import SLOTS
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_row
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
@@ -28,7 +29,6 @@ from eskin_cloud.store.read.patch_runs import runs_of_frames
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
 from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import feed
-from eskin_cloud.store.slot import SLOTS
 from eskin_cloud.store.write.bulk_insert import insert_many
 
 if TYPE_CHECKING:

@@ -23,12 +23,12 @@ from eskin.wire.frames import (
 )
 from eskin.wire.messages.cbor_map import load
 from eskin.wire.messages.header import Kind
+from eskin.wire.slot import key_of, slot_of
 from eskin_cloud.store.damage import report_damaged
 from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import descriptions
 from eskin_cloud.store.schema.node_key import of_node
-from eskin_cloud.store.slot import key_of, slot_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

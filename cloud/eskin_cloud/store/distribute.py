@@ -17,12 +17,12 @@ from sqlalchemy import func, select, text
 from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import StoreError
+from eskin.wire.slot import SLOTS
 from eskin_cloud.store.db_errors import explain
 from eskin_cloud.store.location import describe, writing_engine
 from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.tables import audit_log, feed, metadata, versions
 from eskin_cloud.store.shard_groups import read_groups
-from eskin_cloud.store.slot import SLOTS
 from eskin_cloud.store.version import create_tables, require_version
 
 if TYPE_CHECKING:

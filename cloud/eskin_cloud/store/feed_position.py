@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 from sqlalchemy import select
 
+from eskin.wire.slot import SLOTS, slot_of_cursor
 from eskin_cloud.store.schema.tables import feed
-from eskin_cloud.store.slot import SLOTS, slot_of_cursor
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

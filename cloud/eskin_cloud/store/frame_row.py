@@ -10,9 +10,9 @@ import numpy as np
 from eskin.errors import MessageError
 from eskin.kernels.jit import kernel
 from eskin.wire.frames import PatchSamples
+from eskin.wire.slot import slot_of
 from eskin.wire.timestamp import MOST_MOMENT
 from eskin_cloud.store.damage import FrameHeader
-from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -14,6 +14,7 @@ from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
 
 from eskin.errors import StoreError
+from eskin.wire.slot import slot_of
 from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, report_damaged
 from eskin_cloud.store.row_digests import CHECKED_TABLES, find_damaged
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows, patch_tiles
@@ -25,7 +26,6 @@ from eskin_cloud.store.schema.tables import (
     metadata,
     sequences,
 )
-from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, Table

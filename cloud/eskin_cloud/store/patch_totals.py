@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sqlalchemy import and_, bindparam, delete, func, insert, select, text, update
 
+from eskin.wire.slot import slot_of
 from eskin_cloud.store.sample_grid import MOST_SPAN, PATCH_CHUNK, STEP, TOP, patch_level
 from eskin_cloud.store.schema.frame_tables import patch_rows, patches, stale_patch_chunks
 from eskin_cloud.store.schema.node_key import of_node
-from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import and_, delete, exists, func, select, tuple_
 
 from eskin.privacy.sealed_message import read_page
+from eskin.wire.slot import key_of
 from eskin_cloud.store.patch_totals import Place, subtract_rows
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
 from eskin_cloud.store.schema.node_key import of_node, of_same_node
@@ -21,7 +22,6 @@ from eskin_cloud.store.schema.sealed_tables import (
     sealed_messages,
 )
 from eskin_cloud.store.schema.tables import events, node_sites
-from eskin_cloud.store.slot import key_of
 from eskin_cloud.store.write.removal_counts import RemovalReason, Sweep, record_removal
 
 if TYPE_CHECKING:

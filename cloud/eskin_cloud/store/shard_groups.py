@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import text
 
-from eskin_cloud.store.slot import SLOTS
+from eskin.wire.slot import SLOTS
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection

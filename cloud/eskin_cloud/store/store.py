@@ -14,6 +14,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import StoreError
 from eskin.runtime.sqlite_integrity import UNREADABLE
+from eskin.wire.slot import SLOTS, Share, even_groups, share_out, slot_of
 from eskin_cloud.store.damage import damaged_rows
 from eskin_cloud.store.db_errors import explain
 from eskin_cloud.store.integrity import check_small_tables
@@ -28,7 +29,6 @@ from eskin_cloud.store.notify import NoticeSender
 from eskin_cloud.store.postgres import driver_arguments, living_clouds
 from eskin_cloud.store.schema.tables import feed
 from eskin_cloud.store.shard_groups import read_groups
-from eskin_cloud.store.slot import SLOTS, Share, even_groups, share_out, slot_of
 from eskin_cloud.store.version import create_tables, require_version
 from eskin_cloud.store.write.slot_writer import SlotWriter
 

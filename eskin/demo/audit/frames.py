@@ -14,7 +14,6 @@ from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.patch_rows import decode_runs
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 from eskin_cloud.store.schema.sealed_tables import removals
-from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.removal_counts import RemovalReason
 from eskin_sensor_node.node.ground_truth import GroundTruth, TrueFrame
 from sqlalchemy import func, select, tuple_
@@ -28,6 +27,7 @@ from eskin.privacy.sealed_message import name_place
 from eskin.wire.frames import FrameSummary
 from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin.wire.messages import Position
+from eskin.wire.slot import slot_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

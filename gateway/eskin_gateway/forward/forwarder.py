@@ -425,18 +425,25 @@ class Forwarder:
         self._missing = missing
 
     def forward(self) -> int:
-        """Send the oldest messages once; return how many were settled.
+        """Send the oldest messages once, each to its cloud; return how many were settled.
 
         Raises:
-            CloudError: The request failed.
+            CloudError: A request failed.
             SpoolError: The spool cannot be read or written.
         """
         # New messages come between two retries: the cloud may take long to fail at each.
         retry = None if self._retried else self._retry_queue.due()
         self._retried = retry is not None
         messages = [retry] if retry is not None else self._take()
-        if not messages:
-            return 0
+        return sum([self._send(share) for share in self._ingest_client.shares(messages)])
+
+    def _send(self, messages: list[SpoolMessage]) -> int:
+        """Send messages of one cloud; return how many were settled.
+
+        Raises:
+            CloudError: The request failed.
+            SpoolError: The spool cannot be written.
+        """
         self._metrics.forwarded.inc(len(messages))
         begun = self._clock()
         try:

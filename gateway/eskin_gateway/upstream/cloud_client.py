@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import logging
 import socket
+import time
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
-from time import time
 from typing import TYPE_CHECKING, Any, Final
 
 import httpx
 import orjson
 
 from eskin.errors import CloudError, IdentityError, MessageError
+from eskin.wire.slot import SLOTS
 
 if TYPE_CHECKING:
     import ssl
@@ -27,14 +29,30 @@ _FAILS: Final = {
 }
 MAX_RESPONSE: Final = 8_388_608
 """Bytes of a response."""
+_CONNECT_S: Final = 5.0
+"""Most seconds to connect to one of several clouds."""
+_LEFT_OUT_S: Final = (5.0, 300.0)
+"""Seconds for which a cloud that failed is left out: at first, and at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Outage:
+    """Until when a cloud is left out, in the clock's seconds, and for how long in all."""
+
+    until: float
+    seconds: float
 
 
 class CloudClient:
     """Posts to resources beside the cloud's ingest. Thread-safe.
 
-    Several clouds may share a store. A request that one of them does not answer goes to the next,
-    which gets those after it, too: each request may be repeated, as the cloud stores each message
-    once. Where all fail, the last failure counts.
+    Several clouds may share a store. Each has a range of slots, the same one for all gateways: what
+    one cloud has cached of a slot stays valid, and clouds do not wait for each other's locks. Other
+    requests go to the first cloud.
+
+    A request that one cloud does not answer goes to the next: each request may be repeated, as the
+    cloud stores each message once. Where all fail, the last failure counts. A cloud that failed is
+    left out for some seconds, twice as long each time, unless all are.
 
     Args:
         urls: The ingest of each cloud, in the order in which they are tried.
@@ -43,6 +61,10 @@ class CloudClient:
         timeout_s: Seconds to wait.
         abortable: Whether `abort` ends a request. Each request then has its own connection.
         transport: Carries requests in the place of TCP, for example to a cloud in this process.
+        clock: Monotonic seconds.
+
+    Attributes:
+        clouds: How many there are.
     """
 
     def __init__(
@@ -54,11 +76,17 @@ class CloudClient:
         timeout_s: float,
         abortable: bool = False,
         transport: httpx.BaseTransport | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._urls = [httpx.URL(url) for url in urls]
-        self._chosen = 0
+        self.clouds = len(urls)
+        # By name, so that gateways agree whatever order each was given.
+        self._by_name = sorted(range(self.clouds), key=urls.__getitem__)
+        self._outages: dict[int, _Outage] = {}
+        self._clock = clock
         self._headers = headers
         self._timeout_s = timeout_s
+        self._connect_s = timeout_s if self.clouds == 1 else min(timeout_s, _CONNECT_S)
         limits = httpx.Limits(max_keepalive_connections=0 if abortable else None)
         # Proxies of the environment are ignored: a gateway connects to its cloud directly.
         self._client = httpx.Client(
@@ -79,41 +107,63 @@ class CloudClient:
 
     @property
     def url(self) -> str:
-        """The ingest of the cloud that the next request goes to."""
-        return str(self._urls[self._chosen])
+        """The ingest of the cloud that is tried first."""
+        return str(self._urls[self._in_order(None)[0]])
 
-    def post(self, resource: str, body: bytes, *, wait_s: float = 0.0) -> bytes:
+    def post(
+        self, resource: str, body: bytes, *, slot: int | None = None, wait_s: float = 0.0
+    ) -> bytes:
         """Post a body and return that of the response.
 
         Args:
             resource: Its name, such as ``ingest``.
             body: CBOR.
+            slot: Of the nodes whose messages it has: the cloud of this slot is tried first.
             wait_s: Seconds for which the cloud may hold the response back.
 
         Raises:
             CloudError: There is no response, or its status is not 200, or it is too long.
         """
-        for left in reversed(range(len(self._urls))):
-            chosen = self._chosen
+        order = self._in_order(slot)
+        for chosen, following in zip(order, [*order[1:], None], strict=True):
             try:
-                return self._post(self._urls[chosen].join(resource), body, wait_s)
+                answer = self._post(self._urls[chosen].join(resource), body, wait_s)
             except CloudError as error:
                 if self._aborted or not _is_of_one_cloud(error):
                     raise
-                self._choose_after(chosen, error)
+                self._leave_out(chosen, following, error)
                 # A request that was not answered in time may be at fault itself.
-                if not left or error.unanswered:
+                if following is None or error.unanswered:
                     raise
+            else:
+                self._outages.pop(chosen, None)
+                return answer
         raise AssertionError("there is a cloud")
 
-    def _choose_after(self, failed: int, error: CloudError) -> None:
-        """Choose the cloud after one that failed, unless another thread has done so."""
-        if len(self._urls) > 1 and self._chosen == failed:
-            self._chosen = (failed + 1) % len(self._urls)
+    def _in_order(self, slot: int | None) -> list[int]:
+        """The clouds in the order in which they are tried for a slot; those left out at last."""
+        if slot is None:
+            order = list(range(self.clouds))
+        else:
+            first = slot * self.clouds // SLOTS
+            order = self._by_name[first:] + self._by_name[:first]
+        now = self._clock()
+        outages = dict(self._outages)  # another thread may change them
+        return sorted(order, key=lambda each: each in outages and outages[each].until > now)
+
+    def _leave_out(self, failed: int, following: int | None, error: CloudError) -> None:
+        now, before = self._clock(), self._outages.get(failed)
+        if self.clouds == 1 or (before is not None and before.until > now):
+            return
+        least, most = _LEFT_OUT_S
+        seconds = least if before is None else min(2 * before.seconds, most)
+        self._outages[failed] = _Outage(now + seconds, seconds)
+        if following is not None:
             log.warning(
-                "cloud failed, going on with the next: url=%s next=%s reason=%s",
+                "cloud failed, going on with the next: url=%s next=%s for_s=%g reason=%s",
                 self._urls[failed],
-                self.url,
+                self._urls[following],
+                seconds,
                 error,
             )
 
@@ -125,7 +175,9 @@ class CloudClient:
                 url,
                 content=body,
                 headers=self._headers(),
-                timeout=httpx.Timeout(self._timeout_s, read=self._timeout_s + wait_s),
+                timeout=httpx.Timeout(
+                    self._timeout_s, connect=self._connect_s, read=self._timeout_s + wait_s
+                ),
                 extensions=self._extensions,
             ) as response:
                 _require_ok(response)
@@ -196,6 +248,6 @@ def _retry_after(value: str | None) -> float | None:
     if value.isascii() and value.isdigit():
         return float(value[:9])
     try:
-        return max(0.0, parsedate_to_datetime(value).timestamp() - time())
+        return max(0.0, parsedate_to_datetime(value).timestamp() - time.time())
     except (ValueError, OverflowError):
         return None

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import orjson
 
 from eskin.errors import CloudError
 from eskin.wire.messages.cbor_map import ARRAY, BYTES, TEXT, opening
+from eskin.wire.slot import even_groups, share_out, slot_of
 from eskin_gateway.upstream.cloud_client import parsing
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from eskin_gateway.spool.batch import SpoolMessage
     from eskin_gateway.upstream.cloud_client import CloudClient
 
 
@@ -56,16 +59,22 @@ class IngestClient:
 
     @property
     def url(self) -> str:
-        """The ingest of the cloud that the next batch goes to."""
+        """The ingest of the cloud that is tried first."""
         return self._client.url
 
+    def shares(self, messages: Sequence[SpoolMessage]) -> list[list[SpoolMessage]]:
+        """Messages by the cloud that has the slot of their node, each for a request of its own."""
+        groups = even_groups(self._client.clouds)
+        return [each.items for each in share_out(messages, attrgetter("node"), groups)]
+
     def send(self, messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
-        """Send messages (node, plaintext) and return a result for each, in order.
+        """Send messages (node, plaintext) of one share; return a result for each, in order.
 
         Raises:
             CloudError: The request failed. The messages may be stored or not.
         """
-        body = self._client.post("ingest", encode_batch(messages))
+        slot = slot_of(messages[0][0])
+        body = self._client.post("ingest", encode_batch(messages), slot=slot)
         with parsing(body):
             results = [_item_result(item) for item in orjson.loads(body)["items"]]
         if len(results) != len(messages):

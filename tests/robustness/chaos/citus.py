@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Final, Unpack
 
 import psycopg
 from eskin_cloud.store.distribute import check, distribute
-from eskin_cloud.store.slot import SLOTS, slot_of
 
 from eskin.errors import StoreError
 from eskin.identity.identity import ROOT_FILE
+from eskin.wire.slot import SLOTS, slot_of
 from tests.robustness.chaos.database import Server
 from tests.robustness.chaos.faults import DATABASE, WORKERS
 from tests.support.citus import create_database, server_settings

@@ -22,7 +22,6 @@ from eskin_cloud.store.schema.frame_tables import (
 )
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages
 from eskin_cloud.store.schema.tables import audit_log, events, feed, sequences
-from eskin_cloud.store.slot import slot_of, slot_of_cursor
 from eskin_cloud.store.store import Store
 from eskin_cloud.store.write.audit_log import Action, check_audit_entries
 from eskin_cloud.store.write.duplicates import find_digest
@@ -32,6 +31,7 @@ from eskin_cloud.store.write.write_cache import MOVING
 from sqlalchemy import func, select
 
 from eskin.errors import EskinError
+from eskin.wire.slot import slot_of, slot_of_cursor
 from tests.robustness.interleavings.operations import WINDOW, read_window
 from tests.robustness.interleavings.world import NEAR, OPEN, bring, compact_all
 

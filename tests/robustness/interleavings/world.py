@@ -23,7 +23,6 @@ from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames
 from eskin_cloud.store.descriptions import read_description, store_descriptions
 from eskin_cloud.store.schema.tables import metadata, versions
-from eskin_cloud.store.slot import even_groups, slot_of
 from eskin_cloud.store.write.ingest import IngestResult, ingest, ingest_individually
 from eskin_cloud.store.write.node_sites import store_sites
 from eskin_cloud.store.write.parsed_message import ParsedMessage
@@ -32,6 +31,7 @@ from sqlalchemy import delete, update
 from eskin.identity import IdentityKind
 from eskin.privacy import Encryptor, FileMasterKey, KeyStore
 from eskin.wire.frames import FrameSummary
+from eskin.wire.slot import even_groups, slot_of
 from tests.support.identities import SITE, Identities
 from tests.support.postgresql import Cluster
 from tests.unit.cloud.messages import START, skin_of, stretch

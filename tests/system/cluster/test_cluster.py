@@ -21,13 +21,13 @@ from eskin_cloud.store.move import TABLES, move
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.tables import audit_log, feed, sequences
 from eskin_cloud.store.shard_groups import read_groups
-from eskin_cloud.store.slot import SLOTS, slot_of
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from sqlalchemy import Engine, event, select, update
 from sqlalchemy.exc import DBAPIError
 
 from eskin.errors import StoreError
+from eskin.wire.slot import SLOTS, slot_of
 from tests.support.citus import CitusCluster
 from tests.support.commands import run
 from tests.support.processes import wait_until

@@ -13,10 +13,10 @@ from eskin_cloud.store import Store
 from eskin_cloud.store.distribute import check
 from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import sequences
-from eskin_cloud.store.slot import slot_of
 from sqlalchemy import func, select
 
 from eskin.errors import StoreError
+from eskin.wire.slot import slot_of
 from tests.support.citus import CitusCluster
 from tests.support.files import ask
 from tests.support.live_viewers import LiveViewer, require_each_once

@@ -25,13 +25,13 @@ from eskin_cloud.store.feed_position import FEED_START, FeedPosition
 from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.tables import audit_log, feed, metadata, versions
-from eskin_cloud.store.slot import SLOTS, in_order, slot_of
 from eskin_cloud.store.write.ingest import IngestResult, ingest, ingest_individually
 from eskin_cloud.store.write.node_sites import store_sites
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from sqlalchemy import delete, func, select, update
 
 from eskin.identity import IdentityKind
+from eskin.wire.slot import SLOTS, in_order, slot_of
 from eskin.wire.timestamp import SECOND
 from tests.support.identities import SITE
 from tests.unit.cloud.messages import NODE, SKINS, START

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.ingest import ingest, ingest_individually
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 
+from eskin.wire.slot import slot_of
 from tests.unit.cloud.clouds import present
 from tests.unit.cloud.messages import NODE
 

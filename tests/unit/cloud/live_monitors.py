@@ -10,11 +10,11 @@ from eskin_cloud.live.feed import read_entries
 from eskin_cloud.store.descriptions import find_layout
 from eskin_cloud.store.feed_position import last_position
 from eskin_cloud.store.schema.alarm_tables import monitors
-from eskin_cloud.store.slot import SLOTS
 from eskin_cloud.store.write.alarms import apply_changes, list_alarms, take_lease
 from eskin_cloud.store.write.monitors import MonitorDefinition, put_monitor, settle_monitors
 from sqlalchemy import update
 
+from eskin.wire.slot import SLOTS
 from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.messages import NODE
 

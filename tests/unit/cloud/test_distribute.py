@@ -20,10 +20,10 @@ from eskin_cloud.store.distribute import (
 )
 from eskin_cloud.store.schema.tables import feed, metadata
 from eskin_cloud.store.shard_groups import read_groups
-from eskin_cloud.store.slot import SLOTS
 from sqlalchemy import create_engine, inspect
 
 from eskin.errors import StoreError
+from eskin.wire.slot import SLOTS
 from tests.support.commands import run
 from tests.support.files import write_settings
 from tests.support.stores import write_place

@@ -15,11 +15,11 @@ from eskin_cloud.store import Store
 from eskin_cloud.store.feed_position import last_position
 from eskin_cloud.store.move import TABLES, move
 from eskin_cloud.store.schema.frame_tables import frames
-from eskin_cloud.store.slot import SLOTS, slot_of
 from eskin_cloud.store.write.clock_state import ClockReading, save_clock
 from sqlalchemy import func, select, text
 
 from eskin.errors import StoreError
+from eskin.wire.slot import SLOTS, slot_of
 from tests.support.commands import run, run_before_people
 from tests.support.files import write_settings
 from tests.support.stores import write_place

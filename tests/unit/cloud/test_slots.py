@@ -24,7 +24,6 @@ from eskin_cloud.store.notify import NoticeSender
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages
 from eskin_cloud.store.schema.tables import dead_letters, sequences
-from eskin_cloud.store.slot import SLOTS, even_groups, in_order, share_out, slot_of
 from eskin_cloud.store.write.audit_log import list_audit_entries
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from hypothesis import HealthCheck, given, settings
@@ -32,6 +31,7 @@ from hypothesis import strategies as st
 from sqlalchemy import Engine, event, func, select, text
 
 from eskin.errors import StoreError
+from eskin.wire.slot import SLOTS, even_groups, in_order, share_out, slot_of
 from tests.support.examples import examples
 from tests.support.processes import wait_until
 from tests.unit.cloud.clouds import Stand, emptied, put, put_items

@@ -10,7 +10,6 @@ import pytest
 from eskin_cloud.store import Store
 from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.schema.frame_tables import frames
-from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.stuck_writer import end_stuck_writer
 from eskin_cloud.store.write.bulk_insert import bulk_insert
 from sqlalchemy import func, select
@@ -18,6 +17,7 @@ from sqlalchemy import func, select
 from eskin.errors import StoreError
 from eskin.runtime.digest import digest
 from eskin.wire.frames import DescribedLayout, FrameSummary
+from eskin.wire.slot import slot_of
 from tests.support.processes import wait_until
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import NODE, START, skin_of, stretch

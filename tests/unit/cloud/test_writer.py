@@ -11,7 +11,6 @@ import pytest
 from eskin_cloud.store import Store, version
 from eskin_cloud.store.schema.frame_tables import frames, pages
 from eskin_cloud.store.schema.tables import dead_letters, feed, nodes, versions
-from eskin_cloud.store.slot import SLOTS, slot_of
 from eskin_cloud.store.write.ingest import ingest, ingest_individually
 from eskin_cloud.store.write.pages import add_frames
 from eskin_cloud.store.write.parsed_message import ParsedMessage
@@ -19,6 +18,7 @@ from eskin_cloud.store.write.write_cache import WriteCache
 from sqlalchemy import func, insert, select, text
 
 from eskin.errors import StoreError
+from eskin.wire.slot import SLOTS, slot_of
 from tests.unit.cloud.clouds import present, put, put_items
 from tests.unit.cloud.commits import one_commit
 from tests.unit.cloud.messages import NODE, START, status, stretch

@@ -45,6 +45,9 @@ class MemoryCloud(IngestClient):
     def url(self) -> str:
         return "memory"
 
+    def shares(self, messages: Sequence[SpoolMessage]) -> list[list[SpoolMessage]]:
+        return [list(messages)] if messages else []
+
     def send(self, messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
         self.asked.append([body for _, body in messages])
         if self.mode in {"error", "busy", "nonsense", "short"}:

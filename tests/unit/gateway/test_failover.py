@@ -1,22 +1,29 @@
-"""A gateway that knows several clouds goes on with the next when one fails."""
+"""A gateway that knows several clouds shares its nodes out, and goes on when a cloud fails."""
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import pytest
 from eskin_gateway.settings import CloudSection
+from eskin_gateway.spool.batch import Batch, SpoolMessage
 from eskin_gateway.upstream.cloud_client import CloudClient
+from eskin_gateway.upstream.ingest_client import IngestClient
 from pydantic import ValidationError
 
 from eskin.errors import CloudError
 from eskin.identity import IdentityKind, client_context
 from eskin.identity.identity import ROOT_FILE
+from eskin.wire.slot import SLOTS
 from tests.support.processes import free_port
+from tests.unit.gateway.forwarding import MESSAGES, Setup
 from tests.unit.gateway.https_server import HttpsServer
+from tests.unit.gateway.stub_cloud import StubCloud
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+    from pathlib import Path
 
     from tests.support.identities import Identities
 
@@ -65,12 +72,36 @@ def clouds(identities: Identities) -> Iterator[list[Cloud]]:
         each.end()
 
 
+class Clock:
+    """Monotonic seconds that the test sets."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
 @pytest.fixture
-def client(identities: Identities, clouds: list[Cloud]) -> Iterator[CloudClient]:
-    context = client_context(identities.gateway.directory / ROOT_FILE)
-    made = CloudClient([each.url for each in clouds], headers=dict, context=context, timeout_s=5.0)
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def client(identities: Identities, clouds: list[Cloud], clock: Clock) -> Iterator[CloudClient]:
+    made = make_client(identities, [each.url for each in clouds], clock)
     yield made
     made.close()
+
+
+def make_client(identities: Identities, urls: list[str], clock: Clock) -> CloudClient:
+    context = client_context(identities.gateway.directory / ROOT_FILE)
+    return CloudClient(urls, headers=dict, context=context, timeout_s=5.0, clock=clock)
+
+
+def homes(client: CloudClient) -> list[bytes]:
+    """The cloud that answers for each fourth slot."""
+    return [client.post("ingest", b"", slot=slot) for slot in range(0, SLOTS, 4)]
 
 
 def test_request_that_finds_no_cloud_goes_to_the_next_as_do_later_ones(
@@ -122,6 +153,95 @@ def test_where_all_fail_the_last_failure_counts_and_each_was_asked_once(
     assert [each.asked for each in clouds] == [[], [b"1"], [b"1"]]
     clouds[0].start()
     assert client.post("ingest", b"2") == b"one"
+
+
+def test_each_cloud_has_as_many_slots_and_each_gateway_the_same_ones(
+    identities: Identities, clouds: list[Cloud], client: CloudClient, clock: Clock
+) -> None:
+    urls = [each.url for each in clouds]
+    other = make_client(identities, [urls[2], urls[0], urls[1]], clock)
+    assert homes(other) == homes(client)
+    assert sorted(Counter(homes(client)).values()) == [5, 5, 6]
+    # What is of no slot goes to the cloud that the gateway's settings name first.
+    assert (client.post("nodes", b""), other.post("nodes", b"")) == (b"one", b"three")
+    other.close()
+
+
+@pytest.mark.parametrize("fault", ["ended", "busy"])
+def test_slots_of_a_cloud_that_fails_go_to_the_next_until_it_is_back(
+    clouds: list[Cloud], client: CloudClient, clock: Clock, fault: str
+) -> None:
+    before = homes(client)
+    two = clouds[1]
+    two.status = 503
+    if fault == "ended":
+        two.end()
+    asked = len(two.asked)
+    without = homes(client)
+    assert len(two.asked) <= asked + 1, "one that failed is left out"
+    kept = [after for had, after in zip(before, without, strict=True) if had != b"two"]
+    assert kept == [had for had in before if had != b"two"]
+    assert set(without) == {b"one", b"three"}
+    two.status = 200
+    if fault == "ended":
+        two.start()
+    clock.now += 4.0
+    assert homes(client) == without
+    clock.now += 2.0
+    assert homes(client) == before
+
+
+def test_cloud_that_fails_on_is_tried_ever_more_rarely(
+    clouds: list[Cloud], client: CloudClient, clock: Clock
+) -> None:
+    two = clouds[1]
+    slot = 4 * homes(client).index(b"two")
+    two.asked.clear()
+    two.status = 503
+    for _ in range(63):
+        client.post("ingest", b"", slot=slot)
+        clock.now += 10.0
+    assert len(two.asked) == 8  # at 0, 10, 20, 40, 80, 160, 320 and 620 s
+
+
+def test_messages_of_a_node_stay_together_and_in_order_whatever_cloud_fails(
+    tmp_path: Path, identities: Identities, clock: Clock
+) -> None:
+    identity = identities.make(IdentityKind.SERVER, "server.cloud")
+    stubs = [StubCloud(identity) for _ in range(3)]
+    for stub in stubs:
+        stub.begin()
+    client = CloudClient(
+        [stub.url for stub in stubs],
+        headers=lambda: {"Content-Type": "application/cbor"},
+        context=client_context(identities.gateway.directory / ROOT_FILE, identities.gateway),
+        timeout_s=5.0,
+        clock=clock,
+    )
+    setup = Setup(tmp_path, IngestClient(client), stubs[0], most=100)
+    said = [(f"node-{k % 17}", b"%d" % k) for k in range(340)]
+    setup.spool.commit(Batch([SpoolMessage(node, 1, body) for node, body in said]))
+    assert setup.forwarder.forward() == 100
+    assert all(stub.requests == 1 for stub in stubs)
+    before = [len(stub.stored) for stub in stubs]
+    stubs[0].end()
+    while setup.forwarder.forward():
+        pass
+    assert setup.spool.statistics.messages == 0
+    found = [each for stub in stubs for each in stub.stored]
+    assert sorted(found) == sorted([*MESSAGES, *said])
+    for stub in stubs:
+        for node in {node for node, _ in stub.stored}:
+            numbers = [int(body) for each, body in stub.stored if each == node != "n"]
+            assert numbers == sorted(numbers)
+    after = [len(stub.stored) for stub in stubs]
+    assert after[0] == before[0]
+    assert all(now > then for now, then in zip(after[1:], before[1:], strict=True))
+    assert not any(stub.faults for stub in stubs)
+    setup.spool.close()
+    client.close()
+    for stub in stubs[1:]:
+        stub.end()
 
 
 def test_fallbacks_are_urls_of_clouds() -> None:

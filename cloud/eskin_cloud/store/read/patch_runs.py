@@ -9,6 +9,7 @@ import numpy as np
 from sqlalchemy import and_, bindparam, func, select
 
 from eskin.wire.frames.frame_scan import Part, scan_frames
+from eskin.wire.slot import slot_of
 from eskin_cloud.store.damage import (
     DamagedRowError,
     FrameHeader,
@@ -24,7 +25,6 @@ from eskin_cloud.store.row_digests import intact_rows, require_intact_row
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows, patches
 from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import nodes
-from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

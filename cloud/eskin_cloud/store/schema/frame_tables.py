@@ -1,6 +1,6 @@
 """Tables of frames, of what describes them, and of what is made of them.
 
-Keys begin with the slot of the node (`eskin_cloud.store.slot`). Times are UTC ns.
+Keys begin with the slot of the node (`eskin.wire.slot`). Times are UTC ns.
 """
 
 from __future__ import annotations

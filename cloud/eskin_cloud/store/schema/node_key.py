@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import Column, Integer, and_, tuple_
 
-from eskin_cloud.store.slot import key_of, slot_of
+from eskin.wire.slot import key_of, slot_of
 from eskin_cloud.store.text_type import Text
 
 if TYPE_CHECKING:

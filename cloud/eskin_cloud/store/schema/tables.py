@@ -1,6 +1,6 @@
 """The store's tables, for SQLite and PostgreSQL alike.
 
-Each key of a node's rows begins with the node's slot (`eskin_cloud.store.slot`): writers share the
+Each key of a node's rows begins with the node's slot (`eskin.wire.slot`): writers share the
 store by it, and so do machines.
 Times are UTC ns since 1970, 64 bit. An unbounded side is an infinite float.
 """

@@ -15,10 +15,10 @@ from sqlalchemy import and_, func, or_, select, text
 
 from eskin.runtime.digest import DIGEST_BYTES
 from eskin.wire.sequence_set import SequenceRanges
+from eskin.wire.slot import slot_of
 from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import digests
-from eskin_cloud.store.slot import slot_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Final
 import orjson
 from sqlalchemy import insert
 
+from eskin.wire.slot import key_of
 from eskin_cloud.store.feed_entry import FeedEntry
 from eskin_cloud.store.row_digests import empty_row
 from eskin_cloud.store.schema.tables import events, nodes
-from eskin_cloud.store.slot import key_of
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection

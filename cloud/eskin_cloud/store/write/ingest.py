@@ -15,6 +15,7 @@ from eskin.errors import MessageError
 from eskin.privacy import SealedMessage
 from eskin.wire.frames import DescribedLayout, FrameSummary, Privacy, Statements
 from eskin.wire.messages import Position, Result, Status
+from eskin.wire.slot import key_of, slot_of
 from eskin_cloud.store.db_errors import explain, is_store_fault
 from eskin_cloud.store.descriptions import (
     UnknownDescriptionError,
@@ -26,7 +27,6 @@ from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.sealed_tables import find_erased, sealed_messages
 from eskin_cloud.store.schema.tables import dead_letters, events
-from eskin_cloud.store.slot import key_of, slot_of
 from eskin_cloud.store.write.bulk_insert import bulk_insert
 from eskin_cloud.store.write.commands import store_result
 from eskin_cloud.store.write.duplicates import MAX_RANGES

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import select, tuple_
 
 from eskin.errors import MessageError
+from eskin.wire.slot import key_of
 from eskin_cloud.store.descriptions import (
     UnknownDescriptionError,
     find_layout,
@@ -14,7 +15,6 @@ from eskin_cloud.store.descriptions import (
 )
 from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.schema.frame_tables import pages
-from eskin_cloud.store.slot import key_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

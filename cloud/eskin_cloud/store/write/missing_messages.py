@@ -22,6 +22,7 @@ from sqlalchemy import (
 )
 
 from eskin.wire.messages import Position
+from eskin.wire.slot import slot_of
 from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.schema.node_key import of_boots, of_node, of_nodes, of_same_node
 from eskin_cloud.store.schema.tables import (
@@ -31,7 +32,6 @@ from eskin_cloud.store.schema.tables import (
     nodes,
     sequences,
 )
-from eskin_cloud.store.slot import slot_of
 from eskin_cloud.store.write.events import event_row, store_event
 
 if TYPE_CHECKING:

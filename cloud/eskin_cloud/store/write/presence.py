@@ -9,9 +9,9 @@ from sqlalchemy import select
 from eskin.privacy.sealed_message import MINUTE
 from eskin.wire.messages import Position
 from eskin.wire.messages.header import Kind
+from eskin.wire.slot import key_of, slot_of
 from eskin_cloud.store.row_digests import empty_row
 from eskin_cloud.store.schema.tables import nodes
-from eskin_cloud.store.slot import key_of, slot_of
 from eskin_cloud.store.write.events import event_row, store_event
 
 if TYPE_CHECKING:

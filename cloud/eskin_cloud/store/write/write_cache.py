@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
 from sqlalchemy import and_, bindparam, delete, insert, select, tuple_, update
 
 from eskin.errors import StoreError
+from eskin.wire.slot import SLOTS, key_of, slot_of
 from eskin_cloud.store.damage import damaged_rows
 from eskin_cloud.store.key_batches import key_batches
 from eskin_cloud.store.notify import News, announce
@@ -17,7 +18,6 @@ from eskin_cloud.store.schema.frame_tables import pages
 from eskin_cloud.store.schema.node_key import of_boots, of_node
 from eskin_cloud.store.schema.tables import feed, nodes, sequences
 from eskin_cloud.store.shard_groups import hold_shard
-from eskin_cloud.store.slot import SLOTS, key_of, slot_of
 from eskin_cloud.store.write.duplicates import StoredDigests, StoredSequences, stored_spans
 from eskin_cloud.store.write.node_sites import sites_of
 

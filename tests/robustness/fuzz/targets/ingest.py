@@ -11,11 +11,11 @@ from eskin_cloud.ingest.errors import MalformedBatchError
 from eskin_cloud.store import Store
 from eskin_cloud.store.damage import FrameHeader, require_intact
 from eskin_cloud.store.schema.frame_tables import frames
-from eskin_cloud.store.slot import SLOTS
 from eskin_cloud.store.write.ingest import ingest
 from eskin_cloud.store.write.write_cache import WriteCache
 from sqlalchemy import select
 
+from eskin.wire.slot import SLOTS
 from tests.robustness.fuzz.mutations.trees import mutate_tree
 from tests.robustness.fuzz.target import Target
 from tests.unit.cloud import messages as said
