@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import cbor2
@@ -12,6 +14,7 @@ from eskin_cloud.store.schema.tables import gateways
 from eskin_cloud.store.write.gateways import GatewayStatus, list_gateways, record_contact
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from sqlalchemy import Engine, event
 
 from eskin.wire.timestamp import SECOND, format_timestamp
 from tests.support.identities import SITE
@@ -20,6 +23,8 @@ from tests.unit.cloud.messages import NODE, START, status, stretch
 from tests.unit.cloud.orders import fetch
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from eskin_cloud.store import Store
     from sqlalchemy import Connection
 
@@ -95,6 +100,33 @@ async def test_batches_are_counted_and_the_last_status_stays(stand: Stand) -> No
     assert counts == {"stored": 2, "duplicate": 2, "rejected": 1}
     assert gateway["last_heard"] == format_timestamp(stand.clock())
     assert gateway["spool"]["reported"] == gateway["first_heard"] != gateway["last_heard"]
+
+
+async def test_contacts_of_many_batches_share_writes(stand: Stand) -> None:
+    written: list[str] = []
+
+    def note(*words: Any) -> None:
+        if words[2].startswith(("INSERT INTO gateways", "UPDATE gateways")):
+            written.append(words[2])
+
+    await stand.ingest(batch(stretch(0)))
+    begun = perf_counter()
+    with listening(Engine, "before_cursor_execute", note):
+        async with stand.ingest_client() as client:
+            for number in range(1, 31):
+                answer = await client.post("/api/v1/ingest", content=batch(stretch(number)))
+                assert answer.status_code == 200, answer.text
+        await stand.cloud.gateway_contacts.written()
+    assert len(written) <= 2 + (perf_counter() - begun)
+    (gateway,) = await listed(stand)
+    assert gateway["stored"] == 31
+
+
+@contextmanager
+def listening(target: type[Engine], name: str, called: Callable[..., None]) -> Iterator[None]:
+    event.listen(target, name, called)
+    yield
+    event.remove(target, name, called)
 
 
 async def test_node_without_a_block_has_no_lag(stand: Stand) -> None:
