@@ -31,6 +31,8 @@ MAX_RESPONSE: Final = 8_388_608
 """Bytes of a response."""
 _CONNECT_S: Final = 5.0
 """Most seconds to connect to one of several clouds."""
+_CONNECT_AGAIN_S: Final = 1.0
+"""Most seconds to connect to one that failed before: what is for others waits meanwhile."""
 _LEFT_OUT_S: Final = (5.0, 300.0)
 """Seconds for which a cloud that failed is left out: at first, and at most."""
 
@@ -86,7 +88,6 @@ class CloudClient:
         self._clock = clock
         self._headers = headers
         self._timeout_s = timeout_s
-        self._connect_s = timeout_s if self.clouds == 1 else min(timeout_s, _CONNECT_S)
         limits = httpx.Limits(max_keepalive_connections=0 if abortable else None)
         # Proxies of the environment are ignored: a gateway connects to its cloud directly.
         self._client = httpx.Client(
@@ -127,7 +128,8 @@ class CloudClient:
         order = self._in_order(slot)
         for chosen, following in zip(order, [*order[1:], None], strict=True):
             try:
-                answer = self._post(self._urls[chosen].join(resource), body, wait_s)
+                url = self._urls[chosen].join(resource)
+                answer = self._post(url, body, wait_s, self._connect_s(chosen))
             except CloudError as error:
                 if self._aborted or not _is_of_one_cloud(error):
                     raise
@@ -151,6 +153,11 @@ class CloudClient:
         outages = dict(self._outages)  # another thread may change them
         return sorted(order, key=lambda each: each in outages and outages[each].until > now)
 
+    def _connect_s(self, chosen: int) -> float:
+        if self.clouds == 1:
+            return self._timeout_s
+        return min(self._timeout_s, _CONNECT_AGAIN_S if chosen in self._outages else _CONNECT_S)
+
     def _leave_out(self, failed: int, following: int | None, error: CloudError) -> None:
         now, before = self._clock(), self._outages.get(failed)
         if self.clouds == 1 or (before is not None and before.until > now):
@@ -167,7 +174,7 @@ class CloudClient:
                 error,
             )
 
-    def _post(self, url: httpx.URL, body: bytes, wait_s: float) -> bytes:
+    def _post(self, url: httpx.URL, body: bytes, wait_s: float, connect_s: float) -> bytes:
         received = bytearray()
         try:
             with self._client.stream(
@@ -176,7 +183,7 @@ class CloudClient:
                 content=body,
                 headers=self._headers(),
                 timeout=httpx.Timeout(
-                    self._timeout_s, connect=self._connect_s, read=self._timeout_s + wait_s
+                    self._timeout_s, connect=connect_s, read=self._timeout_s + wait_s
                 ),
                 extensions=self._extensions,
             ) as response:

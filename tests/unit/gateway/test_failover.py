@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import socket
 from collections import Counter
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 import pytest
@@ -34,6 +36,7 @@ class Cloud:
     Attributes:
         status: Of its answers.
         asked: The bodies that it was sent.
+        port: Where it listens.
     """
 
     def __init__(self, name: bytes, identities: Identities) -> None:
@@ -41,16 +44,16 @@ class Cloud:
         self.asked: list[bytes] = []
         self._name = name
         self._identity = identities.make(IdentityKind.SERVER, "server.cloud")
-        self._port = free_port()
+        self.port = free_port()
         self._server: HttpsServer | None = None
         self.start()
 
     @property
     def url(self) -> str:
-        return f"https://127.0.0.1:{self._port}/api/v1/ingest"
+        return f"https://127.0.0.1:{self.port}/api/v1/ingest"
 
     def start(self) -> None:
-        self._server = HttpsServer(self._identity, self._port, self)
+        self._server = HttpsServer(self._identity, self.port, self)
 
     def end(self) -> None:
         if self._server is not None:
@@ -202,6 +205,26 @@ def test_cloud_that_fails_on_is_tried_ever_more_rarely(
         client.post("ingest", b"", slot=slot)
         clock.now += 10.0
     assert len(two.asked) == 8  # at 0, 10, 20, 40, 80, 160, 320 and 620 s
+
+
+def test_cloud_that_hangs_holds_up_what_is_for_others_ever_less(
+    clouds: list[Cloud], client: CloudClient, clock: Clock
+) -> None:
+    slot = 4 * homes(client).index(b"two")
+    two = clouds[1]
+    two.end()
+    with socket.create_server(("127.0.0.1", two.port)):  # it accepts, and says nothing
+        took = []
+        for _ in range(3):
+            begun = perf_counter()
+            assert client.post("ingest", b"", slot=slot) != b"two"
+            assert client.post("ingest", b"", slot=slot) != b"two"
+            took.append(perf_counter() - begun)
+            clock.now += 25.0
+        assert max(took[1:]) < took[0] / 2
+    two.start()
+    clock.now += 300.0
+    assert client.post("ingest", b"", slot=slot) == b"two"
 
 
 def test_messages_of_a_node_stay_together_and_in_order_whatever_cloud_fails(
