@@ -132,6 +132,15 @@ class Gateway:
         )
         self._client = cloud_client()
         self.certificates_client = CertificatesClient(self._client, self.spool)
+        self.subject_sync = SubjectSync(
+            self.keystore,
+            self.assignments,
+            encryptor=self.encryptor,
+            subjects_client=SubjectsClient(self._client),
+            certificates_client=self.certificates_client,
+            share=settings.keys.share,
+            backoff=self._make_cloud_backoff(),
+        )
         self.forwarder = Forwarder(
             settings.cloud,
             spool=self.spool,
@@ -141,6 +150,7 @@ class Gateway:
             backoff=self._make_cloud_backoff(),
             metrics=self.metrics,
             confirmations_client=ConfirmationsClient(self._client, self.certificates_client),
+            confirm_erasures=self.subject_sync.confirm_erasures,
         )
         self.command_poller = CommandPoller(
             self.commands,
@@ -149,15 +159,6 @@ class Gateway:
             wait_s=settings.commands.wait_s,
             backoff=self._make_cloud_backoff(),
             metrics=self.metrics,
-        )
-        self.subject_sync = SubjectSync(
-            self.keystore,
-            self.assignments,
-            encryptor=self.encryptor,
-            subjects_client=SubjectsClient(self._client),
-            certificates_client=self.certificates_client,
-            share=settings.keys.share,
-            backoff=self._make_cloud_backoff(),
         )
         health = Health(
             broker=self.broker,

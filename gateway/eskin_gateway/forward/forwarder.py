@@ -316,6 +316,7 @@ class Forwarder:
         backoff: Delays after failures.
         metrics: Counts messages.
         confirmations_client: Finds lost messages, if given.
+        confirm_erasures: Called before each request (`SubjectSync.confirm_erasures`), if given.
         clock: Monotonic seconds.
         now: UTC ns.
 
@@ -334,6 +335,7 @@ class Forwarder:
         backoff: Backoff,
         metrics: Metrics,
         confirmations_client: ConfirmationsClient | None = None,
+        confirm_erasures: Callable[[], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
         now: Callable[[], int] = time.time_ns,
     ) -> None:
@@ -344,6 +346,7 @@ class Forwarder:
         self._clock = clock
         self._now = now
         self._confirmations_client = confirmations_client
+        self._confirm_erasures = confirm_erasures
         self._compare_at = 0.0
         self._missing: list[tuple[str, int, int, int]] = []
         self._batch_messages = settings.batch_messages
@@ -435,6 +438,8 @@ class Forwarder:
         retry = None if self._retried else self._retry_queue.due()
         self._retried = retry is not None
         messages = [retry] if retry is not None else self._take()
+        if messages and self._confirm_erasures is not None:
+            self._confirm_erasures()
         return sum([self._send(share) for share in self._ingest_client.shares(messages)])
 
     def _send(self, messages: list[SpoolMessage]) -> int:

@@ -94,6 +94,11 @@ class SubjectAssignments:
             erased = Subject(pseudonym, "", b"", os.urandom(KEY_BYTES))
             return self._erased.setdefault(pseudonym, erased)
 
+    @property
+    def erased(self) -> int:
+        """For how many erased subjects late data have come to this process."""
+        return len(self._erased)
+
     def _nodes(self) -> list[str]:
         return sorted(path.name for path in self._folder.iterdir() if path.name[0] != ".")
 

@@ -40,18 +40,18 @@ def main() -> int:
             if options.faults is not None:
                 wanted = {int(each) for each in options.faults.split(",") if each}
                 faults = [each for each in faults if each.number in wanted]
-            return _replay(options.seed, faults, parties)
+            return _replay(options.seed, options.count, faults, parties)
         seeds = range(options.first, options.first + options.seeds)
         return _run_all(seeds, options.count, parties)
 
 
-def _replay(seed: int, faults: Sequence[Fault], parties: Parties) -> int:
+def _replay(seed: int, count: int, faults: Sequence[Fault], parties: Parties) -> int:
     """Run one seed and print all that happened."""
     run = simulate(seed, faults, parties)
     print("\n".join(run.history))  # noqa: T201 - the history is the output
     if run.broken is None:
         return 0
-    _report(run, parties)
+    _report(run, count, parties)
     return 1
 
 
@@ -68,11 +68,11 @@ def _run_all(seeds: range, count: int, parties: Parties) -> int:
     _print_table(runs, time.monotonic() - begun)
     if runs[-1].broken is None:
         return 0
-    _report(runs[-1], parties)
+    _report(runs[-1], count, parties)
     return 1
 
 
-def _report(run: Run, parties: Parties) -> None:
+def _report(run: Run, count: int, parties: Parties) -> None:
     """Print what is broken, and the fewest faults that break it."""
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"seed {run.seed}, {len(run.faults)} faults: {run.broken}", markup=False)
@@ -83,8 +83,7 @@ def _report(run: Run, parties: Parties) -> None:
         console.print(f"  {fault}", markup=False)
     numbers = ",".join(str(fault.number) for fault in few)
     console.print(
-        f'again: make simulate ARGS="--seed {run.seed} --count {len(run.faults)} '
-        f"--faults '{numbers}'\"",
+        f"again: make simulate ARGS=\"--seed {run.seed} --count {count} --faults '{numbers}'\"",
         markup=False,
     )
 

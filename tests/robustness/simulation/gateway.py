@@ -171,6 +171,15 @@ class Gateway(httpx.BaseTransport):
             transport=self,
         )
         certificates_client = CertificatesClient(client, self.spool)
+        self._subject_sync = SubjectSync(
+            self.keystore,
+            self.assignments,
+            encryptor=encryptor,
+            subjects_client=SubjectsClient(client),
+            certificates_client=certificates_client,
+            share=False,
+            backoff=self._make_backoff("subjects"),
+        )
         self._backoff = self._make_backoff("forwarder")
         self._forwarder = Forwarder(
             CloudSection(batch_messages=16),
@@ -181,17 +190,9 @@ class Gateway(httpx.BaseTransport):
             backoff=self._backoff,
             metrics=metrics,
             confirmations_client=ConfirmationsClient(client, certificates_client),
+            confirm_erasures=self._subject_sync.confirm_erasures,
             clock=clock,
             now=self.now,
-        )
-        self._subject_sync = SubjectSync(
-            self.keystore,
-            self.assignments,
-            encryptor=encryptor,
-            subjects_client=SubjectsClient(client),
-            certificates_client=certificates_client,
-            share=False,
-            backoff=self._make_backoff("subjects"),
         )
         world.timeline.note(self.name, "starts")
         world.timeline.after(_TICK_S, self._alive(self._forward))

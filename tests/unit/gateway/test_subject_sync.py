@@ -56,9 +56,11 @@ class Site(SubjectsClient):
                 self.cloud.keep(pseudonym, key)
         return results
 
-    def start(self, *, share: bool = True) -> SubjectSync:
+    def start(
+        self, *, share: bool = True, assignments: SubjectAssignments | None = None
+    ) -> SubjectSync:
         """A gateway starts, perhaps again."""
-        assignments = SubjectAssignments(self.keystore)
+        assignments = assignments or SubjectAssignments(self.keystore)
         return SubjectSync(
             self.keystore,
             assignments,
@@ -98,6 +100,54 @@ def test_keys_of_all_wearers_reach_the_cloud_after_an_outage(
     ]
     subject_sync.sync()
     assert len(site.stated) == 3
+
+
+def erase_late(site: Site) -> str:
+    """Erase a subject of whom data come after it; gives the pseudonym."""
+    ada = site.keystore.create("Ada")
+    site.assignments.assign(NODE, ada, since=10)
+    site.assignments.release(ada.pseudonym, since=20)
+    site.keystore.erase(ada.pseudonym)
+    return ada.pseudonym
+
+
+def test_erasure_is_confirmed_before_late_data_of_its_subject_are_sent(site: Site) -> None:
+    subject_sync = site.start(assignments=site.assignments)
+    subject_sync.confirm_erasures()
+    ada = erase_late(site)
+    subject_sync.confirm_erasures()
+    assert site.sizes == [], "no data of an erased subject came, so there is no hurry"
+    site.assignments.subject(NODE, 15)
+    site.away = True
+    for _ in range(2):
+        with pytest.raises(CloudError):
+            subject_sync.confirm_erasures()
+    site.away = False
+    subject_sync.confirm_erasures()
+    assert site.cloud.tombstone(ada) is not None
+    assert subject_sync.pending == 0
+    site.assignments.subject(NODE, 15)
+    subject_sync.confirm_erasures()
+    assert site.sizes == [1]
+
+
+def test_gateway_confirms_erasures_after_a_start_as_its_spool_may_hold_late_data(
+    site: Site,
+) -> None:
+    ada = erase_late(site)
+    site.start().confirm_erasures()
+    assert site.cloud.tombstone(ada) is not None
+
+
+def test_damaged_record_of_an_erasure_holds_up_no_data(site: Site) -> None:
+    ada = erase_late(site)
+    (record,) = [path for path in site.keystore.directory.rglob(ada) if path.is_file()]
+    record.write_bytes(b"nonsense")
+    subject_sync = site.start()
+    subject_sync.confirm_erasures()
+    assert site.sizes == []
+    with pytest.raises(PrivacyError):
+        subject_sync.sync()
 
 
 def test_only_the_erasure_of_an_erased_subject_is_sent(site: Site) -> None:
