@@ -63,8 +63,8 @@ class CloudSection(Section):
     fallbacks: list[CloudUrl] = Field(
         default=[],
         max_length=16,
-        description="ingests of other clouds on the same store; each cloud gets the messages of as "
-        "many nodes, and those of one that fails",
+        description="ingests of other clouds on the same store; nodes are shared out evenly, and "
+        "those of a cloud that fails go to the next",
     )
     timeout_s: float = Field(
         default=10.0, gt=0, le=600, description="seconds to wait for a response"

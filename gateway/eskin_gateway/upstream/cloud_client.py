@@ -14,7 +14,7 @@ import httpx
 import orjson
 
 from eskin.errors import CloudError, IdentityError, MessageError
-from eskin.wire.slot import SLOTS
+from eskin.wire.slot import even_groups
 
 if TYPE_CHECKING:
     import ssl
@@ -147,7 +147,7 @@ class CloudClient:
         if slot is None:
             order = list(range(self.clouds))
         else:
-            first = slot * self.clouds // SLOTS
+            first = even_groups(self.clouds)[slot]
             order = self._by_name[first:] + self._by_name[:first]
         now = self._clock()
         outages = dict(self._outages)  # another thread may change them
