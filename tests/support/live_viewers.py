@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import httpx
 from eskin_cloud.store.schema.frame_tables import frames
@@ -14,6 +14,8 @@ from sqlalchemy import func, select
 from tests.support.processes import wait_until
 
 if TYPE_CHECKING:
+    from types import TracebackType
+
     from eskin_cloud.store import Store
 
     from tests.support.stacks import RealStack
@@ -24,6 +26,8 @@ class LiveViewer(threading.Thread):
 
     A client that is slow is sent fewer and wider hulls, so samples are counted and not frames. What
     states no new id may come again after a break, so it counts once a new id follows.
+
+    It reads from the start of its block to the end of it, or until it has seen what it must.
 
     Args:
         stack: With the clouds.
@@ -47,6 +51,19 @@ class LiveViewer(threading.Thread):
         self._token = token
         self._cloud = cloud
         self._id: str | None = None
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.ended.set()
+        self.may_resume.set()
 
     @property
     def connected(self) -> bool:

@@ -136,7 +136,10 @@ class RealStack:
         """A person who may give commands, at one of the clouds."""
         headers = {"Authorization": f"Bearer {token or self.token()}"}
         url = f"http://127.0.0.1:{self._ports[cloud][1]}/api/v1"
-        return httpx.Client(base_url=url, headers=headers, timeout=60, verify=PLAIN)
+        # Without the environment, which pytest changes while a viewer's thread would read it.
+        return httpx.Client(
+            base_url=url, headers=headers, timeout=60, verify=PLAIN, trust_env=False
+        )
 
     def gateway_client(self, cloud: int = 0) -> httpx.Client:
         """A client with the first gateway's certificate, at one of the clouds."""

@@ -60,9 +60,11 @@ def test_kill_of_any_process_loses_and_doubles_nothing(
     tmp_path: Path, members: PatroniCluster
 ) -> None:
     place = members.create("skin")
-    with RealStack(tmp_path, gateways=2, clouds=2, place=place) as stack, Store(place) as store:
-        viewer = LiveViewer(stack, stack.token())
-        viewer.start()
+    with (
+        RealStack(tmp_path, gateways=2, clouds=2, place=place) as stack,
+        Store(place) as store,
+        LiveViewer(stack, stack.token()) as viewer,
+    ):
         with stack.sensor_node() as node:
             wait_until(lambda: viewer.samples > 0, "the viewer sees frames")
             for number, gateway in enumerate(stack.gateways):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Final
 
 import cbor2
@@ -54,13 +55,15 @@ def test_kill_of_a_cloud_loses_and_doubles_nothing(stack: RealStack) -> None:
     assert len(set(map(slot_of, names))) > 1
     enrol(stack.identities, names)
     token = stack.token()
-    viewers = [LiveViewer(stack, token, cloud=number) for number in range(len(stack.clouds))]
-    for viewer in viewers:
-        viewer.start()
-    wait_until(lambda: all(each.connected for each in viewers), "all viewers are connected")
     port = stack.broker.node_port
     fleet = RunningFleet(stack.folder / "fleet", stack.pki, port=port, count=_NODES)
-    with Store(stack.place) as store:
+    with ExitStack() as reading:
+        store = reading.enter_context(Store(stack.place))
+        viewers = [
+            reading.enter_context(LiveViewer(stack, token, cloud=number))
+            for number in range(len(stack.clouds))
+        ]
+        wait_until(lambda: all(each.connected for each in viewers), "all viewers are connected")
         with fleet:
             wait_until(lambda: all(each.samples for each in viewers), "all viewers see frames")
             viewers[0].may_resume.clear()

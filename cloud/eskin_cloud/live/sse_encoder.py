@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from cachetools import FIFOCache
 
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 _KEPT: Final = 512
 _PAGES: Final = 16
+_Page: TypeAlias = "tuple[FeedPosition, tuple[int, ...], Subscription]"
+"""Where it begins, its entries, and what is asked for. The last entry does not name the others:
+memory holds slots in the order in which they came, and the store is read slot by slot."""
 
 
 class SseEncoder:
@@ -37,7 +40,7 @@ class SseEncoder:
         self.ids = ids
         self._layouts = layouts
         self._frames: FIFOCache[tuple[int, frozenset[str] | None, int], bytes] = FIFOCache(_KEPT)
-        self._pages: FIFOCache[tuple[FeedPosition, int, Subscription], bytes] = FIFOCache(_PAGES)
+        self._pages: FIFOCache[_Page, bytes] = FIFOCache(_PAGES)
 
     def page(
         self, found: Sequence[FeedEntry], selection: Subscription, begun: FeedPosition
@@ -48,7 +51,7 @@ class SseEncoder:
         """
         if not found:
             return b""
-        key = begun, found[-1].cursor, selection
+        key = begun, tuple(entry.cursor for entry in found), selection
         page = self._pages.get(key)
         if page is None:
             said: list[tuple[FeedEntry, FeedPosition, bool]] = []

@@ -127,8 +127,7 @@ def test_kill_of_a_server_stops_no_other_and_data_flow_again(
         nodes = [node_of(server.slots) for server in check(place) if server.slots]
         stack = running.enter_context(RealStack(tmp_path, gateways=2, clouds=2, place=place))
         store = running.enter_context(Store(place))
-        viewer = LiveViewer(stack, stack.token())
-        viewer.start()
+        viewer = running.enter_context(LiveViewer(stack, stack.token()))
         sensors = [running.enter_context(stack.sensor_node(node)) for node in nodes]
         for node in nodes:
             wait_until(Flow(store, node).has_begun, "messages are stored")

@@ -38,7 +38,7 @@ from tests.unit.cloud.clouds import Stand, emptied, put, put_items
 from tests.unit.cloud.commits import kinds, one_commit
 from tests.unit.cloud.messages import stretch
 from tests.unit.cloud.sealing import beat, declared, notice, sealing
-from tests.unit.cloud.streams import events_of
+from tests.unit.cloud.streams import EVERYTHING, events_of
 from tests.unit.cloud.streams import listen as stream_of
 
 if TYPE_CHECKING:
@@ -476,6 +476,9 @@ def test_streams_of_many_nodes_miss_nothing_whatever_memory_holds(
     async def read(k: int) -> None:
         position, found = readers[k]
         entries, end = await feed.after(position, drawn.choice([1, 3, 64]))
+        await feed.layouts.load(entries)
+        sent = feed.encoder.page(entries, EVERYTHING, position)
+        assert len(events_of(sent)) == len(entries), "readers share pages of the same entries only"
         found.extend(entry.cursor for entry in entries)
         readers[k] = end, found
 
