@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 from cachetools import LRUCache
 
-from eskin.errors import EskinError
-from eskin_cloud.store.descriptions import find_layout
+from eskin.errors import MessageError
+from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -39,7 +39,11 @@ class Layouts:
         return None if name is None else self._kept.get(name)
 
     async def load(self, entries: Iterable[FeedEntry]) -> None:
-        """Load the layouts of frames."""
+        """Load the layouts of frames; what the store has no intact one of is not sought again.
+
+        Raises:
+            StoreError: The store cannot be read.
+        """
         for entry in entries:
             if entry.layout is not None and entry.layout not in self._kept:
                 node, name = entry.node, entry.layout
@@ -49,6 +53,6 @@ class Layouts:
         try:
             with self._store.read() as connection:
                 return find_layout(connection, node, name)
-        except EskinError as error:
+        except (UnknownDescriptionError, MessageError) as error:
             log.warning("layout of a frame is missing: node=%s reason=%s", node, error)
             return None

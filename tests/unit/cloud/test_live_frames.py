@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_cloud.live.subscription import Subscription
+from eskin_cloud.store import Store
 
+from eskin.errors import StoreError
 from eskin.interval import Interval
 from eskin.wire.frames import Frame, PatchSamples
 from eskin.wire.timestamp import format_timestamp
@@ -20,7 +22,10 @@ from tests.unit.cloud.skins import FAST, HAND, PALM, PATCHES, describe, frame
 from tests.unit.cloud.streams import events_of, listen, take
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from numpy.typing import NDArray
+    from sqlalchemy import Connection
 
     from tests.unit.cloud.clouds import Stand
 
@@ -162,6 +167,27 @@ async def test_frames_are_read_back_from_the_store(stand: Stand) -> None:
     stand.cloud.feed._recent.clear()
     stand.cloud.feed._floor = stand.cloud.feed.last
     assert await take(stand, 2) == before
+
+
+async def test_layout_that_a_fault_kept_from_being_read_is_read_for_the_next_stream(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    described(stand)
+    await stand.ingest(batch(frame(0)))
+    read = Store.read
+    faults = iter([StoreError("the server went away")])
+
+    def faulty(self: Store) -> AbstractContextManager[Connection]:
+        fault = next(faults, None)
+        if fault is not None:
+            raise fault
+        return read(self)
+
+    monkeypatch.setattr(Store, "read", faulty)
+    async with asyncio.timeout(20):  # the client that has lost its stream connects again
+        assert [each async for each in listen(stand)][1:] == []
+    assert next(faults, None) is None
+    assert len(await frames_of(stand, 1)) == 1
 
 
 async def test_reader_without_the_scope_gets_frames(stand: Stand) -> None:
