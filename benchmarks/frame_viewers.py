@@ -215,7 +215,7 @@ class Viewer:
         if kind == "frame":
             self.ages.append(time.time_ns() - rest[2])
         elif kind == "lagging":
-            self.skipped += rest[1]
+            self.skipped += rest[1] or 0
 
 
 def _masked(first: int, data: bytes) -> bytes:

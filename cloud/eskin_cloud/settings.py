@@ -287,8 +287,8 @@ class CompactionSection(Section):
         default=2.0,
         ge=0,
         le=10_080,
-        description="minutes after which frames are compacted; a live stream is resumed from "
-        "younger ones only",
+        description="minutes after which frames are compacted; a live stream that is resumed from "
+        "before is notified that some are missing",
     )
 
 

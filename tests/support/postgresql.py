@@ -213,7 +213,7 @@ class Cluster:
         # As a replica, so that what is append only can be emptied.
         words = ["SET session_replication_role = replica"]
         words += [str(delete(table)) for table in metadata.sorted_tables if table not in _KEPT]
-        words += ["UPDATE feed SET cursor = slot, writer = NULL"]
+        words += ["UPDATE feed SET cursor = slot, compacted = slot, writer = NULL"]
         words += ["UPDATE alarm_state SET holder = NULL, until = 0, version = 0"]
         words += ["UPDATE alarm_state SET last_alarm = 0, last_number = 0"]
         self.execute("; ".join(words), database=str(place.database))

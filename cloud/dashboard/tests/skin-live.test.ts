@@ -5,11 +5,12 @@ import { ContactTrack, type ContactsAt, describeContacts, forceText } from "../s
 import { Film, PICTURES } from "../src/skin/film";
 import { Timeline } from "../src/time/timeline";
 
-/** Writes an array of CBOR: texts, byte strings and small numbers. */
-function message(...items: (string | Uint8Array | number)[]): Uint8Array {
+/** Writes an array of CBOR: texts, byte strings, small numbers and null. */
+function message(...items: (string | Uint8Array | number | null)[]): Uint8Array {
   const out = [0x80 | items.length];
   for (const item of items) {
-    if (typeof item === "number") {
+    if (item === null) out.push(0xf6);
+    else if (typeof item === "number") {
       const long = new DataView(new ArrayBuffer(8));
       long.setBigUint64(0, BigInt(item));
       out.push(0x1b, ...new Uint8Array(long.buffer));
@@ -27,6 +28,7 @@ describe("messages of the live WebSocket", () => {
     expect(readLiveMessage(message("frame", "c1", "hand", 7, Uint8Array.of(9)))).toEqual({ kind: "frame", cursor: "c1", node: "hand", received: 7, frame: Uint8Array.of(9) });
     expect(readLiveMessage(message("event", "c2", "peak", "{}"))).toEqual({ kind: "event", cursor: "c2", event: "peak", json: "{}" });
     expect(readLiveMessage(message("lagging", "c3", 4))).toEqual({ kind: "lagging", cursor: "c3", skipped: 4 });
+    expect(readLiveMessage(message("lagging", "c4", null))).toEqual({ kind: "lagging", cursor: "c4", skipped: null });
     expect(readLiveMessage(message("tomorrow", "c4"))).toBeNull();
   });
 

@@ -17,7 +17,7 @@ from eskin.wire.frames.frame_parts import read_head
 from eskin_cloud.alarms.live_monitor import LiveMonitor, Moments, Samples
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.store.descriptions import find_layout
-from eskin_cloud.store.feed_position import last_position
+from eskin_cloud.store.feed_position import FEED_START, compacted_position, last_position
 from eskin_cloud.store.read.patch_columns import column_of
 from eskin_cloud.store.read.patch_runs import runs_of_frames
 from eskin_cloud.store.schema.alarm_tables import alarm_state
@@ -209,11 +209,13 @@ class Evaluator:
         """Have monitors know of late samples that the store has, and the feed has not given yet."""
         if self._given is None:
             return
-        if self._given.distance(end) > _MOST_BEHIND:
+        spans = list(self._given.spans(end))
+        near = self._given.distance(end) <= _MOST_BEHIND
+        missed = read_entries(connection, spans) if near else []
+        if not near or compacted_position(connection, spans) != FEED_START:
             for monitor in monitors:
                 monitor.reexamine()
             return
-        missed = read_entries(connection, self._given.spans(end))
         for node, arrived in self._of_node(missed).items():
             names = {entry.layout for entry in arrived if entry.layout is not None}
             layouts = {name: find_layout(connection, node, name) for name in names}

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.alarms.receivers import forget_receivers, receiver_names
 from eskin_cloud.jobs.periodic import run_periodically
+from eskin_cloud.store.feed_position import FEED_START
 from eskin_cloud.store.write.alarms import (
     LEASE_NS,
     advance_alarms,
@@ -72,9 +73,13 @@ class _Work:
                 await asyncio.sleep(_LONGEST_S)
                 return
             await cloud.feed.wait(self._position, _LONGEST_S)
-            entries, position = await cloud.feed.after(self._position, _ENTRIES)
-            await self._evaluate(entries, position)
-            self._position = position
+            page = await cloud.feed.after(self._position, _ENTRIES)
+            if page.compacted != FEED_START:  # what it is behind with is read as it is stored now
+                evaluator.forget()
+                self._position = cloud.feed.last
+                return
+            await self._evaluate(page.entries, page.end)
+            self._position = page.end
         except Exception:
             evaluator.forget()
             raise

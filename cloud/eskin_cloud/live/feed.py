@@ -11,7 +11,7 @@ import asyncio
 from collections import deque
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from sqlalchemy import func, select, union_all
 
@@ -24,7 +24,13 @@ from eskin_cloud.live.sse_encoder import SseEncoder
 from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin_cloud.store.damage import FrameHeader, is_intact_row
 from eskin_cloud.store.feed_entry import FeedEntry
-from eskin_cloud.store.feed_position import FEED_START, last_position, share
+from eskin_cloud.store.feed_position import (
+    FEED_START,
+    FeedPosition,
+    compacted_position,
+    last_position,
+    share,
+)
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.node_key import of_nodes
@@ -38,8 +44,23 @@ if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, Connection, Table
 
     from eskin_cloud.store import Store
-    from eskin_cloud.store.feed_position import FeedPosition, FeedSpan
+    from eskin_cloud.store.feed_position import FeedSpan
     from eskin_cloud.store.write.ingest import IngestResult
+
+
+class FeedPage(NamedTuple):
+    """Entries after a position.
+
+    Attributes:
+        entries: The entries.
+        end: The position up to which these are all.
+        compacted: The position up to which frames may be missing, as they were compacted or
+            removed; the start in the slots in which none is.
+    """
+
+    entries: Sequence[FeedEntry]
+    end: FeedPosition
+    compacted: FeedPosition
 
 
 class Feed:
@@ -186,10 +207,8 @@ class Feed:
             return False
         return True
 
-    async def after(
-        self, position: FeedPosition, most: int, *, sealed: bool = True
-    ) -> tuple[Sequence[FeedEntry], FeedPosition]:
-        """Entries after a position, and the position up to which these are all.
+    async def after(self, position: FeedPosition, most: int, *, sealed: bool = True) -> FeedPage:
+        """Entries after a position.
 
         Args:
             position: At most the last one.
@@ -198,12 +217,13 @@ class Feed:
         """
         if not position.reaches(self._floor):
             read = partial(self._read, position, self._floor, most, sealed=sealed)
-            found, end = await asyncio.to_thread(read)
-            self._note_frames(found)
-            return found, end
+            page = await asyncio.to_thread(read)
+            self._note_frames(page.entries)
+            return page
         newer = self._newer(position)
         if len(newer) <= most:
-            return [entry for entry in newer if sealed or entry.sealed is None], self._last
+            shown = [entry for entry in newer if sealed or entry.sealed is None]
+            return FeedPage(shown, self._last, FEED_START)
         taken: list[FeedEntry] = []
         passed: list[int] = []
         for entry in newer:
@@ -212,7 +232,7 @@ class Feed:
             passed.append(entry.cursor)
             if len(taken) == most:
                 break
-        return taken, position.advance(passed)
+        return FeedPage(taken, position.advance(passed), FEED_START)
 
     def _newer(self, position: FeedPosition) -> list[FeedEntry]:
         """What memory holds after a position, oldest first."""
@@ -286,7 +306,7 @@ class Feed:
 
     def _read(
         self, position: FeedPosition, end: FeedPosition, most: int, *, sealed: bool
-    ) -> tuple[Sequence[FeedEntry], FeedPosition]:
+    ) -> FeedPage:
         """Read some of what the store holds between two positions: of each slot its first ones."""
         spans = list(position.spans(end))
         shares = share(max(most, len(spans)), [span.size for span in spans])
@@ -299,8 +319,10 @@ class Feed:
                     last = places[-1] if len(places) == size else span.end
                 chosen.append(span._replace(end=last))
             found = read_entries(connection, chosen)
+            compacted = compacted_position(connection, chosen)
         reached = position.advance(span.end for span in chosen)
-        return [entry for entry in found if sealed or entry.sealed is None], reached
+        shown = [entry for entry in found if sealed or entry.sealed is None]
+        return FeedPage(shown, reached, compacted)
 
 
 def _within(table: Table, span: FeedSpan) -> tuple[ColumnElement[bool], ...]:

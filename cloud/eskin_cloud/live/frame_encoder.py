@@ -101,6 +101,9 @@ class FrameEncoder:
         """Contacts at the last instant of a stretch, in JSON."""
         return cbor2.dumps(["contacts", self.ids.write_position(place), node, text])
 
-    def lagging(self, place: FeedPosition, skipped: int) -> bytes:
-        """How many frames before a position were not sent; with 0 a sign of life."""
+    def lagging(self, place: FeedPosition, skipped: int | None) -> bytes:
+        """How many frames before a position were not sent; with 0 a sign of life.
+
+        With ``None`` frames after it are missing, and their number is not known.
+        """
         return cbor2.dumps(["lagging", self.ids.write_position(place), skipped])

@@ -27,8 +27,9 @@ class FrameStream:
     """What one client is sent.
 
     It holds no queue: it reads the feed by position, when there is room for more. What the client
-    missed before the stream began is sent in full; after that, of frames that wait too long, whole
-    stretches are dropped, oldest first. Events are never dropped.
+    missed before the stream began is sent in full, but for frames that were compacted; after that,
+    of frames that wait too long, whole stretches are dropped, oldest first. Events are never
+    dropped.
 
     Args:
         feed: Where it is read.
@@ -59,7 +60,7 @@ class FrameStream:
         self.selection = selection
         self._feed = feed
         self._contacts = contacts
-        self._position = self._place = position
+        self._position = self._place = self._stated = position
         self._near = 0
         self._backlog = backlog
         self._heartbeat = heartbeat
@@ -89,7 +90,10 @@ class FrameStream:
                     yield self._lagging()
                 present = self._position.reaches(self._present)
                 most = _PENDING if present else _AT_ONCE
-                found, end = await feed.after(self._position, most, sealed=self._sealed)
+                found, end, compacted = await feed.after(self._position, most, sealed=self._sealed)
+                if not self._stated.reaches(compacted):
+                    self._stated = self._stated.advance(compacted.cursors)
+                    yield feed.frame_encoder.lagging(self._place, None)
                 await feed.layouts.load(found)
                 for message in self._of_entries(found, end):
                     yield message

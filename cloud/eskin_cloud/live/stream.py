@@ -36,6 +36,8 @@ async def stream(
 ) -> AsyncIterator[bytes]:
     """Send what comes after a position until the feed closes.
 
+    Where frames were compacted before they could be sent, ``lagging`` comes before what is left.
+
     Args:
         feed: Where it is read.
         selection: What is sent.
@@ -50,7 +52,7 @@ async def stream(
     try:
         with feed.subscribed():
             place = position if sealed else await feed.open_before(position)
-            near = 0
+            near, stated = 0, position
             yield b"retry: 2000\n" + _sign(feed, place, b"connected")
             due = time.monotonic() + heartbeat
             while not feed.closed:
@@ -59,13 +61,14 @@ async def stream(
                     if not sealed:
                         resumed, near = await feed.open_backlog(position, backlog)
                     if resumed != position:
-                        names = feed.ids.write_position(place), feed.ids.write_position(resumed)
-                        position = place = resumed
-                        ids = dict(zip(("after", "resumed"), names, strict=True))
-                        yield feed.encoder.event("lagging", place, ids)
+                        after, position, place = place, resumed, resumed
+                        yield _lagging(feed, place, after, resumed)
                 begun = place
                 most = _JOINED if pace.slow else _AT_ONCE
-                found, position = await feed.after(position, most, sealed=sealed)
+                found, position, compacted = await feed.after(position, most, sealed=sealed)
+                if not stated.reaches(compacted):
+                    stated = stated.advance(compacted.cursors)
+                    yield _lagging(feed, place, place, place.advance(compacted.cursors))
                 place = position if sealed else place.advance(entry.cursor for entry in found)
                 await feed.layouts.load(found)
                 said = _print(feed, found, selection, reveal, begun, slow=pace.slow)
@@ -82,6 +85,12 @@ async def stream(
                 await feed.wait(position, max(0.0, due - time.monotonic()))
     except StoreError as error:  # the reader reconnects, and then gets the error
         log.warning("live stream ended: reason=%s", error)
+
+
+def _lagging(feed: Feed, place: FeedPosition, after: FeedPosition, resumed: FeedPosition) -> bytes:
+    """States between which positions not all is sent."""
+    after_id, resumed_id = map(feed.ids.write_position, (after, resumed))
+    return feed.encoder.event("lagging", place, {"after": after_id, "resumed": resumed_id})
 
 
 def _sign(feed: Feed, place: FeedPosition, said: bytes) -> bytes:

@@ -221,7 +221,7 @@ def _fill(
     if described:
         memory.execute(insert(descriptions), described)
     slot = slot_of(node)
-    memory.execute(insert(feed).values(slot=slot, cursor=slot))
+    memory.execute(insert(feed).values(slot=slot, cursor=slot, compacted=slot))
     cache, inserted = WriteCache(), bulk_insert(memory, frames)
     cache.lock(memory, [slot])
     of_pages: dict[tuple[bytes, int], list[FrameRow]] = {}

@@ -23,6 +23,7 @@ from eskin.wire.slot import SLOTS
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_row
 from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
+from eskin_cloud.store.feed_position import note_compacted
 from eskin_cloud.store.patch_rows import MOST_CELLS, encode_runs
 from eskin_cloud.store.patch_totals import add_rows
 from eskin_cloud.store.read.patch_runs import runs_of_frames
@@ -94,6 +95,7 @@ class CompactedFrames:
     Attributes:
         page: The page.
         gone: Boot and sequence of the replaced frames.
+        latest: The latest of their cursors; 0 if there are none.
         samples: Of the replaced frames.
         size: Bytes of the replaced frames.
         rows: Rows of `patch_rows`, and the period of each.
@@ -104,6 +106,7 @@ class CompactedFrames:
 
     page: PageKey
     gone: Sequence[tuple[int, int]]
+    latest: int
     samples: int
     size: int
     rows: Sequence[tuple[Row, int]]
@@ -205,6 +208,7 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
     return CompactedFrames(
         page=page,
         gone=[(row["boot"], row["sequence"]) for row in gone],
+        latest=max((row["cursor"] for row in gone), default=0),
         samples=sum(row["samples"] for row in gone),
         size=sum(len(row["data"]) for row in gone),
         rows=[
@@ -311,6 +315,7 @@ def _replace(connection: Connection, cache: WriteCache, made: CompactedFrames) -
         if connection.execute(here).scalar_one() != len(made.gone):
             return False
         connection.execute(delete(frames).where(where))
+        note_compacted(connection, made.latest)
         insert_many(connection, patch_rows, [each for each, _ in made.rows])
         for each, dt in made.rows:
             add_rows(connection, [each], dt)

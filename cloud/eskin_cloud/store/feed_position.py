@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from operator import ge
 from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
-from sqlalchemy import select
+from sqlalchemy import select, update
 
 from eskin.wire.slot import SLOTS, slot_of_cursor
 from eskin_cloud.store.schema.tables import feed
@@ -115,3 +115,31 @@ def last_position(connection: Connection) -> FeedPosition:
     """The position at which all has been read."""
     rows = connection.execute(select(feed.c.cursor).order_by(feed.c.slot)).scalars()
     return FeedPosition(tuple(rows))
+
+
+def compacted_position(connection: Connection, spans: Iterable[FeedSpan]) -> FeedPosition:
+    """The position up to which frames of spans may have been compacted or removed.
+
+    Args:
+        connection: In a read transaction, after the entries of the spans were read.
+        spans: What was read.
+
+    Returns:
+        The start in the slots in which none was.
+    """
+    after = {span.slot: span.after for span in spans}
+    query = select(feed.c.slot, feed.c.compacted).where(feed.c.slot.in_(sorted(after)))
+    found = connection.execute(query).all()
+    return FEED_START.advance(compacted for slot, compacted in found if compacted > after[slot])
+
+
+def note_compacted(connection: Connection, cursor: int) -> None:
+    """Note that a frame, and others before it in its slot, are not in the feed any more.
+
+    Args:
+        connection: The writer's, in a transaction that locks the slot.
+        cursor: That of the frame.
+    """
+    here = feed.c.slot == slot_of_cursor(cursor)
+    raised = update(feed).where(here, feed.c.compacted < cursor).values(compacted=cursor)
+    connection.execute(raised)

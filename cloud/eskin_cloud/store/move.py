@@ -94,13 +94,14 @@ def move(
                 for table in TABLES:
                     _compare(before, after, table, steps)
                 key = before.execute(select(versions.c.cursor_key)).scalar_one()
-                cursors = before.execute(select(feed.c.slot, feed.c.cursor)).all()
+                cursors = before.execute(select(feed.c.slot, feed.c.cursor, feed.c.compacted)).all()
                 counters = before.execute(select(alarm_state)).mappings().one()
                 after.execute(update(alarm_state).values(**without_digest(counters)))
                 after.execute(update(versions).values(cursor_key=key))
-                for slot, cursor in cursors:
+                for slot, cursor, compacted in cursors:
                     here = update(feed).where(feed.c.slot == slot)
-                    after.execute(here.values(cursor=cursor, writer=None))
+                    values = here.values(cursor=cursor, compacted=compacted, writer=None)
+                    after.execute(values)
             return counts
     except SQLAlchemyError as error:
         raise StoreError(

@@ -13,6 +13,7 @@ from sqlalchemy import and_, delete, exists, func, select, tuple_
 
 from eskin.privacy.sealed_message import read_page
 from eskin.wire.slot import key_of
+from eskin_cloud.store.feed_position import note_compacted
 from eskin_cloud.store.patch_totals import Place, subtract_rows
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
 from eskin_cloud.store.schema.node_key import of_node, of_same_node
@@ -144,10 +145,11 @@ def remove_damaged_frames(
         return 0
     here = and_(of_node(frames, page[1]), f.page == page[3], f.layout == page[2])
     old = here & (f.t < min(before, row["compacted"])) & (f.t_end + f.error < before)
-    counted = select(func.count(), func.sum(f.samples), func.sum(func.length(f.data))).where(old)
-    count, samples, size = connection.execute(counted).one()
+    totals = func.count(), func.max(f.cursor), func.sum(f.samples), func.sum(func.length(f.data))
+    count, latest, samples, size = connection.execute(select(*totals).where(old)).one()
     if count:
         connection.execute(delete(frames).where(old))
+        note_compacted(connection, latest)
         row["frames"] -= count
         row["samples"] -= samples
         row["bytes"] -= size

@@ -45,7 +45,10 @@ def create_tables(connection: Connection, *, now: int) -> bytes:
     if not inspect(connection).has_table(versions.name):
         metadata.create_all(connection)
         _store_data_inline(connection)
-        rows = [{"slot": slot, "cursor": cursor} for slot, cursor in enumerate(FEED_START.cursors)]
+        rows = [
+            {"slot": slot, "cursor": cursor, "compacted": cursor}
+            for slot, cursor in enumerate(FEED_START.cursors)
+        ]
         connection.execute(insert(feed), rows)
         counters = {"until": 0, "version": 0, "last_alarm": 0, "last_number": 0}
         connection.execute(insert(alarm_state).values(name="alarms", **counters))

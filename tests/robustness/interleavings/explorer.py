@@ -8,6 +8,7 @@ reduction, with which a bound would miss some; or a sample with preemptions at r
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from random import Random
 from typing import TYPE_CHECKING, Final
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 _TRIES: Final = 20
 """So many times a schedule is drawn that was not run yet."""
+_REPEATS: Final = 3
+"""So many times a schedule is run again whose beginning took other steps."""
 _LENGTH: Final = 60
 """Preemptions are drawn among so many steps, until a schedule's length is known."""
 
@@ -54,6 +57,9 @@ class Search:
 
     Attributes:
         pruned: Schedules that were broken off, as equal ones had been run.
+
+    Raises:
+        NotReproducibleError: A schedule's beginning takes other steps each time.
     """
 
     def __init__(self, preemptions: int | None) -> None:
@@ -65,8 +71,7 @@ class Search:
     def explore(self, run: Run) -> Iterator[Execution]:
         """Run all schedules, one by one; those that are broken off are not given."""
         while True:
-            self._at = 0
-            execution = run(self)
+            execution = self._run(run)
             if execution.complete:
                 yield execution
             else:
@@ -74,8 +79,25 @@ class Search:
             if not self._backtrack():
                 return
 
+    def _run(self, run: Run) -> Execution:
+        """Run the next schedule; again where its beginning took other steps.
+
+        The server has locks of its own for moments, and a unit that waits for one on a busy machine
+        looks as if it waited for another unit.
+        """
+        for _ in range(_REPEATS):
+            self._at = 0
+            with suppress(NotReproducibleError):
+                return run(self)
+        self._at = 0
+        return run(self)
+
     def choose(self, waiting: Mapping[str, Step], last: str | None) -> str | None:
-        """The unit that goes on; ``None`` if all that could were tried before."""
+        """The unit that goes on; ``None`` if all that could were tried before.
+
+        Raises:
+            NotReproducibleError: The beginning of the schedule took other steps than before.
+        """
         if self._at < len(self._path):
             node = self._path[self._at]
             if node.waiting != waiting:

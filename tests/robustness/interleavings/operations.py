@@ -103,8 +103,9 @@ class Unit:
     async def _follow(self) -> None:
         await self.feed.catch_up()
         while self.position != self.feed.last:
-            entries, self.position = await self.feed.after(self.position, _AT_ONCE)
-            self.cursors += [entry.cursor for entry in entries]
+            page = await self.feed.after(self.position, _AT_ONCE)
+            self.position = page.end
+            self.cursors += [entry.cursor for entry in page.entries]
 
 
 class NotDurableError(Exception):

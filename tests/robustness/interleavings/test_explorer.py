@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise, permutations
+from itertools import chain, pairwise, permutations, repeat
 from math import comb
 from typing import TYPE_CHECKING
 
@@ -92,14 +92,19 @@ def test_replay_runs_a_schedule_again() -> None:
         runner(*units)(Replay(("u0", "u0", "u0", "u0")))
 
 
-def test_beginning_that_differs_is_an_error() -> None:
-    steps = iter([["t"] * 3, ["t"] * 3, ["t", "other", "t"]])
+@pytest.mark.parametrize("times", [1, 100])
+def test_beginning_that_differs_is_run_again_and_an_error_if_it_always_does(times: int) -> None:
+    same, other = ["t"] * 3, ["t", "other", "t"]
+    steps = chain([same, same], [other] * times, repeat(same))
 
     def run(chooser: Chooser) -> Execution:
         tables = next(steps)
         units = [[write(f"u{k}", table) for table in tables] for k in range(2)]
         return runner(*units)(chooser)
 
+    if times == 1:
+        assert len(list(Search(None).explore(run))) == comb(6, 3)
+        return
     with pytest.raises(NotReproducibleError):
         list(Search(None).explore(run))
 

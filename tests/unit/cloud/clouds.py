@@ -191,10 +191,19 @@ def emptied(store: Store) -> Store:
             if table not in {versions, feed, alarm_state, audit_log}:
                 connection.execute(delete(table))
         connection.execute(update(alarm_state).values(holder=None, until=0))
-        connection.execute(update(feed).values(cursor=feed.c.slot, writer=None))
+        connection.execute(
+            update(feed).values(cursor=feed.c.slot, compacted=feed.c.slot, writer=None)
+        )
 
     store.write(clear).result(120)
     return store
+
+
+def forget_recent(stand: Stand) -> None:
+    """Have streams read all from the store, as those that are far behind do."""
+    feed = stand.cloud.feed
+    feed._recent.clear()
+    feed._floor = feed.last
 
 
 def shown_certificate(app: asgi.ASGIApp, identity: Identity | None) -> asgi.ASGIApp:

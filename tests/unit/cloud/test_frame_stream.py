@@ -7,9 +7,11 @@ import logging
 import random
 import socket
 from contextlib import AsyncExitStack, suppress
+from dataclasses import replace
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
+import cbor2
 import httpx
 import pytest
 from eskin_cloud.access import Scope, create_token, digest, revoke_token, token_id
@@ -21,8 +23,10 @@ from eskin_cloud.store.feed_position import FEED_START
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from eskin.wire.frames import Frame
+from eskin.wire.messages import Position
 from tests.support.websocket_closing import close_code
-from tests.unit.cloud.clouds import batch, position, standing
+from tests.unit.cloud.brute_force import compact_all
+from tests.unit.cloud.clouds import batch, forget_recent, position, standing
 from tests.unit.cloud.frame_clients import PATIENCE_S, Received, dial, serving
 from tests.unit.cloud.messages import NODE, peak
 from tests.unit.cloud.skins import HAND, PATCHES, describe, frame, statements
@@ -171,6 +175,28 @@ async def test_client_that_comes_back_too_late_learns_how_much_it_missed(
         sequences = [Frame.decode(data).position.sequence for _, data in got.frames]
         assert sequences == list(range(20))[-6:]
         assert got.skipped == 19 - 6
+
+
+async def test_client_that_comes_back_after_compaction_learns_that_frames_are_missing(
+    stand: Stand,
+) -> None:
+    described(stand)
+    await stand.ingest(batch(*stretch(0), *stretch(1), peak(4)))
+    await asyncio.to_thread(compact_all, stand.cloud.store)
+    late = [replace(each, position=Position(1, 5 + k)) for k, each in enumerate(stretch(2))]
+    await stand.ingest(batch(*late))
+    forget_recent(stand)
+    async with serving(stand) as port, dial(port, stand.token, cursor="1") as connection:
+        kinds: list[tuple[str, str, object]] = []
+        while len(kinds) < 4:
+            kind, *rest = cbor2.loads(await connection.recv(decode=False))
+            if kind != "layout" and rest[1] != 0:
+                kinds.append((kind, rest[0], rest[1]))
+    assert [(kind, cursor) for kind, cursor, _ in kinds] == [
+        # The latest position that nothing sealed may be before is the start by now.
+        ("lagging", "0"), ("event", "5"), ("frame", "6"), ("frame", "7")
+    ]  # fmt: skip
+    assert kinds[0][2] is None
 
 
 async def test_slow_client_gets_whole_stretches_and_the_newest_ones(stand: Stand) -> None:

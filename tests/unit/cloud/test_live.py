@@ -16,7 +16,8 @@ from eskin_cloud.live.subscription import Subscription
 from eskin_cloud.settings import LiveSection
 
 from eskin.wire.timestamp import format_timestamp
-from tests.unit.cloud.clouds import batch, numbers, problem, put, standing
+from tests.unit.cloud.brute_force import compact_all
+from tests.unit.cloud.clouds import batch, forget_recent, numbers, problem, put, standing
 from tests.unit.cloud.messages import DT, NODE, START, gap, peak, status, stretch, tube_of
 from tests.unit.cloud.streams import events_of, listen, parse, take
 
@@ -58,8 +59,7 @@ async def test_frame_tells_when_it_was_stored(stand: Stand) -> None:
         stored.append(format_timestamp(stand.clock()))
         await stand.ingest(batch(stretch(number, time=(START + 10 * number * DT,) * 2)))
     assert [event["data"]["stored"] for event in await take(stand, 3)] == stored
-    stand.cloud.feed._recent.clear()
-    stand.cloud.feed._floor = stand.cloud.feed.last
+    forget_recent(stand)
     assert [event["data"]["stored"] for event in await take(stand, 3)] == stored
 
 
@@ -93,6 +93,22 @@ async def test_subscriber_that_is_too_far_behind_is_notified(stand: Stand) -> No
     assert heard[0]["event"] == "lagging"
     assert heard[0]["data"] == {"after": "3", "resumed": "15"}
     assert [int(event["id"]) for event in heard[1:]] == [16, 17, 18, 19, 20]
+
+
+async def test_subscriber_that_comes_back_after_compaction_learns_that_frames_are_missing(
+    stand: Stand,
+) -> None:
+    await stand.ingest(batch(stretch(0), stretch(1), peak(2), stretch(3)))
+    await asyncio.to_thread(compact_all, stand.cloud.store)
+    await stand.ingest(batch(stretch(4), gap(5)))
+    forget_recent(stand)
+    heard = await take(stand, 4, cursor=1)
+    assert [(each["event"], int(each["id"])) for each in heard] == [
+        ("lagging", 1), ("peak", 3), ("frame", 5), ("gap", 6)
+    ]  # fmt: skip
+    assert heard[0]["data"] == {"after": "1", "resumed": "4"}
+    heard = await take(stand, 2, cursor=4)
+    assert [each["event"] for each in heard] == ["frame", "gap"], "nothing is missing from there on"
 
 
 async def test_slow_subscriber_misses_nothing_and_costs_no_memory(

@@ -16,7 +16,7 @@ from eskin.errors import StoreError
 from eskin.interval import Interval
 from eskin.wire.frames import Frame, PatchSamples
 from eskin.wire.timestamp import format_timestamp
-from tests.unit.cloud.clouds import batch
+from tests.unit.cloud.clouds import batch, forget_recent
 from tests.unit.cloud.messages import NODE, START
 from tests.unit.cloud.skins import FAST, HAND, PALM, PATCHES, describe, frame
 from tests.unit.cloud.streams import events_of, listen, take
@@ -164,8 +164,7 @@ async def test_frames_are_read_back_from_the_store(stand: Stand) -> None:
     described(stand)
     await stand.ingest(batch(frame(0), frame(1, page=1)))
     before = await take(stand, 2)
-    stand.cloud.feed._recent.clear()
-    stand.cloud.feed._floor = stand.cloud.feed.last
+    forget_recent(stand)
     assert await take(stand, 2) == before
 
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
+from asyncio import Event
 from functools import partial
 from itertools import groupby, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from eskin_cloud.alarms.episodes import Edge, Episodes, Stretch
 from eskin_cloud.alarms.live_monitor import LiveMonitor
+from eskin_cloud.jobs.monitors import evaluate_monitors
+from eskin_cloud.live import Feed
 from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.store.read.lookup import find_channel
@@ -22,17 +26,20 @@ from eskin.interval import Verdict
 from eskin.monitor import parse
 from eskin.wire.timestamp import SECOND
 from tests.support.examples import examples
-from tests.unit.cloud.clouds import emptied, put
+from tests.support.processes import wait_until
+from tests.unit.cloud.brute_force import compact_all
+from tests.unit.cloud.clouds import batch, emptied, forget_recent, put
 from tests.unit.cloud.live_monitors import Live, alarms_of, define, episodes_of
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
 
 if TYPE_CHECKING:
     from random import Random
 
+    from eskin_cloud.live.feed import FeedPage
     from eskin_cloud.store import Store
 
     from eskin.wire.frames import Frame
-    from tests.unit.cloud.clouds import Clock
+    from tests.unit.cloud.clouds import Clock, Stand
 
 FORMULAS = (
     f"{CHANNEL} > 2",
@@ -336,4 +343,41 @@ def test_alarm_of_a_monitor_that_cannot_go_on_is_stored(store: Store, clock: Clo
     put(store, frame(0, [1.0, 4.0, 4.0, 4.0], at=0))
     live.step()
     assert problem_of(live) is not None, "its window holds too many samples"
+    assert len(alarms_of(store)) == 1
+
+
+@pytest.mark.anyio
+async def test_episode_that_was_compacted_before_it_was_read_raises_its_alarm(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The job is behind the feed by more than the age at which frames are compacted."""
+    cloud, store, stopping, may_read = stand.cloud, stand.cloud.store, Event(), Event()
+    may_read.set()
+    after = Feed.after
+
+    async def held(self: Feed, *args: Any, **options: Any) -> FeedPage:
+        await may_read.wait()
+        return await after(self, *args, **options)
+
+    def is_read() -> bool:
+        monitor = cloud.evaluator.find("squeeze")
+        return monitor is not None and monitor.position is not None
+
+    def is_cleared() -> bool:
+        return any(row["ended"] is not None for row in alarms_of(store))
+
+    monkeypatch.setattr(Feed, "after", held)
+    await stand.ingest(batch(frame(0, [1.0], at=0)))
+    define(store, f"{CHANNEL} > 2", since=START)
+    async with asyncio.timeout(60), asyncio.TaskGroup() as running:
+        running.create_task(evaluate_monitors(cloud, stopping))
+        await asyncio.to_thread(wait_until, is_read, "the monitor has read the store")
+        may_read.clear()
+        await stand.ingest(batch(frame(1, [4.0, 4.0, 1.0], at=1)))
+        await asyncio.to_thread(compact_all, store)
+        forget_recent(stand)
+        may_read.set()
+        await stand.ingest(batch(frame(2, [1.0] * 5, at=4)))
+        await asyncio.to_thread(wait_until, is_cleared, "the alarm is raised and cleared")
+        stopping.set()
     assert len(alarms_of(store)) == 1

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.anyio
 async def test_viewers_of_the_same_get_the_same_bytes(stand: Stand) -> None:
     await stand.ingest(batch(stretch(0), peak(1), stretch(2)))
     feed = stand.cloud.feed
-    found, _ = await feed.after(FEED_START, 64)
+    found = (await feed.after(FEED_START, 64)).entries
     await feed.layouts.load(found)
     begun = FEED_START
     first = feed.encoder.page(found, EVERYTHING, begun)

@@ -47,7 +47,7 @@ class LiveMessage(NamedTuple):
 
     kind: str
     node: str
-    items: list[str | int | bytes]
+    items: list[str | int | bytes | None]
 
 
 class FrameServer(ABC):
@@ -113,8 +113,8 @@ class FrameServer(ABC):
         """How much later than its end a stretch is sent."""
         return 0
 
-    def skipped_before(self, number: int) -> int:  # noqa: ARG002 -- for those that skip
-        """How many frames were left out before a stretch."""
+    def skipped_before(self, number: int) -> int | None:  # noqa: ARG002 -- for those that skip
+        """How many frames were left out before a stretch; ``None`` where it is not known."""
         return 0
 
     def following(self, number: int) -> int:
@@ -187,7 +187,7 @@ class _Stream:
         server, cursor = self._server, str(number)
         due = (number + 1) * server.stretch_ns + server.delay_ns
         await asyncio.sleep(max(0.0, (due - time.time_ns()) * 1e-9))
-        if skipped := server.skipped_before(number):
+        if (skipped := server.skipped_before(number)) != 0:
             await self._send(["lagging", cursor, skipped])
         for kind, node, items in server.messages_of(number):
             if node not in self._nodes:
@@ -197,7 +197,7 @@ class _Stream:
                 await self._send(["layout", node, server.layouts[node].hash])
             await self._send([kind, cursor, *items])
 
-    async def _send(self, items: list[str | int | bytes]) -> None:
+    async def _send(self, items: list[str | int | bytes | None]) -> None:
         await self._socket.send_bytes(encode_message(items))
 
 
@@ -216,11 +216,13 @@ def event_message(event: dict[str, Any]) -> LiveMessage:
     return LiveMessage("event", event["node"], [event["kind"], json.dumps(event)])
 
 
-def encode_message(items: list[str | int | bytes]) -> bytes:
+def encode_message(items: list[str | int | bytes | None]) -> bytes:
     """An array of CBOR."""
     head = b""
     for one in items:
-        if isinstance(one, int):
+        if one is None:
+            head += b"\xf6"
+        elif isinstance(one, int):
             head += dump({0: one})[2:]
         else:
             data = one.encode() if isinstance(one, str) else one

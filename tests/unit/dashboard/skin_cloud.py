@@ -60,7 +60,7 @@ DEAD: Final = 1777
 _COLUMNS: Final = 64
 _PATCHES_A_PAGE: Final = 33
 
-Mode = Literal["normal", "silent", "missing page", "lagging", "past", "closed"]
+Mode = Literal["normal", "silent", "missing page", "lagging", "compacted", "past", "closed"]
 """Whether live frames come, come all, and come in time; or the stream is refused."""
 OUTAGE_NS: Final = 60_000_000_000
 """Live frames of the past hold what was measured so long ago."""
@@ -390,7 +390,9 @@ class SkinCloud(FrameServer):
     def delay_ns(self) -> int:
         return LATE_NS if self.mode == "lagging" else 0
 
-    def skipped_before(self, number: int) -> int:
+    def skipped_before(self, number: int) -> int | None:
+        if self.mode == "compacted" and number % 20 == 0:
+            return None
         return 7 if self.mode == "lagging" and number % 20 == 0 else 0
 
     def following(self, number: int) -> int:

@@ -277,6 +277,15 @@ def test_late_and_left_out_frames_are_stated(skins: SkinCloud, visit: Visit) -> 
     wait_until(lambda: "left out" in warning.inner_text(), "frames were left out")
 
 
+def test_frames_that_were_compacted_before_they_came_are_said_to_be_left_out(
+    skins: SkinCloud, visit: Visit
+) -> None:
+    skins.mode = "compacted"
+    visit.open("hand", shows=VIEW)
+    warning = visit.page.get_by_test_id("skin-warning")
+    wait_until(lambda: "left out" in warning.inner_text(), "frames were left out")
+
+
 def test_closed_stream_is_opened_again(skins: SkinCloud, visit: Visit) -> None:
     visit.open("glove", shows=VIEW)
     status = visit.page.get_by_test_id("live-status")

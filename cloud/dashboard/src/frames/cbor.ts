@@ -1,9 +1,10 @@
 import { FrameError } from "./frame-error";
 
 /** What frames and live messages consist of. Integers beyond 2^53 are of type bigint. */
-export type Cbor = number | bigint | string | Uint8Array | readonly Cbor[] | ReadonlyMap<Cbor, Cbor>;
+export type Cbor = null | number | bigint | string | Uint8Array | readonly Cbor[] | ReadonlyMap<Cbor, Cbor>;
 
 const DEEPEST = 16;
+const NULL = 0xf6;
 const FLOAT64 = 0xfb;
 const utf8 = new TextDecoder();
 
@@ -35,6 +36,7 @@ class Reader {
     if (depth > DEEPEST) throw new FrameError(`items are nested more than ${DEEPEST} deep`);
     const first = this.view.getUint8(this.advance(1));
     const major = first >> 5;
+    if (first === NULL) return null;
     if (first === FLOAT64) return this.view.getFloat64(this.advance(8));
     const count = this.count(first & 31);
     switch (major) {

@@ -8,13 +8,13 @@ export type FeedState =
   | { readonly kind: "waiting"; readonly seconds: number; readonly reason: string }
   | { readonly kind: "offline" };
 
-/** One message of the live WebSocket (docs/rest.md). */
+/** One message of the live WebSocket (docs/rest.md). `skipped` is null where frames are missing, and their number is not known. */
 export type LiveMessage =
   | { readonly kind: "layout"; readonly node: string; readonly layout: string }
   | { readonly kind: "frame"; readonly cursor: string; readonly node: string; readonly received: number; readonly frame: Uint8Array }
   | { readonly kind: "event"; readonly cursor: string; readonly event: string; readonly json: string }
   | { readonly kind: "contacts"; readonly cursor: string; readonly node: string; readonly json: string }
-  | { readonly kind: "lagging"; readonly cursor: string; readonly skipped: number };
+  | { readonly kind: "lagging"; readonly cursor: string; readonly skipped: number | null };
 
 function text(value: Cbor | undefined): string {
   if (typeof value !== "string") throw new FrameError(`${String(value)} is no text`);
@@ -46,7 +46,7 @@ export function readLiveMessage(data: Uint8Array): LiveMessage | null {
     case "contacts":
       return { kind, cursor: text(first), node: text(second), json: text(third) };
     case "lagging":
-      return { kind, cursor: text(first), skipped: Number(second) };
+      return { kind, cursor: text(first), skipped: second === null ? null : Number(second) };
     default:
       return null;
   }

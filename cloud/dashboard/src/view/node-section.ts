@@ -119,7 +119,7 @@ export class NodeSection implements Section {
     if (this.visible || this.panels.size > 0 || this.browser?.open) this.frames.takeFrame(data, received, at);
   }
 
-  takeSkipped(frames: number): void {
+  takeSkipped(frames: number | null): void {
     this.skin.takeSkipped(frames);
     for (const panel of this.panels.values()) panel.startLive();
   }

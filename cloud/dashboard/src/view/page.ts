@@ -290,7 +290,7 @@ export class Page {
     if (message.kind === "frame") this.owners.get(message.node)?.takeFrame(message.frame, message.received, performance.now());
     else if (message.kind === "contacts") this.owners.get(message.node)?.takeContacts(message.json);
     else if (message.kind === "event") this.takeEvent(JSON.parse(message.json) as EventItem);
-    else if (message.kind === "lagging" && message.skipped > 0) {
+    else if (message.kind === "lagging" && message.skipped !== 0) {
       this.missed = true;
       for (const section of this.sections.values()) section.takeSkipped(message.skipped);
     }

@@ -19,8 +19,8 @@ export interface Section {
   takeFrame(data: Uint8Array, received: number, at: number): void;
   /** Takes what the cloud says of contacts. */
   takeContacts(json: string): void;
-  /** So many frames of the page's nodes were not sent, because they came too slowly. */
-  takeSkipped(frames: number): void;
+  /** So many frames of the page's nodes were not sent, because the page was too slow, or away for too long (null: their number is not known). */
+  takeSkipped(frames: number | null): void;
   takeEvent(event: EventItem): void;
   apply(view: View): void;
   frame(at: number): void;

@@ -64,6 +64,12 @@ export interface SkinViewOptions {
   readonly onQuantity: () => void;
 }
 
+/** What is said of frames that were not shown; null: some, and their number is not known. */
+function leftOut(frames: number | null): string {
+  if (frames === null) return "Frames were left out: this page was disconnected for too long.";
+  return `${frames.toLocaleString("en")} frames were left out: the connection or this browser is too slow.`;
+}
+
 /** A node's skin as it is touched, now or in the past. */
 export class SkinView {
   readonly root: HTMLElement;
@@ -114,7 +120,8 @@ export class SkinView {
   /** At which position contacts were asked for, and since when (ms) it has stood still. */
   private asked: number | null = null;
   private rest = { position: Number.NaN, since: 0 };
-  private skipped = 0;
+  /** Null: some, and their number is not known. */
+  private skipped: number | null = 0;
   private skippedAt = -Infinity;
   private visible = true;
 
@@ -189,9 +196,9 @@ export class SkinView {
     this.writeTaxel();
   }
 
-  /** Notes that so many frames were left out. */
-  takeSkipped(frames: number): void {
-    this.skipped += frames;
+  /** Notes that so many frames were left out; null where their number is not known. */
+  takeSkipped(frames: number | null): void {
+    this.skipped = frames === null || this.skipped === null ? null : this.skipped + frames;
     this.skippedAt = performance.now();
   }
 
@@ -623,7 +630,7 @@ export class SkinView {
     const behind = this.view.kind === "live" && late > LATE_NS;
     const words = [
       behind ? `Data comes ${formatDuration(late, "down")} late.` : "",
-      slow ? `${this.skipped.toLocaleString("en")} frames were left out: the connection or this browser is too slow.` : "",
+      slow ? leftOut(this.skipped) : "",
     ];
     setText(this.warning, words.filter(Boolean).join(" "));
     if (this.view.kind === "history") {

@@ -84,9 +84,13 @@ feed = Table(
     metadata,
     Column("slot", Integer, primary_key=True, autoincrement=False),
     Column("cursor", BigInteger, nullable=False),
+    Column("compacted", BigInteger, nullable=False),
     Column("writer", Text(32)),
 )
 """The last cursor of each slot; it never decreases. A row is the lock of its slot's writer.
+
+``compacted`` is the latest cursor of a frame that was compacted or removed: a stream that goes on
+from before it is not given all frames.
 
 A cursor is 64 times a number within its slot, plus the slot: unique in the store.
 
