@@ -2,7 +2,8 @@
 
 ``python -m tests.support.skin_watcher PORT NODE FILE`` with a token in ``ESKIN_TOKEN`` looks until
 it is ended. It appends a line to the file for each frame that came (``frame BOOT SEQUENCE``), for
-each round of the page's questions that was answered (``page``), and for what is wrong (``wrong``).
+frames that the cloud states as left out (``skipped NUMBER``, ``skipped some``), for each round of
+the page's questions that was answered (``page``), and for what is wrong (``wrong``).
 """
 
 from __future__ import annotations
@@ -39,11 +40,13 @@ class Seen(NamedTuple):
 
     Attributes:
         frames: Of each frame that came, where it belongs.
+        skipped: How many were stated as left out; ``None`` if a number was not known.
         pages: Rounds of the page's questions that were answered.
         wrong: What is wrong.
     """
 
     frames: list[tuple[int, int]]
+    skipped: int | None
     pages: int
     wrong: list[str]
 
@@ -52,8 +55,10 @@ class Seen(NamedTuple):
         """Read the file of a watcher."""
         lines = file.read_text().splitlines()
         frames = [line.split()[1:] for line in lines if line.startswith("frame ")]
+        skipped = [line.split()[1] for line in lines if line.startswith("skipped ")]
         return cls(
             [(int(boot), int(sequence)) for boot, sequence in frames],
+            None if "some" in skipped else sum(map(int, skipped)),
             lines.count("page"),
             [line for line in lines if line.startswith("wrong ")],
         )
@@ -79,6 +84,8 @@ async def _view(port: int, token: str, node: str, note: Callable[[str], None]) -
                             note(f"wrong frame {place} came twice")
                         last = place
                         note(f"frame {place.boot} {place.sequence}")
+                    elif kind == "lagging" and rest[1] != 0:
+                        note(f"skipped {'some' if rest[1] is None else rest[1]}")
         except (OSError, WebSocketException):
             await asyncio.sleep(_PAUSE_S)
 

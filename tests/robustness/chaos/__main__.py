@@ -158,7 +158,11 @@ def _report(verdict: Verdict, plan: Sequence[Stroke], say: Callable[[str], None]
     say(f"alarms: {verdict.alarms} raised, {verdict.deliveries} deliveries of their changes")
     if verdict.moves != (0, 0):
         say("shards: {} moves, {} broke off".format(*verdict.moves))
-    say(f"the skin's viewer got {verdict.seen} frames, its page {verdict.pages} rounds of answers")
+    skipped = "some" if verdict.skipped is None else verdict.skipped
+    say(
+        f"the skin's viewer got {verdict.seen} frames, and {skipped} were stated as left out; its "
+        f"page got {verdict.pages} rounds of answers"
+    )
     for fault in verdict.faults:
         say(f"WRONG: {fault}")
     say("FAILED" if verdict.faults else "passed: each frame stored once, each gap explained")

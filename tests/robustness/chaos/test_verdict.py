@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING
 import pytest
 from eskin_cloud.store import Store
 
+from eskin.wire.messages import Position
+from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.timestamp import SECOND
 from tests.robustness.chaos.plan import Blow, Stroke
-from tests.robustness.chaos.verdict import Verdict, add_up, explain
+from tests.robustness.chaos.verdict import Verdict, add_up, explain, left_out
+from tests.support.skin_watcher import Seen
 from tests.unit.cloud.clouds import put
 from tests.unit.cloud.messages import NODE, START, gap, stretch
 
@@ -150,3 +153,15 @@ def test_hole_that_a_gap_names_is_none(burnt: Store) -> None:
 
 def test_stroke_reads_well() -> None:
     assert str(Stroke("cut", "cloud", 1.0, 3.5)) == "    1.0 s  cut cloud for 2.5 s"
+
+
+@pytest.mark.parametrize(
+    ("skipped", "missing"), [(0, [3, 4, 6]), (2, [3, 4, 6]), (3, []), (None, [])]
+)
+def test_viewer_gets_each_stored_frame_or_the_number_of_those_left_out(
+    skipped: int | None, missing: list[int]
+) -> None:
+    made = [Position(1, number) for number in range(9)]
+    stored = {1: SequenceRanges([(0, 6), (8, 8)])}
+    seen = Seen([(1, 2), (1, 8), (1, 5)], skipped, 1, [])
+    assert [each.sequence for each in left_out(seen, made, stored)] == missing

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
+from eskin_sensor_node.node.ground_truth import GroundTruth
+
 from eskin.demo.audit import audit
 from eskin.wire.frames import Statements
-from eskin.wire.messages import Kind
+from eskin.wire.messages import Kind, Position
 from eskin.wire.messages.cbor_map import load
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.timestamp import SECOND
@@ -29,6 +32,8 @@ if TYPE_CHECKING:
 
 DRAIN_S: Final = 90.0
 """For so long nothing may arrive of what waits; so what is under way is no older after a fault."""
+_SEEN_S: Final = 60.0
+"""For so long the skin's viewer may be behind in the end."""
 _HOUR_NS: Final = 3600 * SECOND
 """By so much the faults of clocks move them."""
 _CLOCK_NS: Final = 2 * SECOND
@@ -101,6 +106,7 @@ class Verdict:
         gaps: Reason to how many gaps.
         samples: Samples that were compared with the truth.
         seen: Frames that the skin's viewer got.
+        skipped: Frames that were stated to it as left out; ``None`` if their number was not.
         pages: Rounds of questions of a page that were answered.
         alarms: Alarms that were raised.
         deliveries: Times that a receiver took a change of one.
@@ -115,6 +121,7 @@ class Verdict:
     gaps: dict[str, int] = field(default_factory=dict)
     samples: int = 0
     seen: int = 0
+    skipped: int | None = 0
     pages: int = 0
     alarms: int = 0
     deliveries: int = 0
@@ -210,8 +217,21 @@ def add_up(store: StoreLocation, verdict: Verdict) -> None:
 
 
 def _watched(site: Site, verdict: Verdict) -> None:
-    """The skin's viewer and its page are answered, and see only what is stored."""
-    seen, watcher = Seen.read(site.seen), site.watcher
+    """The skin's viewer and its page are answered, and see what is stored and nothing else.
+
+    The viewer loses its stream with each fault of its cloud, and goes on where it was.
+    """
+    watcher, deadline = site.watcher, time.monotonic() + _SEEN_S
+    made = GroundTruth.positions(site.layout.truth(SKIN))
+    stored = _stored_numbers(site.store, SKIN)
+    while left_out(seen := Seen.read(site.seen), made, stored) and time.monotonic() < deadline:
+        time.sleep(0.5)
+    verdict.skipped = seen.skipped
+    if missing := left_out(seen, made, stored):
+        verdict.faults.append(
+            f"{SKIN}: {len(missing)} stored frames were not seen, and {seen.skipped} were stated "
+            f"as left out; the first is {missing[0]}"
+        )
     if watcher is None or watcher.process is None or watcher.process.poll() is not None:
         said = "" if watcher is None else watcher.output()[-1000:]
         verdict.faults.append(f"{SKIN}: its watcher has ended: {said}")
@@ -223,6 +243,36 @@ def _watched(site: Site, verdict: Verdict) -> None:
     lacking = [place for place in seen.frames if place[1] not in numbers[SKIN, place[0]]]
     if lacking:
         verdict.faults.append(f"{SKIN}: {len(lacking)} frames were seen and are not stored")
+
+
+def left_out(
+    seen: Seen, made: Iterable[Position], stored: Mapping[int, SequenceRanges]
+) -> list[Position]:
+    """Frames that a viewer neither got nor was stated to have missed, oldest first.
+
+    Args:
+        seen: What it saw.
+        made: The frames that the node made.
+        stored: By boot, the numbers of the messages that are stored.
+    """
+    if not seen.frames:
+        return []
+    first, got = min(seen.frames), set(seen.frames)
+    places = ((each.boot, each.sequence) for each in made)
+    missing = [
+        Position(*place)
+        for place in sorted(places)
+        if place > first and place not in got and place[1] in stored.get(place[0], SequenceRanges())
+    ]
+    return [] if seen.skipped is None or len(missing) <= seen.skipped else missing
+
+
+def _stored_numbers(store: StoreLocation, node: str) -> dict[int, SequenceRanges]:
+    found: dict[int, SequenceRanges] = defaultdict(SequenceRanges)
+    query = f"SELECT boot, first, last FROM sequences WHERE node = '{node}'"  # noqa: S608 - our words
+    for boot, first, last in ask_store(store, query):
+        found[boot].add(first, last)
+    return found
 
 
 def _numbers(store: StoreLocation) -> dict[tuple[str, int], SequenceRanges]:
