@@ -16,11 +16,15 @@ from eskin_cloud.jobs.monitors import evaluate_monitors
 from eskin_cloud.live import Feed
 from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
+from eskin_cloud.store.descriptions import _layouts as kept_layouts
+from eskin_cloud.store.descriptions import _patches as kept_patches
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.schema.frame_tables import descriptions
 from eskin_cloud.store.write.alarms import AlarmChange, apply_changes, take_lease
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from sqlalchemy import delete
 
 from eskin.interval import Verdict
 from eskin.monitor import parse
@@ -279,6 +283,23 @@ def test_monitors_of_many_nodes_wait_for_the_slowest(store: Store, count: int) -
         put(store, frame(1, [4.0] * 20, at=1), node=name)
         live.step()
         assert len(alarms_of(store)) == (k == count - 1)
+
+
+def test_damaged_layout_of_a_node_stops_no_monitor_of_another(store: Store) -> None:
+    put(store, frame(0, [1.0], at=0))
+    put(store, stretch(0, channel="t09.capacitance"), node="palm")
+    define(store, '"palm/t09.capacitance" > 9', name="other", since=START)
+    live = Live(store)
+    live.step()
+    put(store, stretch(1, channel="t09.capacitance", time=(START + DT, START + DT)), node="palm")
+    put(store, frame(1, [4.0, 4.0], at=1))
+    damaged = delete(descriptions).where(descriptions.c.node == "palm")
+    store.write(lambda connection: connection.execute(damaged)).result(60)
+    for cache in (kept_layouts, kept_patches):
+        cache.clear()
+    define(store, f"{CHANNEL} > 2", since=START)
+    live.step(most=0)
+    assert [row["monitor"] for row in alarms_of(store)] == ["squeeze"]
 
 
 def test_one_of_two_clouds_evaluates_and_the_other_takes_over(store: Store, clock: Clock) -> None:
