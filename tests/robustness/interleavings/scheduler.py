@@ -238,9 +238,12 @@ class Scheduler:
                 for role, holders in self.world.blocked(self.place).items()
                 if role in roles
             }
-            waiting = running & held.keys()
+            waiting, stopped = running & held.keys(), self._gate.waiting().keys()
             while True:  # whom a unit holds up that still runs may go on in a moment
                 still = {name for name in waiting if not held[name] & (running - waiting)}
+                # So may whom sessions hold up that no unit directs: what a refused write left is
+                # rolled back after its unit has ended.
+                still = {name for name in still if held[name] & (stopped | waiting)}
                 if still == waiting:
                     break
                 waiting = still
