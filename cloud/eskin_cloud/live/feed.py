@@ -247,13 +247,19 @@ class Feed:
 
     async def count_frames(
         self, after: FeedPosition, end: FeedPosition, nodes: Collection[str] | None
-    ) -> int:
-        """How many frames are between two positions, of some nodes or of all."""
+    ) -> int | None:
+        """How many frames are between two positions, of some nodes or of all.
 
-        def look() -> int:
-            total = 0
+        Returns:
+            ``None`` if some were compacted or removed.
+        """
+
+        def look() -> int | None:
+            total, spans = 0, list(after.spans(end))
             with self._store.read() as connection:
-                for span in after.spans(end):
+                if compacted_position(connection, spans) != FEED_START:
+                    return None
+                for span in spans:
                     query = select(func.count()).where(*_within(frames, span))
                     if nodes is not None:
                         query = query.where(of_nodes(frames, nodes))

@@ -102,8 +102,8 @@ class FrameEncoder:
         return cbor2.dumps(["contacts", self.ids.write_position(place), node, text])
 
     def lagging(self, place: FeedPosition, skipped: int | None) -> bytes:
-        """How many frames before a position were not sent; with 0 a sign of life.
+        """How many frames near a position were not sent; with 0 a sign of life.
 
-        With ``None`` frames after it are missing, and their number is not known.
+        ``None`` stands for some that were compacted before they could be sent.
         """
         return cbor2.dumps(["lagging", self.ids.write_position(place), skipped])

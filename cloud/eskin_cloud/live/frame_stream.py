@@ -71,7 +71,7 @@ class FrameStream:
         self._layouts: dict[str, bytes] = {}
         self._found_before = contacts.found
         self._last_contacts: dict[str, int] = {}
-        self._skipped = 0
+        self._skipped: int | None = 0
 
     async def messages(self) -> AsyncGenerator[bytes, None]:
         """Give messages until the feed closes; a caller asks for one when it can send it.
@@ -93,7 +93,8 @@ class FrameStream:
                 found, end, compacted = await feed.after(self._position, most, sealed=self._sealed)
                 if not self._stated.reaches(compacted):
                     self._stated = self._stated.advance(compacted.cursors)
-                    yield feed.frame_encoder.lagging(self._place, None)
+                    self._skip(None)
+                    yield self._lagging()
                 await feed.layouts.load(found)
                 for message in self._of_entries(found, end):
                     yield message
@@ -116,7 +117,7 @@ class FrameStream:
             resumed, self._near = await feed.open_backlog(self._position, self._backlog)
         if resumed == self._position:
             return False
-        self._skipped += await feed.count_frames(self._position, resumed, self.selection.nodes)
+        self._skip(await feed.count_frames(self._position, resumed, self.selection.nodes))
         self._position = self._place = resumed
         return True
 
@@ -134,7 +135,7 @@ class FrameStream:
         self._position = end
         if self._sealed:
             self._place = end
-        if self._skipped:
+        if self._skipped != 0:
             yield self._lagging()
 
     def _of_entry(self, entry: FeedEntry, place: FeedPosition) -> Iterator[bytes]:
@@ -148,7 +149,7 @@ class FrameStream:
             if shown.frame is not None:
                 yield from self._of_frame(shown, place)
             elif shown.event is not None:
-                if self._skipped:
+                if self._skipped != 0:
                     yield self._lagging()
                 # A client that breaks off before the last one is sent all again.
                 at = place if shown is revealed[-1] else self._place
@@ -161,14 +162,19 @@ class FrameStream:
             return
         newest = self._feed.newest_frame(entry.node)
         if live and not self._stretches.keeps(entry, message.stretch, newest):
-            self._skipped += 1
+            self._skip(1)
             return
-        if self._skipped:
+        if self._skipped != 0:
             yield self._lagging()
         if entry.layout is not None and self._layouts.get(entry.node) != entry.layout:
             self._layouts[entry.node] = entry.layout
             yield write.layout(entry.node, entry.layout)
         yield write.state(message, place)
+
+    def _skip(self, frames: int | None) -> None:
+        """Count frames that are not sent; ``None`` where their number is not known."""
+        before = self._skipped
+        self._skipped = None if before is None or frames is None else before + frames
 
     def _lagging(self) -> bytes:
         """How many frames up to the present place were not sent since this was last stated."""
@@ -182,6 +188,6 @@ class FrameStream:
                 continue
             if found.number > self._last_contacts.get(found.node, self._found_before):
                 self._last_contacts[found.node] = found.number
-                if self._skipped:
+                if self._skipped != 0:
                     yield self._lagging()
                 yield self._feed.frame_encoder.contacts(self._place, found.node, found.text)

@@ -199,6 +199,25 @@ async def test_client_that_comes_back_after_compaction_learns_that_frames_are_mi
     assert kinds[0][2] is None
 
 
+async def test_client_that_comes_back_too_late_after_compaction_learns_no_wrong_number(
+    tmp_path: Path, identities: Identities
+) -> None:
+    with standing(tmp_path, identities, live=LiveSection(backlog=4)) as stand:
+        described(stand)
+        await stand.ingest(batch(*(each for k in range(4) for each in stretch(k))))
+        await asyncio.to_thread(compact_all, stand.cloud.store)
+        await stand.ingest(batch(*(each for k in range(4, 7) for each in stretch(k))))
+        async with serving(stand) as port, dial(port, stand.token, cursor="1") as connection:
+            kind, _, skipped = cbor2.loads(await connection.recv(decode=False))
+            assert (kind, skipped) == ("lagging", 0)
+            kind, _, skipped = cbor2.loads(await connection.recv(decode=False))
+            assert (kind, skipped) == ("lagging", None)
+            got = Received()
+            await got.read(connection, frames=4)
+    sequences = [Frame.decode(data).position.sequence for _, data in got.frames]
+    assert sequences == [10, 11, 12, 13]
+
+
 async def test_slow_client_gets_whole_stretches_and_the_newest_ones(stand: Stand) -> None:
     described(stand)
     got, total = Received(), 200
