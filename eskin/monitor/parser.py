@@ -186,7 +186,7 @@ class _Parser:
 
     def _take(self) -> _Token:
         token = self._tokens[self._next]
-        self._next += 1
+        self._next += token.kind != "end"
         return token
 
     def _is(self, text: str) -> bool:

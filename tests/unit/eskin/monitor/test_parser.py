@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from contextlib import suppress
 from fractions import Fraction
 
 import numpy as np
@@ -139,6 +140,21 @@ def test_constant_is_a_finite_decimal(value: object) -> None:
 def test_window_is_a_pair_of_whole_ns(window: object) -> None:
     with pytest.raises(MonitorError):
         Always(window, channel("a") > 1)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'once[0,50ms] "palm/t01.energy" > 6 pJ and not (a > 1 until[0,1s] b < -2)',
+        'outside(a, constant(value = [1 kPa, 2 kPa]), "2026-01-01T00:00:00Z") > 0',
+        "count(a > 1, b > 2) >= 2 implies rise(min(a, delay(b, 10ms)) > max(a, 0.5))",
+    ],
+)
+def test_text_that_breaks_off_anywhere_parses_or_is_refused(text: str) -> None:
+    parse(text)
+    for length in range(len(text)):
+        with suppress(MonitorError):
+            parse(text[:length])
 
 
 @given(st.text(alphabet='ab(">=<-+*/[],.0123 notuilreshmv%', max_size=60))
