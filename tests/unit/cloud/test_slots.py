@@ -448,7 +448,7 @@ def test_shares_of_items_hold_each_once(items: list[str], groups: Sequence[int])
 
 
 @settings(
-    max_examples=examples(15), deadline=None,
+    max_examples=examples(60), deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )  # fmt: skip
 @given(drawn=st.randoms(use_true_random=False))
