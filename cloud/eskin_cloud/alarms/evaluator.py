@@ -12,11 +12,11 @@ import numpy as np
 from sqlalchemy import select
 from sqlalchemy.exc import SQLAlchemyError
 
-from eskin.errors import EskinError, MessageError
+from eskin.errors import EskinError
 from eskin.wire.frames.frame_parts import read_head
 from eskin_cloud.alarms.live_monitor import LiveMonitor, Moments, Samples
 from eskin_cloud.live.feed import read_entries
-from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
+from eskin_cloud.store.descriptions import find_intact_layout
 from eskin_cloud.store.feed_position import FEED_START, compacted_position, last_position
 from eskin_cloud.store.read.patch_columns import column_of
 from eskin_cloud.store.read.patch_runs import runs_of_frames
@@ -218,7 +218,7 @@ class Evaluator:
             return
         for node, arrived in self._of_node(missed).items():
             names = {entry.layout for entry in arrived if entry.layout is not None}
-            layouts = {name: _find_intact(connection, node, name) for name in names}
+            layouts = {name: find_intact_layout(connection, node, name) for name in names}
             _give(node, arrived, layouts, [each for each in monitors if node in each.nodes])
 
     def _read(
@@ -247,14 +247,6 @@ class Evaluator:
             self._monitors.pop(monitor.name, None)
             self._retry[monitor.name] = self._monotonic() + _RETRY_NS
         return []
-
-
-def _find_intact(connection: Connection, node: str, name: bytes) -> DescribedLayout | None:
-    """A layout; ``None`` if it is damaged, which is reported."""
-    try:
-        return find_layout(connection, node, name)
-    except (UnknownDescriptionError, MessageError):
-        return None
 
 
 def _give(

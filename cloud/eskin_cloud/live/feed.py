@@ -26,7 +26,6 @@ from eskin_cloud.store.damage import FrameHeader, is_intact_row
 from eskin_cloud.store.feed_entry import FeedEntry
 from eskin_cloud.store.feed_position import (
     FEED_START,
-    FeedPosition,
     compacted_position,
     last_position,
     share,
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, Connection, Table
 
     from eskin_cloud.store import Store
-    from eskin_cloud.store.feed_position import FeedSpan
+    from eskin_cloud.store.feed_position import FeedPosition, FeedSpan
     from eskin_cloud.store.write.ingest import IngestResult
 
 
@@ -257,14 +256,13 @@ class Feed:
         def look() -> int | None:
             total, spans = 0, list(after.spans(end))
             with self._store.read() as connection:
-                if compacted_position(connection, spans) != FEED_START:
-                    return None
                 for span in spans:
                     query = select(func.count()).where(*_within(frames, span))
                     if nodes is not None:
                         query = query.where(of_nodes(frames, nodes))
                     total += connection.execute(query).scalar_one()
-            return total
+                whole = compacted_position(connection, spans) == FEED_START
+            return total if whole else None
 
         return await asyncio.to_thread(look)
 

@@ -15,14 +15,13 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 import numpy as np
 from sqlalchemy import and_, delete, func, select, tuple_
 
-from eskin.errors import MessageError
 from eskin.runtime.digest import digest
 from eskin.wire.frames import Sampling
 from eskin.wire.frames.frame_parts import read_head
 from eskin.wire.slot import SLOTS
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_row
-from eskin_cloud.store.descriptions import UnknownDescriptionError, find_layout
+from eskin_cloud.store.descriptions import find_intact_layout
 from eskin_cloud.store.feed_position import note_compacted
 from eskin_cloud.store.patch_rows import MOST_CELLS, encode_runs
 from eskin_cloud.store.patch_totals import add_rows
@@ -174,10 +173,9 @@ def _compact(connection: Connection, page: PageKey, due: Due) -> CompactedFrames
     totals = connection.execute(select(p.compacted).where(here)).one_or_none()
     if totals is None:
         return None
-    try:
-        described = find_layout(connection, page[1], page[2])
-    except (UnknownDescriptionError, MessageError):
-        return None  # damaged, and reported: its frames stay
+    described = find_intact_layout(connection, page[1], page[2])
+    if described is None:
+        return None  # its frames stay
     since = totals.compacted
     numbers = described.page_ranges[page[3]]
     with _heads(connection, page, since, _FRAMES + 1) as heads:  # most rows take few of them

@@ -228,6 +228,14 @@ def find_layout(connection: Connection, node: str, name: bytes) -> DescribedLayo
     return described
 
 
+def find_intact_layout(connection: Connection, node: str, name: bytes) -> DescribedLayout | None:
+    """The same; ``None`` if a part of it is missing or damaged, which is reported."""
+    try:
+        return find_layout(connection, node, name)
+    except (UnknownDescriptionError, MessageError):
+        return None
+
+
 def find_stated_layout(connection: Connection, node: str, name: bytes) -> DescribedLayout:
     """A layout of which this node itself stated each part, by its hash.
 
