@@ -18,6 +18,7 @@ from eskin_cloud.access import Scope as AccessScope
 from eskin_cloud.api.dependencies import CloudState, Reader, Viewer
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.app_state import AppState
+from eskin_cloud.live.entry_reader import EntryReader
 from eskin_cloud.live.frame_selection import FrameSelection
 from eskin_cloud.live.frame_stream import FrameStream
 from eskin_cloud.live.stream import stream
@@ -134,7 +135,7 @@ async def get_live(
         position=position,
         backlog=live.backlog,
         heartbeat=live.heartbeat_s,
-        reveal=cloud.key_access.reveal(reader.holder.scopes, feed.layouts),
+        reader=EntryReader(cloud.key_access, reader.holder.scopes, feed.layouts, cloud.store),
         sealed=AccessScope.BIOMETRIC in reader.holder.scopes,
     )
     return EventStream(events, headers={"X-Accel-Buffering": "no"})
@@ -166,7 +167,7 @@ async def watch_live(
         position=position,
         backlog=live.backlog,
         heartbeat=live.heartbeat_s,
-        reveal=cloud.key_access.reveal(scopes, cloud.feed.layouts),
+        reader=EntryReader(cloud.key_access, scopes, cloud.feed.layouts, cloud.store),
         sealed=AccessScope.BIOMETRIC in scopes,
     )
     await websocket.accept()

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Final
 from eskin_cloud.live.frame_selection import FrameSelection, StretchFilter
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncGenerator, Callable, Iterator, Sequence
+    from collections.abc import AsyncGenerator, Iterator, Sequence
 
     from eskin_cloud.live.contacts import LiveContacts
+    from eskin_cloud.live.entry_reader import EntryReader
     from eskin_cloud.live.feed import Feed
     from eskin_cloud.store.feed_entry import FeedEntry
     from eskin_cloud.store.feed_position import FeedPosition
@@ -37,7 +38,7 @@ class FrameStream:
         position: Where to begin.
         backlog: How far behind it may be; beyond, it moves on.
         heartbeat: Seconds between signs of life.
-        reveal: What an entry looks like to the client; empty if it is not shown.
+        reader: Reads entries for the client.
         sealed: Whether the client may know when something sealed comes; else nothing that is sent,
             positions included, depends on it.
 
@@ -54,7 +55,7 @@ class FrameStream:
         position: FeedPosition,
         backlog: int,
         heartbeat: float,
-        reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
+        reader: EntryReader,
         sealed: bool,
     ) -> None:
         self.selection = selection
@@ -64,7 +65,7 @@ class FrameStream:
         self._near = 0
         self._backlog = backlog
         self._heartbeat = heartbeat
-        self._reveal = reveal
+        self._reader = reader
         self._sealed = sealed
         self._present = feed.last
         self._stretches = StretchFilter()
@@ -95,7 +96,7 @@ class FrameStream:
                     self._stated = self._stated.advance(compacted.cursors)
                     self._skip(None)
                     yield self._lagging()
-                await feed.layouts.load(found)
+                await self._reader.load(found)
                 for message in self._of_entries(found, end):
                     yield message
                 for message in self._new_contacts():
@@ -144,7 +145,10 @@ class FrameStream:
             self._contacts.take(entry, self.selection.nodes)
         if not self.selection.takes(entry):
             return
-        revealed = self._reveal(entry)
+        revealed = self._reader.read(entry)
+        if revealed is None:
+            self._skip(None)
+            return
         for shown in revealed:
             if shown.frame is not None:
                 yield from self._of_frame(shown, place)

@@ -11,8 +11,9 @@ from eskin.errors import StoreError
 from eskin_cloud.live.backpressure import Backpressure
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable, Sequence
+    from collections.abc import AsyncIterator, Sequence
 
+    from eskin_cloud.live.entry_reader import EntryReader
     from eskin_cloud.live.feed import Feed
     from eskin_cloud.live.subscription import Subscription
     from eskin_cloud.store.feed_entry import FeedEntry
@@ -31,12 +32,13 @@ async def stream(
     position: FeedPosition,
     backlog: int,
     heartbeat: float,
-    reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
+    reader: EntryReader,
     sealed: bool,
 ) -> AsyncIterator[bytes]:
     """Send what comes after a position until the feed closes.
 
-    Where frames were compacted before they could be sent, ``lagging`` comes before what is left.
+    Where frames were compacted before they could be sent, or a key cannot be read, ``lagging``
+    comes before what is left.
 
     Args:
         feed: Where it is read.
@@ -44,7 +46,7 @@ async def stream(
         position: Where to begin.
         backlog: How far behind a stream may be; beyond, it gets ``lagging`` and moves on.
         heartbeat: Seconds between signs of life.
-        reveal: What an entry looks like to the one who asked; empty if it is not shown.
+        reader: Reads entries for the one who asked.
         sealed: Whether the one who asked may know when something sealed comes; else nothing that is
             sent, ids included, depends on it.
     """
@@ -70,8 +72,8 @@ async def stream(
                     stated = stated.advance(compacted.cursors)
                     yield _lagging(feed, place, place, place.advance(compacted.cursors))
                 place = position if sealed else place.advance(entry.cursor for entry in found)
-                await feed.layouts.load(found)
-                said = _print(feed, found, selection, reveal, begun, slow=pace.slow)
+                await reader.load(found)
+                said = _print(feed, found, selection, reader, (begun, place), slow=pace.slow)
                 if said:
                     yield said
                     asked = time.monotonic()
@@ -102,44 +104,51 @@ def _print(
     feed: Feed,
     found: Sequence[FeedEntry],
     selection: Subscription,
-    reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
-    begun: FeedPosition,
+    reader: EntryReader,
+    span: tuple[FeedPosition, FeedPosition],
     *,
     slow: bool,
 ) -> bytes:
-    """All that is selected; or its hulls, for a reader that is too slow.
+    """All that is selected; or its hulls, for a client that is too slow.
 
-    What was missed before a stream began is sent in full.
+    What was missed before a stream began is sent in full. Where a key cannot be read at present,
+    ``lagging`` comes first.
     """
+    begun, end = span
     if not slow and all(entry.sealed is None for entry in found):
         return feed.encoder.page(found, selection, begun)
-    said = _choose(found, selection, reveal, begun)
+    said, whole = _choose(found, selection, reader, begun)
+    lagging = b"" if whole else _lagging(feed, begun, begun, end)
     if not slow:
-        return feed.encoder.print(said, selection)
+        return lagging + feed.encoder.print(said, selection)
     if not said:
-        return b""
+        return lagging
     entries = [entry for entry, _, _ in said]
-    return feed.encoder.join(entries, selection, begun=begun, end=said[-1][1])
+    return lagging + feed.encoder.join(entries, selection, begun=begun, end=said[-1][1])
 
 
 def _choose(
     found: Sequence[FeedEntry],
     selection: Subscription,
-    reveal: Callable[[FeedEntry], Sequence[FeedEntry]],
+    reader: EntryReader,
     place: FeedPosition,
-) -> list[tuple[FeedEntry, FeedPosition, bool]]:
+) -> tuple[list[tuple[FeedEntry, FeedPosition, bool]], bool]:
     """What is sent of them, the position that each states, and whether others may get the same.
 
     Of several events in one message only the last states its position, so a client that breaks off
-    before it is sent all of them again.
+    before it is sent all of them again. The second result is whether all could be read.
     """
     chosen: list[tuple[FeedEntry, FeedPosition, bool]] = []
+    whole = True
     for entry in found:
         before, place = place, place.advance([entry.cursor])
         if selection.takes(entry):
-            shown = reveal(entry)
+            shown = reader.read(entry)
+            if shown is None:
+                whole = False
+                continue
             for said in shown:
                 if said is entry or selection.takes(said):
                     at = place if said is shown[-1] else before
                     chosen.append((said, at, said is entry))
-    return chosen
+    return chosen, whole

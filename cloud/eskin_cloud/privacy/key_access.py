@@ -5,45 +5,32 @@ from __future__ import annotations
 import logging
 import time
 from threading import Lock
-from typing import TYPE_CHECKING, Final, Protocol, Self, TypeAlias
+from typing import TYPE_CHECKING, Final, Self
 
 from sqlalchemy import func, select
 
-from eskin.errors import KeyConflictError, MessageError, NoKeyError, PrivacyError, StoreError
+from eskin.errors import KeyConflictError, NoKeyError, PrivacyError, StoreError
 from eskin.identity import IdentityKind
-from eskin.privacy import Decryptor, SealedMessage
-from eskin.wire.frames import FrameSummary
+from eskin.privacy import Decryptor
 from eskin_cloud.access import Scope
 from eskin_cloud.privacy.erasures import unapplied_erasures
 from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
-from eskin_cloud.privacy.sealed_rows import event_rows
 from eskin_cloud.store.row_digests import intact_rows
 from eskin_cloud.store.schema.tables import node_sites
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable
 
     from sqlalchemy import Connection
 
-    from eskin.privacy import KeyStore
+    from eskin.privacy import KeyStore, SealedMessage
     from eskin.privacy.cipher import Sealable
-    from eskin.wire.frames import DescribedLayout
-    from eskin_cloud.store.feed_entry import FeedEntry
-
-    Reveal: TypeAlias = Callable[[FeedEntry], Sequence[FeedEntry]]
 
 log = logging.getLogger(__name__)
 
 _COUNT: Final = select(func.count()).select_from(node_sites)
 _ERASURES_AGE_S: Final = 10.0
 """After so long without a look at erasures, the live feed sends nothing sealed."""
-
-
-class Layouts(Protocol):
-    """Layouts that are in memory."""
-
-    def get(self, name: bytes | None) -> DescribedLayout | None:
-        """A layout; ``None`` if the store has no intact one."""
 
 
 class Reader:
@@ -227,44 +214,12 @@ class KeyAccess:
                 except NoKeyError as error:
                     raise ErasedError(error) from error
 
-    def reveal(self, scopes: Iterable[Scope], layouts: Layouts) -> Reveal:
-        """Decrypts the live feed's entries for a caller; empty for what it may not read.
+    def require_fresh_erasures(self) -> None:
+        """Check that the store's erasures were looked for lately.
 
-        Statements give an entry for each event. It raises StoreError where erasures were not looked
-        for in a while.
-
-        Args:
-            scopes: The caller's.
-            layouts: Those of the entries, loaded.
+        Raises:
+            StoreError: They were not.
         """
-        shown = self.may(scopes)
-
-        def revealed(entry: FeedEntry) -> Sequence[FeedEntry]:
-            if entry.sealed is None:
-                return [entry]
-            if not shown:
-                return []
-            self._require_fresh_erasures()
-            return _open(self, entry, entry.sealed, layouts.get(entry.layout))
-
-        return revealed
-
-    def _require_fresh_erasures(self) -> None:
         # The feed runs on the event loop, which must not wait for the store.
         if self._applied_at is None or time.monotonic() - self._applied_at > _ERASURES_AGE_S:
             raise StoreError(f"erasures of other clouds were not read for {_ERASURES_AGE_S:.0f} s")
-
-
-def _open(
-    reader: KeyAccess, entry: FeedEntry, sealed: bytes, described: DescribedLayout | None
-) -> list[FeedEntry]:
-    try:
-        message, data = reader.read(entry.node, SealedMessage.decode(sealed))
-    except (PrivacyError, MessageError):  # erased since, never given, or damaged
-        return []
-    if isinstance(message, FrameSummary):
-        return [entry._replace(frame=data, sealed=None, secret=True)]
-    rows = event_rows(entry.node, message, data, described, entry.cursor)
-    return [
-        entry._replace(channel=row["channel"], event=row, sealed=None, layout=None) for row in rows
-    ]

@@ -32,7 +32,9 @@ def main() -> int:
     """Plant bugs and print a table."""
     bugs = read_bugs()
     parser = argparse.ArgumentParser(prog="python -m tests.robustness.planted", description=__doc__)
-    parser.add_argument("--only", action="append", choices=list(bugs), help="repeatable")
+    parser.add_argument(
+        "--only", action="append", choices=list(bugs), metavar="BUG", help="repeatable"
+    )
     parser.add_argument("--whole", action="store_true", help="run all that make test runs")
     options = parser.parse_args()
     chosen = [bugs[name] for name in options.only or bugs]

@@ -62,6 +62,7 @@ def _run_all(seeds: range, count: int, parties: Parties) -> int:
     with console.status("starting") as status:
         for seed in seeds:
             runs.append(simulate(seed, plan(seed, count), parties))
+            runs[-1].history.clear()  # those of thousands of seeds take more than a gigabyte
             status.update(f"seed {seed} of {seeds[-1]}: {runs[-1].messages} messages")
             if runs[-1].broken is not None:
                 break

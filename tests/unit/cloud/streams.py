@@ -6,6 +6,7 @@ import asyncio
 import json
 from typing import TYPE_CHECKING, Any
 
+from eskin_cloud.live.entry_reader import EntryReader
 from eskin_cloud.live.stream import stream
 from eskin_cloud.live.subscription import Subscription
 
@@ -14,6 +15,7 @@ from tests.unit.cloud.clouds import position
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
+    from eskin_cloud.access import Scope
     from eskin_cloud.store.feed_position import FeedPosition
 
     from tests.unit.cloud.clouds import Stand
@@ -38,6 +40,12 @@ def events_of(piece: bytes) -> list[dict[str, Any]]:
     return [event for event in parsed if "event" in event]
 
 
+def entry_reader(stand: Stand, *scopes: Scope) -> EntryReader:
+    """What reads entries for a caller with some scopes."""
+    cloud = stand.cloud
+    return EntryReader(cloud.key_access, scopes, cloud.feed.layouts, cloud.store)
+
+
 def listen(
     stand: Stand,
     cursor: int | FeedPosition = 0,
@@ -46,7 +54,7 @@ def listen(
 ) -> AsyncIterator[bytes]:
     """A stream on a cloud's feed, after so many entries of the usual node, or a position."""
     chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0}
-    chosen["reveal"] = lambda entry: [entry]
+    chosen["reader"] = entry_reader(stand)
     chosen["sealed"] = True
     chosen |= options
     begin = position(cursor) if isinstance(cursor, int) else cursor

@@ -17,6 +17,7 @@ from eskin.wire.messages import Position
 from tests.unit.cloud.clouds import batch
 from tests.unit.cloud.messages import peak, status
 from tests.unit.cloud.sealing import NODE, Site, beat, keyed, pulse
+from tests.unit.cloud.streams import entry_reader
 from tests.unit.cloud.worn import beats as heartbeats
 from tests.unit.cloud.worn import describe_worn, worn
 
@@ -70,7 +71,7 @@ async def received(stand: Stand, *, sealed: bool, backlog: int) -> list[Any]:
         position=FEED_START,
         backlog=backlog,
         heartbeat=0.2,
-        reveal=stand.cloud.key_access.reveal([], stand.cloud.feed.layouts),
+        reader=entry_reader(stand),
         sealed=sealed,
     )
     found: list[Any] = []

@@ -38,7 +38,7 @@ from tests.unit.cloud.sealing import (
     sealing,
 )
 from tests.unit.cloud.skins import PALM, describe
-from tests.unit.cloud.streams import events_of, listen
+from tests.unit.cloud.streams import entry_reader, events_of, listen
 from tests.unit.cloud.worn import (
     CHANNEL,
     HEART,
@@ -253,22 +253,26 @@ async def test_frames_of_too_many_bytes_are_refused(
             )
 
 
+def look_for_erasures(stand: Stand) -> None:
+    with stand.cloud.store.read() as connection:
+        stand.cloud.key_access.apply_erasures(connection)
+
+
 async def test_live_streams_show_it_with_the_scope_alone(stand: Stand, site: Site) -> None:
+    look_for_erasures(stand)  # when no node's site is known yet
     describe_worn(stand.cloud.store)
     await stand.ingest(site.batch(worn(1), beats(2, 3)))
     await stand.ingest(batch(worn(3, page=0), node=NODE))
-    feed, key_access = stand.cloud.feed, stand.cloud.key_access
-    with stand.cloud.store.read() as connection:
-        key_access.apply_erasures(connection)
+    feed = stand.cloud.feed
     for scopes, expected in (
         ([Scope.READ], ["frame"]),
         ([Scope.READ, Scope.BIOMETRIC], ["frame", "peak", "peak", "peak", "frame"]),
         ([Scope.READ], ["frame"]),  # also once another client was shown it
     ):
         sealed = Scope.BIOMETRIC in scopes
-        reveal = key_access.reveal(scopes, feed.layouts)
+        reader = entry_reader(stand, *scopes)
         received: list[dict[str, Any]] = []
-        pieces = listen(stand, reveal=reveal, sealed=sealed, heartbeat=0.2)
+        pieces = listen(stand, reader=reader, sealed=sealed, heartbeat=0.2)
         async with asyncio.timeout(20), aclosing(pieces) as stream:  # type: ignore[type-var]  # a generator
             async for piece in stream:
                 received += events_of(piece)
@@ -283,7 +287,7 @@ async def test_live_streams_show_it_with_the_scope_alone(stand: Stand, site: Sit
         messages: list[Any] = []
         frame_stream = FrameStream(
             feed, stand.cloud.contacts, selection=FrameSelection(), position=FEED_START,
-            backlog=1000, heartbeat=0.2, reveal=reveal, sealed=sealed,
+            backlog=1000, heartbeat=0.2, reader=reader, sealed=sealed,
         )  # fmt: skip
         async with asyncio.timeout(20), aclosing(frame_stream.messages()) as stream:
             async for message in stream:
@@ -301,6 +305,44 @@ async def test_live_streams_show_it_with_the_scope_alone(stand: Stand, site: Sit
             (shown,) = map(Frame.decode, found)
             assert shown.position.sequence != 3
             assert replace(shown, position=worn(3).position).encode() == public
+
+
+async def test_live_streams_state_that_they_leave_out_what_no_key_opens_at_present(
+    stand: Stand, site: Site
+) -> None:
+    key = stand.cloud.key_access.of(SITE).directory / "subjects" / site.ada.pseudonym
+    whole = key.read_bytes()
+    key.write_bytes(b"damaged")
+    look_for_erasures(stand)
+    describe_worn(stand.cloud.store)
+    await stand.ingest(site.batch(worn(1), beats(2, 3)))
+    await stand.ingest(batch(worn(3, page=0), node=NODE))
+    reader = entry_reader(stand, Scope.READ, Scope.BIOMETRIC)
+    async with aclosing(listen(stand, reader=reader)) as pieces:  # type: ignore[type-var]  # a generator
+        found = [events_of(await anext(pieces)) for _ in range(2)]
+    assert [[each["event"] for each in events] for events in found] == [[], ["lagging", "frame"]]
+    stated, frame = found[1]
+    place = {
+        name: stand.cloud.feed.ids.read_position(text) for name, text in stated["data"].items()
+    }
+    assert place["after"] == FEED_START
+    assert place["resumed"] == stand.cloud.feed.ids.read_position(frame["id"])
+
+    def frame_stream() -> FrameStream:
+        return FrameStream(
+            stand.cloud.feed, stand.cloud.contacts, selection=FrameSelection(), backlog=1000,
+            position=FEED_START, heartbeat=30.0, reader=reader, sealed=True,
+        )  # fmt: skip
+
+    async with aclosing(frame_stream().messages()) as messages:
+        told = [cbor2.loads(await anext(messages)) for _ in range(4)]
+    assert [each[0] for each in told] == ["lagging", "lagging", "layout", "frame"]
+    assert told[1][2] is None
+    key.write_bytes(whole)
+    async with aclosing(frame_stream().messages()) as messages:
+        told = [cbor2.loads(await anext(messages)) for _ in range(3)]
+    assert [each[0] for each in told] == ["lagging", "layout", "frame"]
+    assert told[2][4] == worn(1).encode()
 
 
 async def test_export_of_a_subject_holds_each_channel_and_event(stand: Stand, site: Site) -> None:

@@ -32,6 +32,7 @@ from tests.unit.cloud.sealing import (
     pulse,
     sealing,
 )
+from tests.unit.cloud.streams import entry_reader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -149,15 +150,15 @@ async def test_live_stream_tells_nothing_sealed_where_erasures_are_not_heard_of(
     await wear(first, site)
     await first.ingest(site.batch(declared(), pulse(1)))
     (entry,) = entries(first)
-    reveal = first.cloud.key_access.reveal(ALLOWED, first.cloud.feed.layouts)
-    assert reveal(entry)
+    reader = entry_reader(first, *ALLOWED)
+    assert reader.read(entry)
     await notice(second, [], [site.ada.pseudonym])
     with first.cloud.store.read() as connection:
         first.cloud.key_access.apply_erasures(connection)
-    assert not reveal(entry)
+    assert reader.read(entry) == []
     monkeypatch.setattr(key_access, "_ERASURES_AGE_S", -1.0)
     with pytest.raises(StoreError):
-        reveal(entry)
+        reader.read(entry)
 
 
 async def test_key_store_from_before_an_erasure_brings_nothing_back(

@@ -17,6 +17,7 @@ from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import Stand, batch
 from tests.unit.cloud.messages import START, peak, status, stretch
 from tests.unit.cloud.sealing import CHANNEL, NODE, Site, ask, beat, keyed, physician, pulse
+from tests.unit.cloud.streams import entry_reader
 from tests.unit.cloud.worn import beats as heartbeats
 from tests.unit.cloud.worn import describe_worn, worn
 
@@ -80,7 +81,7 @@ async def live(
         position=position,
         backlog=backlog,
         heartbeat=0.2,
-        reveal=stand.cloud.key_access.reveal([], stand.cloud.feed.layouts),
+        reader=entry_reader(stand),
         sealed=sealed,
     )
     async for piece in pieces:

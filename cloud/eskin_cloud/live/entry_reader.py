@@ -1,0 +1,88 @@
+"""Entries of the feed as one caller may read them."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import TYPE_CHECKING
+
+from eskin.errors import BrokenSealError, MessageError, NoKeyError, PrivacyError
+from eskin.privacy import SealedMessage
+from eskin.wire.frames import FrameSummary
+from eskin_cloud.privacy.sealed_rows import event_rows
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from eskin_cloud.access import Scope
+    from eskin_cloud.live.layouts import Layouts
+    from eskin_cloud.privacy.key_access import KeyAccess
+    from eskin_cloud.store import Store
+    from eskin_cloud.store.feed_entry import FeedEntry
+
+log = logging.getLogger(__name__)
+
+
+class EntryReader:
+    """Reads the live feed's entries for one caller.
+
+    Args:
+        key_access: Opens what is sealed.
+        scopes: The caller's.
+        layouts: Those of the entries.
+        store: Holds the sites of nodes.
+    """
+
+    def __init__(
+        self, key_access: KeyAccess, scopes: Iterable[Scope], layouts: Layouts, store: Store
+    ) -> None:
+        self._key_access = key_access
+        self._shown = key_access.may(scopes)
+        self._layouts = layouts
+        self._store = store
+
+    async def load(self, entries: Sequence[FeedEntry]) -> None:
+        """Load what reading them needs: their layouts, and the sites of nodes that are new here.
+
+        Raises:
+            StoreError: The store cannot be read.
+        """
+        await self._layouts.load(entries)
+        sealed = {entry.node for entry in entries if entry.sealed is not None}
+        if self._shown and not all(map(self._key_access.site_of, sealed)):
+            await asyncio.to_thread(self._load_sites)
+
+    def _load_sites(self) -> None:
+        with self._store.read() as connection:
+            self._key_access.apply_erasures(connection)
+
+    def read(self, entry: FeedEntry) -> Sequence[FeedEntry] | None:
+        """What an entry looks like to the caller; statements give an entry for each event.
+
+        Returns:
+            Empty for what the caller may not read, what was erased, and what nothing here can ever
+            read; ``None`` where the key cannot be read at present.
+
+        Raises:
+            StoreError: Erasures were not looked for in a while.
+        """
+        if entry.sealed is None:
+            return [entry]
+        if not self._shown:
+            return []
+        self._key_access.require_fresh_erasures()
+        try:
+            message, data = self._key_access.read(entry.node, SealedMessage.decode(entry.sealed))
+        except (NoKeyError, BrokenSealError, MessageError):
+            return []
+        except PrivacyError as error:  # such as a token that was unplugged
+            log.warning("live stream leaves out what is encrypted: reason=%s", error)
+            return None
+        if isinstance(message, FrameSummary):
+            return [entry._replace(frame=data, sealed=None, secret=True)]
+        described = self._layouts.get(entry.layout)
+        rows = event_rows(entry.node, message, data, described, entry.cursor)
+        return [
+            entry._replace(channel=row["channel"], event=row, sealed=None, layout=None)
+            for row in rows
+        ]
