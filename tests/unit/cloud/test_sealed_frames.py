@@ -313,11 +313,11 @@ async def test_live_streams_state_that_they_leave_out_what_no_key_opens_at_prese
     key = stand.cloud.key_access.of(SITE).directory / "subjects" / site.ada.pseudonym
     whole = key.read_bytes()
     key.write_bytes(b"damaged")
-    look_for_erasures(stand)
     describe_worn(stand.cloud.store)
     await stand.ingest(site.batch(worn(1), beats(2, 3)))
     await stand.ingest(batch(worn(3, page=0), node=NODE))
     reader = entry_reader(stand, Scope.READ, Scope.BIOMETRIC)
+    look_for_erasures(stand)
     async with aclosing(listen(stand, reader=reader)) as pieces:  # type: ignore[type-var]  # a generator
         found = [events_of(await anext(pieces)) for _ in range(2)]
     assert [[each["event"] for each in events] for events in found] == [[], ["lagging", "frame"]]
@@ -334,15 +334,17 @@ async def test_live_streams_state_that_they_leave_out_what_no_key_opens_at_prese
             position=FEED_START, heartbeat=30.0, reader=reader, sealed=True,
         )  # fmt: skip
 
+    look_for_erasures(stand)
     async with aclosing(frame_stream().messages()) as messages:
-        told = [cbor2.loads(await anext(messages)) for _ in range(4)]
-    assert [each[0] for each in told] == ["lagging", "lagging", "layout", "frame"]
-    assert told[1][2] is None
+        sent = [cbor2.loads(await anext(messages)) for _ in range(4)]
+    assert [each[0] for each in sent] == ["lagging", "lagging", "layout", "frame"]
+    assert sent[1][2] is None
     key.write_bytes(whole)
+    look_for_erasures(stand)
     async with aclosing(frame_stream().messages()) as messages:
-        told = [cbor2.loads(await anext(messages)) for _ in range(3)]
-    assert [each[0] for each in told] == ["lagging", "layout", "frame"]
-    assert told[2][4] == worn(1).encode()
+        sent = [cbor2.loads(await anext(messages)) for _ in range(3)]
+    assert [each[0] for each in sent] == ["lagging", "layout", "frame"]
+    assert sent[2][4] == worn(1).encode()
 
 
 async def test_export_of_a_subject_holds_each_channel_and_event(stand: Stand, site: Site) -> None:
