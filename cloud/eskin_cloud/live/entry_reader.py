@@ -49,12 +49,16 @@ class EntryReader:
         """
         await self._layouts.load(entries)
         sealed = {entry.node for entry in entries if entry.sealed is not None}
-        if self._shown and not all(map(self._key_access.site_of, sealed)):
-            await asyncio.to_thread(self._load_sites)
+        if self._shown and self._lacks_sites(sealed):
+            await asyncio.to_thread(self._load_sites, sealed)
 
-    def _load_sites(self) -> None:
-        with self._store.read() as connection:
-            self._key_access.apply_erasures(connection)
+    def _lacks_sites(self, nodes: Iterable[str]) -> bool:
+        return not all(map(self._key_access.site_of, nodes))
+
+    def _load_sites(self, nodes: Iterable[str]) -> None:
+        if self._lacks_sites(nodes):  # else another stream has loaded them meanwhile
+            with self._store.read() as connection:
+                self._key_access.apply_erasures(connection)
 
     def read(self, entry: FeedEntry) -> Sequence[FeedEntry] | None:
         """What an entry looks like to the caller; statements give an entry for each event.
