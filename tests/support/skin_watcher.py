@@ -1,9 +1,10 @@
 """Who looks at a skin: a WebSocket viewer that takes up where it broke off, and a page.
 
 ``python -m tests.support.skin_watcher PORT NODE FILE`` with a token in ``ESKIN_TOKEN`` looks until
-it is ended. It appends a line to the file for each frame that came (``frame BOOT SEQUENCE``), for
-frames that the cloud states as left out (``skipped NUMBER``, ``skipped some``), for each round of
-the page's questions that was answered (``page``), and for what is wrong (``wrong``).
+it is ended. It appends a line to the file when a stream has begun (``open``), for each frame that
+came (``frame BOOT SEQUENCE``), for frames that the cloud states as left out (``skipped NUMBER``,
+``skipped some``), for each round of the page's questions that was answered (``page``), and for what
+is wrong (``wrong``).
 """
 
 from __future__ import annotations
@@ -39,12 +40,14 @@ class Seen(NamedTuple):
     """What a watcher saw.
 
     Attributes:
+        begun: Whether a stream has begun.
         frames: Of each frame that came, where it belongs.
         skipped: How many were stated as left out; ``None`` if a number was not known.
         pages: Rounds of the page's questions that were answered.
         wrong: What is wrong.
     """
 
+    begun: bool
     frames: list[tuple[int, int]]
     skipped: int | None
     pages: int
@@ -52,11 +55,12 @@ class Seen(NamedTuple):
 
     @classmethod
     def read(cls, file: Path) -> Seen:
-        """Read the file of a watcher."""
-        lines = file.read_text().splitlines()
+        """Read the file of a watcher, which may not have begun."""
+        lines = file.read_text().splitlines() if file.exists() else []
         frames = [line.split()[1:] for line in lines if line.startswith("frame ")]
         skipped = [line.split()[1] for line in lines if line.startswith("skipped ")]
         return cls(
+            "open" in lines,
             [(int(boot), int(sequence)) for boot, sequence in frames],
             None if "some" in skipped else sum(map(int, skipped)),
             lines.count("page"),
@@ -77,6 +81,8 @@ async def _view(port: int, token: str, node: str, note: Callable[[str], None]) -
                     kind, *rest = cbor2.loads(message)
                     if kind == "layout":
                         continue
+                    if not cursor:
+                        note("open")
                     cursor = rest[0]
                     if kind == "frame":
                         place = FrameSummary.decode(rest[3]).position

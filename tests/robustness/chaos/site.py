@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import defaultdict
 from contextlib import ExitStack
 from datetime import timedelta
 from functools import partial
@@ -21,6 +22,7 @@ from eskin.demo.layout import Layout
 from eskin.identity import IdentityKind
 from eskin.identity.identity import CHAIN_FILE
 from eskin.mosquitto import BrokerPorts
+from eskin.wire.sequence_set import SequenceRanges
 from tests.robustness.chaos.alarms import define
 from tests.robustness.chaos.citus import DistributedDatabase
 from tests.robustness.chaos.clocks import Wallclock, build_library
@@ -39,6 +41,7 @@ from tests.support.brokers import mosquitto, write_configuration
 from tests.support.files import ask, write_settings
 from tests.support.identities import Identities
 from tests.support.processes import ESKIN, Running, wait_until
+from tests.support.skin_watcher import Seen
 from tests.support.stores import ask_store
 
 if TYPE_CHECKING:
@@ -80,6 +83,7 @@ class Site:
         seen: What the skin's watcher saw, once it watches.
         taken: What the receiver of alarms took.
         watcher: Its process.
+        unwatched: By boot, the numbers of the skin's messages that were stored when it began.
     """
 
     def __init__(self, root: Path, *, kind: str = "sqlite", programs: Path | None = None) -> None:
@@ -107,6 +111,7 @@ class Site:
         self.seen = root / "seen"
         self.taken = root / "taken"
         self.watcher: Running | None = None
+        self.unwatched: dict[int, SequenceRanges] = {}
 
     @property
     def parts(self) -> list[Part]:
@@ -198,7 +203,10 @@ class Site:
         )
 
     def watch(self) -> None:
-        """Have the skin watched beside the first cloud, until the end."""
+        """Have the skin watched beside the first cloud, until the end.
+
+        Returns once the stream has begun: what is stored from then on is to be seen.
+        """
         with Store(self.store) as store:
             token = create_token(
                 store, name="watcher", scopes=[Scope.READ], lifetime=timedelta(days=1)
@@ -208,6 +216,16 @@ class Site:
         self.watcher = Running(argv, log=self._logs / "watcher.log", env={"ESKIN_TOKEN": token})
         self._exits.callback(_end, self.watcher)
         self.watcher.start()
+        wait_until(lambda: Seen.read(self.seen).begun, "the skin's stream has begun", seconds=60)
+        self.unwatched = self.numbers(SKIN)
+
+    def numbers(self, node: str) -> dict[int, SequenceRanges]:
+        """By boot, the numbers of a node's messages that are stored."""
+        found: dict[int, SequenceRanges] = defaultdict(SequenceRanges)
+        query = f"SELECT boot, first, last FROM sequences WHERE node = '{node}'"  # noqa: S608 - our words
+        for boot, first, last in ask_store(self.store, query):
+            found[boot].add(first, last)
+        return found
 
     def raise_alarms(self, *, seed: int) -> None:
         """Have a cloud evaluate monitors, and receivers beside all of them take their alarms."""

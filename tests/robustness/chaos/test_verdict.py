@@ -162,6 +162,6 @@ def test_viewer_gets_each_stored_frame_or_the_number_of_those_left_out(
     skipped: int | None, missing: list[int]
 ) -> None:
     made = [Position(1, number) for number in range(9)]
-    stored = {1: SequenceRanges([(0, 6), (8, 8)])}
-    seen = Seen([(1, 2), (1, 8), (1, 5)], skipped, 1, [])
-    assert [each.sequence for each in left_out(seen, made, stored)] == missing
+    stored, before = {1: SequenceRanges([(0, 6), (8, 8)])}, {1: SequenceRanges([(0, 1)])}
+    seen = Seen(begun=True, frames=[(1, 2), (1, 8), (1, 5)], skipped=skipped, pages=1, wrong=[])
+    assert [each.sequence for each in left_out(seen, made, stored, before)] == missing

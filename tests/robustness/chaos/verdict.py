@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 DRAIN_S: Final = 90.0
 """For so long nothing may arrive of what waits; so what is under way is no older after a fault."""
+_FEW: Final = 5
+"""Frames of those that are missing that are named."""
 _SEEN_S: Final = 60.0
 """For so long the skin's viewer may be behind in the end."""
 _HOUR_NS: Final = 3600 * SECOND
@@ -223,14 +225,15 @@ def _watched(site: Site, verdict: Verdict) -> None:
     """
     watcher, deadline = site.watcher, time.monotonic() + _SEEN_S
     made = GroundTruth.positions(site.layout.truth(SKIN))
-    stored = _stored_numbers(site.store, SKIN)
-    while left_out(seen := Seen.read(site.seen), made, stored) and time.monotonic() < deadline:
+    stored = site.numbers(SKIN), site.unwatched
+    while left_out(seen := Seen.read(site.seen), made, *stored) and time.monotonic() < deadline:
         time.sleep(0.5)
     verdict.skipped = seen.skipped
-    if missing := left_out(seen, made, stored):
+    if missing := left_out(seen, made, *stored):
+        first = ", ".join(f"{each.boot}:{each.sequence}" for each in missing[:_FEW])
         verdict.faults.append(
             f"{SKIN}: {len(missing)} stored frames were not seen, and {seen.skipped} were stated "
-            f"as left out; the first is {missing[0]}"
+            f"as left out; the first are {first}"
         )
     if watcher is None or watcher.process is None or watcher.process.poll() is not None:
         said = "" if watcher is None else watcher.output()[-1000:]
@@ -246,7 +249,10 @@ def _watched(site: Site, verdict: Verdict) -> None:
 
 
 def left_out(
-    seen: Seen, made: Iterable[Position], stored: Mapping[int, SequenceRanges]
+    seen: Seen,
+    made: Iterable[Position],
+    stored: Mapping[int, SequenceRanges],
+    before: Mapping[int, SequenceRanges],
 ) -> list[Position]:
     """Frames that a viewer neither got nor was stated to have missed, oldest first.
 
@@ -254,25 +260,18 @@ def left_out(
         seen: What it saw.
         made: The frames that the node made.
         stored: By boot, the numbers of the messages that are stored.
+        before: Those that were stored when it had begun.
     """
-    if not seen.frames:
-        return []
-    first, got = min(seen.frames), set(seen.frames)
+    got, none = set(seen.frames), SequenceRanges()
     places = ((each.boot, each.sequence) for each in made)
     missing = [
-        Position(*place)
-        for place in sorted(places)
-        if place > first and place not in got and place[1] in stored.get(place[0], SequenceRanges())
+        Position(boot, number)
+        for boot, number in sorted(places)
+        if (boot, number) not in got
+        and number in stored.get(boot, none)
+        and number not in before.get(boot, none)
     ]
     return [] if seen.skipped is None or len(missing) <= seen.skipped else missing
-
-
-def _stored_numbers(store: StoreLocation, node: str) -> dict[int, SequenceRanges]:
-    found: dict[int, SequenceRanges] = defaultdict(SequenceRanges)
-    query = f"SELECT boot, first, last FROM sequences WHERE node = '{node}'"  # noqa: S608 - our words
-    for boot, first, last in ask_store(store, query):
-        found[boot].add(first, last)
-    return found
 
 
 def _numbers(store: StoreLocation) -> dict[tuple[str, int], SequenceRanges]:
