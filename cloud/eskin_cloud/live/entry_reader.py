@@ -14,6 +14,7 @@ from eskin_cloud.privacy.sealed_rows import event_rows
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from eskin.privacy.cipher import Sealable
     from eskin_cloud.access import Scope
     from eskin_cloud.live.layouts import Layouts
     from eskin_cloud.privacy.key_access import KeyAccess
@@ -40,6 +41,9 @@ class EntryReader:
         self._shown = key_access.may(scopes)
         self._layouts = layouts
         self._store = store
+        self._keyless: set[tuple[str, str]] = set()
+        self._unreadable: set[tuple[str, str]] = set()
+        self._left_out = False
 
     async def load(self, entries: Sequence[FeedEntry]) -> None:
         """Load what reading them needs: their layouts, and the sites of nodes that are new here.
@@ -60,12 +64,20 @@ class EntryReader:
             with self._store.read() as connection:
                 self._key_access.apply_erasures(connection)
 
-    def read(self, entry: FeedEntry) -> Sequence[FeedEntry] | None:
+    def left_out(self) -> bool:
+        """Whether `read` has left something out that the caller can ask for by now, or later.
+
+        It is so where a key cannot be read at present, and once a key has come that was missing.
+        Where it never comes, as a site keeps its keys, nothing can be asked for. Each is stated
+        once.
+        """
+        left_out, self._left_out = self._left_out, False
+        return left_out
+
+    def read(self, entry: FeedEntry) -> Sequence[FeedEntry]:
         """What an entry looks like to the caller; statements give an entry for each event.
 
-        Returns:
-            Empty for what the caller may not read, what was erased, and what nothing here can ever
-            read; ``None`` where the key cannot be read at present.
+        It is empty for what the caller may not read, and for what cannot be read.
 
         Raises:
             StoreError: Erasures were not looked for in a while.
@@ -75,13 +87,10 @@ class EntryReader:
         if not self._shown:
             return []
         self._key_access.require_fresh_erasures()
-        try:
-            message, data = self._key_access.read(entry.node, SealedMessage.decode(entry.sealed))
-        except (NoKeyError, BrokenSealError, MessageError):
+        opened = self._open(entry.node, entry.sealed)
+        if opened is None:
             return []
-        except PrivacyError as error:  # such as a token that was unplugged
-            log.warning("live stream leaves out what is encrypted: reason=%s", error)
-            return None
+        message, data = opened
         if isinstance(message, FrameSummary):
             return [entry._replace(frame=data, sealed=None, secret=True)]
         described = self._layouts.get(entry.layout)
@@ -90,3 +99,29 @@ class EntryReader:
             entry._replace(channel=row["channel"], event=row, sealed=None, layout=None)
             for row in rows
         ]
+
+    def _open(self, node: str, data: bytes) -> tuple[Sealable, bytes] | None:
+        try:
+            sealed = SealedMessage.decode(data)
+        except MessageError:  # damaged
+            return None
+        subject = self._key_access.site_of(node), sealed.subject
+        try:
+            opened = self._key_access.read(node, sealed)
+        except BrokenSealError:  # damaged
+            return None
+        except NoKeyError as error:
+            if not error.erased:
+                self._keyless.add(subject)
+            return None
+        except PrivacyError as error:  # such as a token that was unplugged
+            if subject not in self._unreadable:
+                log.warning("live stream leaves out what is encrypted: reason=%s", error)
+            self._unreadable.add(subject)
+            self._left_out = True
+            return None
+        self._unreadable.discard(subject)
+        if subject in self._keyless:
+            self._keyless.discard(subject)
+            self._left_out = True
+        return opened

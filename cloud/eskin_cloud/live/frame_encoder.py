@@ -104,6 +104,6 @@ class FrameEncoder:
     def lagging(self, place: FeedPosition, skipped: int | None) -> bytes:
         """How many frames near a position were not sent; with 0 a sign of life.
 
-        ``None`` stands for some that were compacted before they could be sent.
+        ``None`` stands for a number that is not known.
         """
         return cbor2.dumps(["lagging", self.ids.write_position(place), skipped])

@@ -146,9 +146,8 @@ class FrameStream:
         if not self.selection.takes(entry):
             return
         revealed = self._reader.read(entry)
-        if revealed is None:
+        if self._reader.left_out():
             self._skip(None)
-            return
         for shown in revealed:
             if shown.frame is not None:
                 yield from self._of_frame(shown, place)

@@ -37,8 +37,8 @@ async def stream(
 ) -> AsyncIterator[bytes]:
     """Send what comes after a position until the feed closes.
 
-    Where frames were compacted before they could be sent, or a key cannot be read, ``lagging``
-    comes before what is left.
+    Where frames were compacted before they could be sent, or a key was missing, ``lagging`` comes
+    before what is left.
 
     Args:
         feed: Where it is read.
@@ -111,14 +111,14 @@ def _print(
 ) -> bytes:
     """All that is selected; or its hulls, for a client that is too slow.
 
-    What was missed before a stream began is sent in full. Where a key cannot be read at present,
-    ``lagging`` comes first.
+    What was missed before a stream began is sent in full. Where something was left out for want of
+    a key, ``lagging`` comes first.
     """
     begun, end = span
     if not slow and all(entry.sealed is None for entry in found):
         return feed.encoder.page(found, selection, begun)
-    said, whole = _choose(found, selection, reader, begun)
-    lagging = b"" if whole else _lagging(feed, begun, begun, end)
+    said = _choose(found, selection, reader, begun)
+    lagging = _lagging(feed, begun, begun, end) if reader.left_out() else b""
     if not slow:
         return lagging + feed.encoder.print(said, selection)
     if not said:
@@ -132,23 +132,19 @@ def _choose(
     selection: Subscription,
     reader: EntryReader,
     place: FeedPosition,
-) -> tuple[list[tuple[FeedEntry, FeedPosition, bool]], bool]:
+) -> list[tuple[FeedEntry, FeedPosition, bool]]:
     """What is sent of them, the position that each states, and whether others may get the same.
 
     Of several events in one message only the last states its position, so a client that breaks off
-    before it is sent all of them again. The second result is whether all could be read.
+    before it is sent all of them again.
     """
     chosen: list[tuple[FeedEntry, FeedPosition, bool]] = []
-    whole = True
     for entry in found:
         before, place = place, place.advance([entry.cursor])
         if selection.takes(entry):
             shown = reader.read(entry)
-            if shown is None:
-                whole = False
-                continue
             for said in shown:
                 if said is entry or selection.takes(said):
                     at = place if said is shown[-1] else before
                     chosen.append((said, at, said is entry))
-    return chosen, whole
+    return chosen

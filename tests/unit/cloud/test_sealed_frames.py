@@ -347,6 +347,44 @@ async def test_live_streams_state_that_they_leave_out_what_no_key_opens_at_prese
     assert sent[2][4] == worn(1).encode()
 
 
+async def test_live_streams_state_once_a_key_comes_that_they_left_something_out(
+    tmp_path: Path, identities: Identities, site: Site, place: StoreLocation
+) -> None:
+    with sealing(tmp_path, identities, place=place) as stand:
+        look_for_erasures(stand)
+        describe_worn(stand.cloud.store)
+        allowed = Scope.READ, Scope.BIOMETRIC
+        frame_stream = FrameStream(
+            stand.cloud.feed, stand.cloud.contacts, selection=FrameSelection(), backlog=1000,
+            position=FEED_START, heartbeat=30.0, reader=entry_reader(stand, *allowed), sealed=True,
+        )  # fmt: skip
+        pieces = listen(stand, reader=entry_reader(stand, *allowed))
+        async with (
+            asyncio.timeout(20),
+            aclosing(pieces) as events,  # type: ignore[type-var]  # a generator
+            aclosing(frame_stream.messages()) as messages,
+        ):
+            await anext(events)
+            await anext(messages)
+            await stand.ingest(site.batch(worn(1)))
+            await stand.ingest(batch(worn(2, page=0), node=NODE))
+            assert [each["event"] for each in events_of(await anext(events))] == ["frame"]
+            heard = [cbor2.loads(await anext(messages)) for _ in range(2)]
+            assert [each[0] for each in heard] == ["layout", "frame"]
+            stand.cloud.key_access.of(SITE).keep(site.ada.pseudonym, site.ada.key)
+            look_for_erasures(stand)
+            await stand.ingest(site.batch(worn(3)))
+            await stand.ingest(site.batch(worn(4)))
+            kinds: list[str] = []
+            while kinds.count("frame") < 2:
+                kinds += [each["event"] for each in events_of(await anext(events))]
+            assert kinds == ["lagging", "frame", "frame"]
+            heard = [cbor2.loads(await anext(messages)) for _ in range(3)]
+            assert [each[0] for each in heard] == ["lagging", "frame", "frame"]
+            assert heard[0][2] is None
+            assert [each[4] for each in heard[1:]] == [worn(3).encode(), worn(4).encode()]
+
+
 async def test_export_of_a_subject_holds_each_channel_and_event(stand: Stand, site: Site) -> None:
     describe_worn(stand.cloud.store)
     await stand.ingest(site.batch(worn(1), beats(2, 3)))
