@@ -23,6 +23,12 @@ _SHARDS: Final = text(
 
 _HOLD: Final = text("UPDATE feed SET cursor = cursor WHERE slot = :held AND cursor < 0")
 """Writes no row: what counts is Citus's lock of the shard, which it has for a write only."""
+_PLACES: Final = text(
+    "SELECT string_agg(shardid || '@' || groupid, ' ' ORDER BY shardid)"
+    " FROM pg_dist_shard JOIN pg_dist_placement USING (shardid)"
+    " WHERE logicalrelid = 'feed'::regclass"
+)
+"""Of one table: the shards of all tables with the same slots move together."""
 _DISTRIBUTED: Final = "distributed"
 """Key in ``Connection.info``."""
 
@@ -56,6 +62,18 @@ def hold_shard(connection: Connection, slot: int) -> None:
     """
     if session_is_distributed(connection):
         connection.execute(_HOLD, {"held": slot})
+
+
+def shard_places(connection: Connection) -> str | None:
+    """Which server each shard is at; ``None`` without Citus.
+
+    Args:
+        connection: To a store, in a transaction that began after what is to be known.
+    """
+    if not session_is_distributed(connection):
+        return None
+    places: str = connection.execute(_PLACES).scalar_one()
+    return places
 
 
 def read_groups(connection: Connection) -> list[frozenset[int]]:

@@ -28,7 +28,7 @@ from eskin_cloud.store.location import (
 from eskin_cloud.store.notify import NoticeSender
 from eskin_cloud.store.postgres import driver_arguments, living_clouds
 from eskin_cloud.store.schema.tables import feed
-from eskin_cloud.store.shard_groups import read_groups
+from eskin_cloud.store.shard_groups import read_groups, shard_places
 from eskin_cloud.store.version import create_tables, require_version
 from eskin_cloud.store.write.slot_writer import SlotWriter
 
@@ -116,6 +116,7 @@ class Store:
         self._central = make_writer(self._writing)
         self._slot_writers = [make_writer(engine) for engine in self._of_slots] or [self._central]
         self._groups = even_groups(len(self._slot_writers))
+        self._places: str | None = None
         self._read_groups()
 
     def __str__(self) -> str:
@@ -189,6 +190,7 @@ class Store:
         A shard that was split has made a transaction span two, which the server refuses.
         """
         with suppress(StoreError), self.read() as connection:
+            self._places = shard_places(connection)
             shards = read_groups(connection)
             if len(shards) > 1:
                 numbers = {slot: group for group, slots in enumerate(shards) for slot in slots}
@@ -252,16 +254,35 @@ class Store:
         """A read transaction on one state of the store.
 
         Raises:
-            StoreError: The store cannot be read, is damaged, has another version, or was replaced.
+            StoreError: The store cannot be read, is damaged, has another version, was replaced, or
+                a shard of it was moved meanwhile: then nothing that was read counts.
         """
         if self.damage is not None:
             raise StoreError(self.damage)
+        places = self._places
         try:
-            with self._reading.begin() as connection:
-                require_version(connection, self.cursor_key)
-                yield connection
+            try:
+                with self._reading.begin() as connection:
+                    require_version(connection, self.cursor_key)
+                    yield connection
+            finally:  # also where the caller raised: it may have missed what was moved
+                if places is not None:
+                    self._require_places(places)
         except (SQLAlchemyError, UnicodeDecodeError) as error:
             raise StoreError(f"{self}: the store cannot be read: {explain(error)}") from error
+
+    def _require_places(self, places: str) -> None:
+        """Check that no shard has moved since these places were known.
+
+        A transaction has a state of each server, from when it first asked there. Rows that were
+        copied to a server after that are in no result, as if they had never been stored.
+        """
+        with self._reading.connect() as connection:
+            connection.execution_options(isolation_level="AUTOCOMMIT")
+            now = shard_places(connection)
+        if now != places:
+            self._places = now
+            raise StoreError("a shard of the store was moved while it was read; retry")
 
     def check(self) -> None:
         """Check that the store can be read and, after a fault, written.

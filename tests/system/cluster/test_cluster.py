@@ -19,14 +19,15 @@ from eskin_cloud.store.distribute import check, distribute
 from eskin_cloud.store.location import writing_engine
 from eskin_cloud.store.move import TABLES, move
 from eskin_cloud.store.schema.frame_tables import frames
+from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import audit_log, feed, sequences
 from eskin_cloud.store.shard_groups import read_groups
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 from eskin_cloud.store.write.parsed_message import ParsedMessage
-from sqlalchemy import Engine, event, select, update
+from sqlalchemy import Engine, event, func, select, update
 from sqlalchemy.exc import DBAPIError
 
-from eskin.errors import StoreError
+from eskin.errors import QueryError, StoreError
 from eskin.wire.slot import SLOTS, slot_of
 from tests.support.citus import CitusCluster
 from tests.support.commands import run
@@ -447,3 +448,33 @@ def test_shard_of_a_locked_slot_stays_where_it_is(servers: CitusCluster) -> None
         assert store.write_slots([slot], hold).result(60) == store.name
         moving.result(60)
     assert slot in next(e for e in check(place) if e.name == servers.name_of(there)).slots
+
+
+def test_reading_transaction_in_which_a_shard_moved_is_refused(servers: CitusCluster) -> None:
+    """At the new server it has a state from before the rows came, as if they were never stored."""
+    place = servers.fresh()
+    (shard, slots), *_ = largest_shards(place)
+    ports = dict(map(tuple, ask_store(place, "SELECT shardid, nodeport FROM citus_shards")))
+    others = next(slots for other, slots in largest_shards(place) if ports[other] != ports[shard])
+    moved, stays = of_slot(slots[0]), of_slot(others[0])
+
+    def stored(connection: Connection, node: str) -> int:
+        query = select(func.count()).where(of_node(frames, node))
+        return connection.execute(query).scalar_one()
+
+    def ask(store: Store, *, fails: bool) -> None:
+        with store.read() as connection:
+            assert stored(connection, stays) == 1
+            move_shard(servers, place, shard)
+            assert stored(connection, moved) == 0, "Citus has one state of all servers by now"
+            if fails:
+                raise QueryError(moved, "is not known")
+
+    with Store(place) as store:
+        for node in (moved, stays):
+            put(store, stretch(0), node=node)
+        for fails in (False, True):
+            with pytest.raises(StoreError, match="moved"):
+                ask(store, fails=fails)
+            with store.read() as connection:
+                assert [stored(connection, node) for node in (moved, stays)] == [1, 1]

@@ -21,7 +21,7 @@ from eskin_cloud.store.schema.tables import (
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, check_audit_entries, record
 from sqlalchemy import delete, func, select, text, update
 
-from eskin.errors import StoreError
+from eskin.errors import QueryError, StoreError
 from eskin.identity.identity import ROOT_FILE
 from tests.unit.cloud.clouds import numbers, problem, put, standing
 from tests.unit.cloud.messages import NODE, START, stretch
@@ -101,6 +101,29 @@ def test_next_server_is_tried_where_the_first_is_away(cluster: Cluster, store: S
     place = place.set(query={"host": (away, f"{cluster.folder}:{cluster.port}")}, port=None)
     with Store(place) as other, other.read() as connection:
         assert connection.execute(select(func.count()).select_from(versions)).scalar_one() == 1
+
+
+@pytest.mark.parametrize("fault", [None, QueryError("node", "is not known")])
+def test_reading_while_a_shard_moves_is_refused_whatever_the_reader_makes_of_it(
+    store: Store, monkeypatch: pytest.MonkeyPatch, fault: Exception | None
+) -> None:
+    """Only where shards are is made up here; `tests/system/cluster` moves one on Citus."""
+    places = ["1@1"]
+    monkeypatch.setattr("eskin_cloud.store.store.shard_places", lambda _: places[0])
+
+    def read(cloud: Store, *, moves: bool = False) -> None:
+        with cloud.read() as connection:
+            assert last_position(connection) == FEED_START
+            if moves:
+                places[0] = "1@2"
+                if fault is not None:
+                    raise fault
+
+    with Store(store.location) as cloud:
+        read(cloud)
+        with pytest.raises(StoreError):
+            read(cloud, moves=True)
+        read(cloud)
 
 
 def test_unit_of_another_process_counts(store: Store) -> None:
