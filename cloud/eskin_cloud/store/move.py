@@ -21,7 +21,7 @@ from eskin_cloud.store.location import describe, reading_engine, writing_engine
 from eskin_cloud.store.row_digests import without_digest
 from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.tables import feed, metadata, versions
-from eskin_cloud.store.shard_groups import read_groups
+from eskin_cloud.store.shard_groups import read_groups, shard_places, shard_places_now
 from eskin_cloud.store.version import create_tables, require_version
 from eskin_cloud.store.write.bulk_insert import insert_many
 from eskin_cloud.store.write.write_cache import MOVING
@@ -81,10 +81,11 @@ def move(
         StoreError: A store cannot be used, the target holds other rows, or the two differ
             afterwards.
     """
-    reading, writing = reading_engine(source, readers=1), writing_engine(target)
+    reading, writing = reading_engine(source, readers=2), writing_engine(target)
     try:
         with reading.begin() as before:
             require_version(before)
+            places = shard_places(before)
             counts = {table.name: _count(before, table) for table in TABLES}
             steps = MoveProgress(2 * sum(counts.values()), progress)
             _prepare(writing, target, now)
@@ -93,6 +94,11 @@ def move(
             with writing.begin() as after:
                 for table in TABLES:
                     _compare(before, after, table, steps)
+                if places is not None and shard_places_now(reading) != places:
+                    raise StoreError(
+                        f"a shard of {describe(source)} was moved meanwhile; "
+                        "wait until no shard moves, then start it again to resume"
+                    )
                 key = before.execute(select(versions.c.cursor_key)).scalar_one()
                 cursors = before.execute(select(feed.c.slot, feed.c.cursor, feed.c.compacted)).all()
                 counters = before.execute(select(alarm_state)).mappings().one()

@@ -9,7 +9,7 @@ from sqlalchemy import text
 from eskin.wire.slot import SLOTS
 
 if TYPE_CHECKING:
-    from sqlalchemy import Connection
+    from sqlalchemy import Connection, Engine
 
 _IS_DISTRIBUTED: Final = text(
     "SELECT EXISTS (SELECT FROM pg_dist_partition"
@@ -67,13 +67,20 @@ def hold_shard(connection: Connection, slot: int) -> None:
 def shard_places(connection: Connection) -> str | None:
     """Which server each shard is at; ``None`` without Citus.
 
-    Args:
-        connection: To a store, in a transaction that began after what is to be known.
+    A transaction under REPEATABLE READ has a state of each server, from when it first asked there.
+    Rows of a shard that moved to a server after that are in no result, as if they had never been
+    stored. So a caller compares the places before and after.
     """
     if not session_is_distributed(connection):
         return None
     places: str = connection.execute(_PLACES).scalar_one()
     return places
+
+
+def shard_places_now(reading: Engine) -> str | None:
+    """Which server each shard is at by now, whatever transactions are open."""
+    with reading.connect() as connection:
+        return shard_places(connection.execution_options(isolation_level="AUTOCOMMIT"))
 
 
 def read_groups(connection: Connection) -> list[frozenset[int]]:

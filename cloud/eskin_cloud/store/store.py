@@ -28,7 +28,7 @@ from eskin_cloud.store.location import (
 from eskin_cloud.store.notify import NoticeSender
 from eskin_cloud.store.postgres import driver_arguments, living_clouds
 from eskin_cloud.store.schema.tables import feed
-from eskin_cloud.store.shard_groups import read_groups, shard_places
+from eskin_cloud.store.shard_groups import read_groups, shard_places, shard_places_now
 from eskin_cloud.store.version import create_tables, require_version
 from eskin_cloud.store.write.slot_writer import SlotWriter
 
@@ -266,23 +266,11 @@ class Store:
                     require_version(connection, self.cursor_key)
                     yield connection
             finally:  # also where the caller raised: it may have missed what was moved
-                if places is not None:
-                    self._require_places(places)
+                if places is not None and (now := shard_places_now(self._reading)) != places:
+                    self._places = now
+                    raise StoreError("a shard of the store was moved while it was read; retry")
         except (SQLAlchemyError, UnicodeDecodeError) as error:
             raise StoreError(f"{self}: the store cannot be read: {explain(error)}") from error
-
-    def _require_places(self, places: str) -> None:
-        """Check that no shard has moved since these places were known.
-
-        A transaction has a state of each server, from when it first asked there. Rows that were
-        copied to a server after that are in no result, as if they had never been stored.
-        """
-        with self._reading.connect() as connection:
-            connection.execution_options(isolation_level="AUTOCOMMIT")
-            now = shard_places(connection)
-        if now != places:
-            self._places = now
-            raise StoreError("a shard of the store was moved while it was read; retry")
 
     def check(self) -> None:
         """Check that the store can be read and, after a fault, written.

@@ -22,6 +22,7 @@ from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import audit_log, feed, sequences
 from eskin_cloud.store.shard_groups import read_groups
+from eskin_cloud.store.version import create_tables
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 from eskin_cloud.store.write.parsed_message import ParsedMessage
 from sqlalchemy import Engine, event, func, select, update
@@ -478,3 +479,25 @@ def test_reading_transaction_in_which_a_shard_moved_is_refused(servers: CitusClu
                 ask(store, fails=fails)
             with store.read() as connection:
                 assert [stored(connection, node) for node in (moved, stays)] == [1, 1]
+
+
+def test_store_whose_shard_moves_while_it_is_copied_is_not_taken_for_whole(
+    servers: CitusCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Copy and source may be the same, as both are read in one transaction."""
+    source, target = servers.fresh(), tmp_path / "store.sqlite"
+    (shard, _), *_ = largest_shards(source)
+    with Store(source) as store:
+        for slot in range(SLOTS):
+            put(store, stretch(0), node=of_slot(slot))
+
+    def create_after_a_move(connection: Connection, *, now: int) -> bytes:
+        move_shard(servers, source, shard)
+        return create_tables(connection, now=now)
+
+    with monkeypatch.context() as patched:
+        patched.setattr("eskin_cloud.store.move.create_tables", create_after_a_move)
+        with pytest.raises(StoreError):
+            move(source, tmp_path / "lacking.sqlite", now=START)
+    assert move(source, target, now=START)["frames"] == SLOTS
+    assert len(rows(target, frames)) == SLOTS

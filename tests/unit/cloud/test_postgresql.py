@@ -109,7 +109,8 @@ def test_reading_while_a_shard_moves_is_refused_whatever_the_reader_makes_of_it(
 ) -> None:
     """Only where shards are is made up here; `tests/system/cluster` moves one on Citus."""
     places = ["1@1"]
-    monkeypatch.setattr("eskin_cloud.store.store.shard_places", lambda _: places[0])
+    for name in ("shard_places", "shard_places_now"):
+        monkeypatch.setattr(f"eskin_cloud.store.store.{name}", lambda _: places[0])
 
     def read(cloud: Store, *, moves: bool = False) -> None:
         with cloud.read() as connection:
