@@ -482,10 +482,10 @@ def test_reading_transaction_in_which_a_shard_moved_is_refused(servers: CitusClu
 
 
 def test_store_whose_shard_moves_while_it_is_copied_is_not_taken_for_whole(
-    servers: CitusCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    servers: CitusCluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Copy and source may be the same, as both are read in one transaction."""
-    source, target = servers.fresh(), tmp_path / "store.sqlite"
+    """Copy and source would be the same, as both are read in one transaction."""
+    source, lacking, target = (servers.fresh() for _ in range(3))
     (shard, _), *_ = largest_shards(source)
     with Store(source) as store:
         for slot in range(SLOTS):
@@ -497,7 +497,7 @@ def test_store_whose_shard_moves_while_it_is_copied_is_not_taken_for_whole(
 
     with monkeypatch.context() as patched:
         patched.setattr("eskin_cloud.store.move.create_tables", create_after_a_move)
-        with pytest.raises(StoreError):
-            move(source, tmp_path / "lacking.sqlite", now=START)
+        with pytest.raises(StoreError, match="may lack its rows"):
+            move(source, lacking, now=START)
     assert move(source, target, now=START)["frames"] == SLOTS
     assert len(rows(target, frames)) == SLOTS
