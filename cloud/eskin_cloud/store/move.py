@@ -96,8 +96,8 @@ def move(
                     _compare(before, after, table, steps)
                 if places is not None and shard_places_now(reading) != places:
                     raise StoreError(
-                        f"a shard of {describe(source)} was moved meanwhile, so the copy may lack its "
-                        "rows; clear the target and move again while no shard moves"
+                        f"a shard of {describe(source)} was moved meanwhile, so the copy may lack "
+                        "its rows; clear the target and move again while no shard moves"
                     )
                 key = before.execute(select(versions.c.cursor_key)).scalar_one()
                 cursors = before.execute(select(feed.c.slot, feed.c.cursor, feed.c.compacted)).all()
