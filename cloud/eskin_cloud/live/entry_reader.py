@@ -67,9 +67,9 @@ class EntryReader:
     def left_out(self) -> bool:
         """Whether `read` has left something out that the caller can ask for by now, or later.
 
-        It is so where a key cannot be read at present, and once a key has come that was missing.
-        Where it never comes, as a site keeps its keys, nothing can be asked for. Each is stated
-        once.
+        It is so when a key cannot be read at present, when it can be again, and when a key has come
+        that was missing. Where it never comes, as a site keeps its keys, nothing can be asked for.
+        Each is stated once.
         """
         left_out, self._left_out = self._left_out, False
         return left_out
@@ -117,11 +117,11 @@ class EntryReader:
         except PrivacyError as error:  # such as a token that was unplugged
             if subject not in self._unreadable:
                 log.warning("live stream leaves out what is encrypted: reason=%s", error)
-            self._unreadable.add(subject)
-            self._left_out = True
+                self._unreadable.add(subject)
+                self._left_out = True
             return None
-        self._unreadable.discard(subject)
-        if subject in self._keyless:
+        if subject in self._keyless | self._unreadable:
             self._keyless.discard(subject)
+            self._unreadable.discard(subject)
             self._left_out = True
         return opened
