@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
@@ -118,3 +119,30 @@ def test_window_of_the_past_is_asked_for_again_where_the_stream_left_some_out(
     before = len(asked)
     lag(streams[0])
     wait_until(lambda: bool(visit.evaluate("1") and len(asked) > before), "it is asked for again")
+
+
+def test_chart_of_a_stream_that_is_too_slow_is_not_emptied_and_asks_seldom(visit: Visit) -> None:
+    asked: list[str] = []
+
+    def count(request: Request) -> None:
+        if "/api/v1/series/" in request.url:
+            asked.append(request.url)
+
+    def painted() -> int:
+        return sum(map(bool, read_plot(visit).painted))
+
+    visit.page.on("request", count)
+    streams = watch(visit)
+    visit.open(f"{QUICK}?live=10s")
+    visit.wait_for_chart(mode="live")
+    visit.wait_for_answers()
+    asked.clear()
+    before, least = painted(), math.inf
+    for _ in range(8):
+        for _ in range(5):
+            lag(streams[0])
+            visit.page.wait_for_timeout(40)
+        least = min(least, painted())
+    wait_until(lambda: bool(visit.evaluate("1") and asked), "what was left out is asked for")
+    assert len(asked) < 8, "of 40 times that something was left out"
+    assert least > before / 2

@@ -71,6 +71,8 @@ export interface PanelOptions {
 }
 
 const REFRESH_MS = 2_000;
+/** How often the window is filled anew while the stream leaves frames out, in ms. */
+const REFILL_MS = 2_000;
 const MOST_POINTS = 20_000;
 
 /** One channel: its name, its present interval, and its chart, live or in history. */
@@ -93,6 +95,9 @@ export class ChannelPanel {
   private reloadAt = 0;
   /** Whether the stream brought data of the shown history since it was loaded. */
   private outdated = false;
+  /** Whether the stream left out frames that the live window lacks still. */
+  private lacking = false;
+  private readonly refills = new Throttle(REFILL_MS);
   private readonly watcher: IntersectionObserver;
 
   constructor(private readonly options: PanelOptions) {
@@ -156,8 +161,14 @@ export class ChannelPanel {
     if (this.view.kind === "live") {
       this.dirty = true;
       this.notices.arrived();
-      if (hole) this.backfill.fillHole(hole, this.view.span);
+      if (hole && !this.lacking) this.backfill.fillHole(hole, this.view.span);
     } else if (taken && this.touchesView(taken)) this.outdated = true;
+  }
+
+  /** The stream has left frames out. A stream that is too slow does so many times a second: the store is asked once for all. */
+  takeSkipped(): void {
+    this.outdated = true;
+    this.lacking = true;
   }
 
   /** Takes a peak or a gap; one of no channel concerns the whole node. */
@@ -190,6 +201,10 @@ export class ChannelPanel {
     // A live chart stands still during a drag, so that the user selects what is shown.
     if (this.view.kind === "history" || this.chart.busy) return;
     const { span } = this.view;
+    if (this.lacking && this.refills.due(at)) {
+      this.lacking = false;
+      this.backfill.fillWindow(span);
+    }
     const x1 = this.options.edge.at(at, span);
     if (x1 === null) return;
     const moved = !(Math.abs(x1 - this.drawnEdge) < span / this.chart.width / 2);
@@ -248,8 +263,9 @@ export class ChannelPanel {
   }
 
   /** Starts the live window afresh from the store; a window of the past is asked for again. */
-  startLive(): void {
+  private startLive(): void {
     this.outdated = true;
+    this.lacking = false;
     if (!this.visible || this.view.kind !== "live") return;
     this.stopLive();
     this.chart.resetValues();

@@ -86,7 +86,7 @@ export class ChannelSection implements Section {
   }
 
   takeSkipped(): void {
-    for (const panel of this.panels.values()) panel.startLive();
+    for (const panel of this.panels.values()) panel.takeSkipped();
   }
 
   takeEvent(event: EventItem): void {

@@ -121,7 +121,7 @@ export class NodeSection implements Section {
 
   takeSkipped(frames: number | null): void {
     this.skin.takeSkipped(frames);
-    for (const panel of this.panels.values()) panel.startLive();
+    for (const panel of this.panels.values()) panel.takeSkipped();
   }
 
   takeContacts(json: string): void {
