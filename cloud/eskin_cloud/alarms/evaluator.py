@@ -42,6 +42,8 @@ _CATCH_UPS: Final = 64
 """Monitors that are read from the store in one round, so that the others do not wait."""
 _MOST_BEHIND: Final = 10_000
 """Entries that the feed may be behind the store; more are not looked through for late ones."""
+_ROUND_NS: Final = 500_000_000
+"""After which a round reads no further monitor: what was found counts once it is stored."""
 _RETRY_NS: Final = 5_000_000_000
 """After which a monitor with a problem is read again."""
 
@@ -81,6 +83,8 @@ class Evaluator:
         self._by_node: dict[str, list[LiveMonitor]] = {}
         self._retry: dict[str, int] = {}
         self._given: FeedPosition | None = None
+        self._failed: set[str] = set()
+        self._turns: dict[str, int] = {}
 
     def find(self, name: str) -> LiveMonitor | None:
         """A monitor that is evaluated here; ``None`` if there is none."""
@@ -96,10 +100,22 @@ class Evaluator:
         """The nodes whose samples are read."""
         return frozenset(self._by_node)
 
-    def forget(self) -> None:
-        """Read all monitors anew from the store: what was found may not have been stored."""
-        self._version, self._given = -1, None
-        self._monitors, self._by_node, self._retry = {}, {}, {}
+    @property
+    def examined(self) -> bool:
+        """Whether all late samples that have come up to the last position were evaluated."""
+        return all(monitor.examined for monitor in self._monitors.values())
+
+    def forget(self, *, stored: FeedPosition | None = None) -> None:
+        """Read all monitors anew from the store: what was found may not have been stored.
+
+        Args:
+            stored: A position up to which this process has evaluated the feed and stored what it
+                found; ``None`` where another process may have evaluated since, or entries were
+                missed. Without one, late samples may have come that no process has evaluated:
+                then monitors are evaluated again from their definition on.
+        """
+        self._version, self._given = -1, stored
+        self._monitors, self._by_node, self._retry, self._turns = {}, {}, {}, {}
 
     def load(self) -> None:
         """Read the definitions, if any has changed.
@@ -119,8 +135,10 @@ class Evaluator:
             if known is not None and known.revision == row["revision"]:
                 found[name] = known
                 continue
+            examined = self._given is not None and name not in self._failed
+            self._failed.discard(name)
             try:
-                found[name] = LiveMonitor(row, is_open=name in raised)
+                found[name] = LiveMonitor(row, is_open=name in raised, examined=examined)
             except EskinError as error:
                 log.warning("monitor cannot be evaluated: monitor=%s reason=%s", name, error)
         self._monitors = found
@@ -195,12 +213,16 @@ class Evaluator:
         changes: list[AlarmChange] = []
         if not due:
             return changes
+        due.sort(key=lambda monitor: self._turns.get(monitor.name, 0))
         with self._store.read() as connection:
             end = last_position(connection)
             self._note_late(connection, due[:_CATCH_UPS], end)
             for monitor in due[:_CATCH_UPS]:
+                self._turns[monitor.name] = max(self._turns.values(), default=0) + 1
                 changes += self._read(connection, monitor, end)
                 self._retry[monitor.name] = now if monitor.problem is None else now + _RETRY_NS
+                if self._monotonic() - now > _ROUND_NS:
+                    break
         return changes
 
     def _note_late(
@@ -244,6 +266,7 @@ class Evaluator:
             log.exception("monitor failed: monitor=%s", monitor.name)
             monitor.problem = f"unexpected error: {type(error).__name__}"
             self._version = -1
+            self._failed.add(monitor.name)
             self._monitors.pop(monitor.name, None)
             self._retry[monitor.name] = self._monotonic() + _RETRY_NS
         return []

@@ -106,6 +106,7 @@ class LiveMonitor:
     Args:
         row: Its row in `schema.alarm_tables.monitors`.
         is_open: Whether it has an open alarm.
+        examined: Whether all late samples that have come were evaluated.
 
     Attributes:
         name: Its name.
@@ -121,7 +122,7 @@ class LiveMonitor:
         QueryError: The formula is invalid.
     """
 
-    def __init__(self, row: RowMapping, *, is_open: bool) -> None:
+    def __init__(self, row: RowMapping, *, is_open: bool, examined: bool = False) -> None:
         self.name: str = row["name"]
         self.revision: int = row["revision"]
         self.formula = parse_formula(row["formula"])
@@ -140,15 +141,19 @@ class LiveMonitor:
         self._past, self._future = past or 0, future or 0
         self._online: Monitor | None = None
         self._last: dict[str, tuple[int, int]] = {}  # time and period of the last samples
-        # Late samples may have come that no process has evaluated.
         begun = self.settled <= 2 * self._since
-        self._late: int | None = None if begun else self._since
+        self._late: int | None = None if begun or examined else self._since
 
     @property
     def resumes(self) -> int:
         """The tick from which another process would have to evaluate."""
         quiet = self._episodes.quiet
         return self.settled if quiet is None else min(quiet, self.settled)
+
+    @property
+    def examined(self) -> bool:
+        """Whether all late samples that have come were evaluated."""
+        return self._late is None
 
     @property
     def is_open(self) -> bool:

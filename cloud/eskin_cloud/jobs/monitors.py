@@ -50,6 +50,8 @@ class _Work:
         self._cloud = cloud
         self._alone = isinstance(cloud.store.location, Path)
         self._position = cloud.feed.last
+        # Up to here all was evaluated and stored, also late samples: an error leads back to it.
+        self._stored: FeedPosition | None = None
         # Moments of the monotonic clock in s: the other one may jump.
         self._lease = self._timers = -math.inf
         self._noted = time.monotonic()
@@ -63,7 +65,7 @@ class _Work:
         cloud, evaluator = self._cloud, self._cloud.evaluator
         try:
             if not await self._renew():
-                self._position = cloud.feed.last
+                self._position, self._stored = cloud.feed.last, None
                 await asyncio.sleep(_LONGEST_S)
                 return
             await asyncio.to_thread(evaluator.load)
@@ -76,12 +78,16 @@ class _Work:
             page = await cloud.feed.after(self._position, _ENTRIES)
             if page.compacted != FEED_START:  # what it is behind with is read as it is stored now
                 evaluator.forget()
-                self._position = cloud.feed.last
+                self._position, self._stored = cloud.feed.last, None
                 return
             await self._evaluate(page.entries, page.end)
             self._position = page.end
+            if evaluator.examined:
+                self._stored = page.end
         except Exception:
-            evaluator.forget()
+            evaluator.forget(stored=self._stored)
+            if self._stored is not None:
+                self._position = self._stored
             raise
 
     async def _evaluate(self, entries: Sequence[FeedEntry], position: FeedPosition) -> None:
@@ -108,7 +114,7 @@ class _Work:
             return held
 
         if not await asyncio.wrap_future(cloud.store.write(work)):
-            self._lease = -math.inf
+            self._lease, self._stored = -math.inf, None
             cloud.evaluator.forget()
         elif changes:
             self._news()

@@ -20,6 +20,7 @@ from tests.unit.cloud.messages import NODE
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
+    from eskin_cloud.store.feed_position import FeedPosition
     from sqlalchemy import Connection, RowMapping
 
 
@@ -61,12 +62,14 @@ class Live:
         assert store.write(lease).result(120)
         with store.read() as connection:
             self._position = last_position(connection)
+        self._stored: FeedPosition | None = None
 
-    def step(self, *, most: int | None = None) -> None:
+    def step(self, *, most: int | None = None, fails: bool = False) -> None:
         """Evaluate what came since the last step, and store what follows.
 
         Args:
             most: Entries of each slot of the feed, which then is behind the store.
+            fails: Whether what follows cannot be stored.
         """
         evaluator, store = self.evaluator, self.store
         evaluator.load()
@@ -90,7 +93,13 @@ class Live:
             assert apply_changes(connection, changes, holder=evaluator.holder, now=now)
             settle_monitors(connection, settled)
 
+        if fails:
+            evaluator.forget(stored=self._stored)
+            self._position = self._stored or self._position
+            return
         store.write(work).result(120)
+        if evaluator.examined:
+            self._stored = end
 
 
 def alarms_of(store: Store) -> list[RowMapping]:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import asyncio
 from asyncio import Event
 from functools import partial
+from itertools import count as counted
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from eskin_cloud.alarms.episodes import Edge, Episodes, Stretch
+from eskin_cloud.alarms.evaluator import Evaluator
 from eskin_cloud.alarms.live_monitor import LiveMonitor
 from eskin_cloud.jobs.monitors import evaluate_monitors
 from eskin_cloud.live import Feed
@@ -22,6 +24,7 @@ from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.frame_tables import descriptions
 from eskin_cloud.store.write.alarms import AlarmChange, apply_changes, take_lease
+from eskin_cloud.store.write.monitors import settle_monitors
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import delete
@@ -126,6 +129,7 @@ levels = st.lists(st.sampled_from((0.0, 1.0, 1.8, 2.2, 4.0)), min_size=1, max_si
     raising=st.sampled_from((("certain", False), ("possible", False), ("possible", True))),
     clear_after=st.sampled_from((0, 1, 3)),
     restarts=st.sets(st.integers(0, 8)),
+    faults=st.sets(st.integers(0, 8)),
     steps=st.sets(st.integers(0, 8)),
 )
 def test_alarms_are_the_episodes_of_the_whole_record(
@@ -135,6 +139,7 @@ def test_alarms_are_the_episodes_of_the_whole_record(
     raising: tuple[str, bool],
     clear_after: int,
     restarts: set[int],
+    faults: set[int],
     steps: set[int],
 ) -> None:
     emptied(store)
@@ -155,6 +160,8 @@ def test_alarms_are_the_episodes_of_the_whole_record(
         at += len(values)
         if k in restarts:
             live = Live(store)
+        if k in faults:
+            live.step(fails=True)
         if k in steps or k == len(said) - 1:
             live.step()
     live.step()
@@ -178,6 +185,7 @@ def test_alarms_are_the_episodes_of_the_whole_record(
     formula=st.sampled_from(FORMULAS),
     raise_on=st.sampled_from(("certain", "possible")),
     restarts=st.sets(st.integers(0, 6)),
+    faults=st.sets(st.integers(0, 6)),
     behind=st.lists(st.sampled_from(("skipped", 0, 1, None)), min_size=7, max_size=7),
 )
 def test_late_frames_miss_no_episode_and_raise_no_false_one(
@@ -187,6 +195,7 @@ def test_late_frames_miss_no_episode_and_raise_no_false_one(
     formula: str,
     raise_on: str,
     restarts: set[int],
+    faults: set[int],
     behind: list[int | str | None],
 ) -> None:
     emptied(store)
@@ -201,6 +210,8 @@ def test_late_frames_miss_no_episode_and_raise_no_false_one(
             live = Live(store)
         most = behind[k]
         if not isinstance(most, str):
+            if k in faults:
+                live.step(most=most, fails=True)
             live.step(most=most)
     for _ in range(3):
         live.step()
@@ -300,6 +311,28 @@ def test_damaged_layout_of_a_node_stops_no_monitor_of_another(store: Store) -> N
     define(store, f"{CHANNEL} > 2", since=START)
     live.step(most=0)
     assert [row["monitor"] for row in alarms_of(store)] == ["squeeze"]
+
+
+def test_fault_before_all_monitors_were_read_hides_no_late_frame(store: Store) -> None:
+    names = "one", "two"
+    for name in names:
+        define(store, f"{CHANNEL} > 2", name=name, since=START)
+    put(store, frame(0, [1.0, 1.0], at=0))
+    put(store, frame(1, [1.0] * 20, at=6))
+    live = Live(store)
+    for _ in range(3):
+        live.step()
+    store.write(partial(settle_monitors, settled=live.evaluator.all_settled)).result(60)
+    put(store, frame(2, [4.0, 1.0], at=3))  # while no process evaluates
+    ticks = counted(START, SECOND)
+    slow = Evaluator(store, silence=SECOND, clock=store.clock, monotonic=lambda: next(ticks))
+    live = Live(store, evaluator=slow)
+    live.step()
+    assert len(alarms_of(store)) == 1, "a round that takes long reads one monitor"
+    live.step(fails=True)
+    for _ in range(12):
+        live.step()
+    assert sorted(row["monitor"] for row in alarms_of(store)) == list(names)
 
 
 def test_one_of_two_clouds_evaluates_and_the_other_takes_over(store: Store, clock: Clock) -> None:
