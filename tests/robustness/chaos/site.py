@@ -68,6 +68,8 @@ _RECEIVER: Final = 8090
 _MEBIBYTE: Final = 1 << 20
 _NO_STORE: Final = ": the store cannot be "
 """In a cloud's last line where it found no database when it started."""
+_NO_FLASH: Final = ": flash cannot be opened: "
+"""In a node's where its disk was full."""
 
 
 class Site:
@@ -158,8 +160,9 @@ class Site:
     def require_alive(self, names: Sequence[str]) -> None:
         """Check that these have not ended by themselves.
 
-        A cloud that finds no database when it starts ends with a line that says so, and what
-        looks after it starts it again, as `docker-compose.yml` has it.
+        A cloud that finds no database when it starts, and a node whose disk is full then, end with a
+        line that says so, and what looks after them starts them again, as `docker-compose.yml` has
+        it.
 
         Raises:
             AssertionError: One has; shows the end of its log.
@@ -172,6 +175,7 @@ class Site:
                 continue
             last = running.output()[-3000:]
             lacked = self.database is not None and name in CLOUDS and _NO_STORE in last[-2000:]
+            lacked |= name in NODES and _NO_FLASH in last[-2000:]
             assert status == 2 and lacked, f"{name} ended with {status}:\n{last}"  # noqa: PT018 - one condition
             running.start()
 
