@@ -160,9 +160,9 @@ class Site:
     def require_alive(self, names: Sequence[str]) -> None:
         """Check that these have not ended by themselves.
 
-        A cloud that finds no database when it starts, and a node whose disk is full then, end with a
-        line that says so, and what looks after them starts them again, as `docker-compose.yml` has
-        it.
+        A cloud that finds no database when it starts, and a node whose disk is full then, end with
+        a line that says so, and what looks after them starts them again, as `docker-compose.yml`
+        has it.
 
         Raises:
             AssertionError: One has; shows the end of its log.
