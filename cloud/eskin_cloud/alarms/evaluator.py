@@ -6,6 +6,7 @@ import logging
 import secrets
 import time
 from functools import partial
+from itertools import count
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -85,6 +86,7 @@ class Evaluator:
         self._given: FeedPosition | None = None
         self._failed: set[str] = set()
         self._turns: dict[str, int] = {}
+        self._numbers = count(1)
 
     def find(self, name: str) -> LiveMonitor | None:
         """A monitor that is evaluated here; ``None`` if there is none."""
@@ -218,7 +220,7 @@ class Evaluator:
             end = last_position(connection)
             self._note_late(connection, due[:_CATCH_UPS], end)
             for monitor in due[:_CATCH_UPS]:
-                self._turns[monitor.name] = max(self._turns.values(), default=0) + 1
+                self._turns[monitor.name] = next(self._numbers)
                 changes += self._read(connection, monitor, end)
                 self._retry[monitor.name] = now if monitor.problem is None else now + _RETRY_NS
                 if self._monotonic() - now > _ROUND_NS:
