@@ -104,8 +104,12 @@ class Evaluator:
 
     @property
     def examined(self) -> bool:
-        """Whether all late samples that have come up to the last position were evaluated."""
-        return all(monitor.examined for monitor in self._monitors.values())
+        """Whether all late samples that have come up to the last position were evaluated.
+
+        It is not so where all was forgotten, as when the lease was lost.
+        """
+        monitors = self._monitors.values()
+        return bool(monitors) and all(monitor.examined for monitor in monitors)
 
     def forget(self, *, stored: FeedPosition | None = None) -> None:
         """Read all monitors anew from the store: what was found may not have been stored.

@@ -335,6 +335,16 @@ def test_fault_before_all_monitors_were_read_hides_no_late_frame(store: Store) -
     assert sorted(row["monitor"] for row in alarms_of(store)) == list(names)
 
 
+def test_what_was_forgotten_is_not_examined(store: Store) -> None:
+    define(store, f"{CHANNEL} > 2", since=START)
+    put(store, frame(0, [1.0, 4.0], at=0))
+    live = Live(store)
+    live.step()
+    assert live.evaluator.examined
+    live.evaluator.forget()
+    assert not live.evaluator.examined, "the lease may have been another cloud's meanwhile"
+
+
 def test_one_of_two_clouds_evaluates_and_the_other_takes_over(store: Store, clock: Clock) -> None:
     clock.now = START
 
