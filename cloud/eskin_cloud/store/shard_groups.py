@@ -24,11 +24,12 @@ _SHARDS: Final = text(
 _HOLD: Final = text("UPDATE feed SET cursor = cursor WHERE slot = :held AND cursor < 0")
 """Writes no row: what counts is Citus's lock of the shard, which it has for a write only."""
 _PLACES: Final = text(
-    "SELECT string_agg(shardid || '@' || groupid, ' ' ORDER BY shardid)"
-    " FROM pg_dist_shard JOIN pg_dist_placement USING (shardid)"
-    " WHERE logicalrelid = 'feed'::regclass"
+    "SELECT string_agg(p.shardid || '@' || p.groupid || '/' || p.xmin, ' ' ORDER BY p.shardid)"
+    " FROM pg_dist_shard AS s JOIN pg_dist_placement AS p USING (shardid)"
+    " WHERE s.logicalrelid = 'feed'::regclass"
 )
-"""Of one table: the shards of all tables with the same slots move together."""
+"""Of one table: the shards of all tables with the same slots move together. The transaction that
+wrote a place (``xmin``) tells a shard that moved there and back."""
 _DISTRIBUTED: Final = "distributed"
 """Key in ``Connection.info``."""
 

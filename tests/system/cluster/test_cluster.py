@@ -16,12 +16,12 @@ import psycopg
 import pytest
 from eskin_cloud.store import Store
 from eskin_cloud.store.distribute import check, distribute
-from eskin_cloud.store.location import writing_engine
+from eskin_cloud.store.location import reading_engine, writing_engine
 from eskin_cloud.store.move import TABLES, move
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import audit_log, feed, sequences
-from eskin_cloud.store.shard_groups import read_groups
+from eskin_cloud.store.shard_groups import read_groups, shard_places_now
 from eskin_cloud.store.version import create_tables
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
 from eskin_cloud.store.write.parsed_message import ParsedMessage
@@ -479,6 +479,18 @@ def test_reading_transaction_in_which_a_shard_moved_is_refused(servers: CitusClu
                 ask(store, fails=fails)
             with store.read() as connection:
                 assert [stored(connection, node) for node in (moved, stays)] == [1, 1]
+
+
+def test_shard_that_moved_there_and_back_has_moved(servers: CitusCluster) -> None:
+    place = servers.fresh()
+    (shard, _), *_ = largest_shards(place)
+    reading = reading_engine(place, readers=1)
+    before = [shard_places_now(reading) for _ in range(2)]
+    assert before[0] == before[1] is not None
+    for _ in range(2):
+        move_shard(servers, place, shard)
+    assert shard_places_now(reading) != before[0]
+    reading.dispose()
 
 
 def test_store_whose_shard_moves_while_it_is_copied_is_not_taken_for_whole(
