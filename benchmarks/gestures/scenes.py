@@ -10,7 +10,7 @@ import numpy as np
 from eskin_sensor_node.columns.inversion import PadColumnsInversion, surroundings
 from eskin_sensor_node.columns.sensing import SensingColumns
 from eskin_sensor_node.kinds.generator import ColumnGenerator
-from eskin_sensor_node.kinds.pad.physics import PadWorld
+from eskin_sensor_node.kinds.pad import PadWorld
 from eskin_sensor_node.kinds.skin_section import SkinSection
 from eskin_sensor_node.world.scenario import Stage
 from eskin_sensor_node.world.scenario.script import Script

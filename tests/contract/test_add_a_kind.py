@@ -101,7 +101,6 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for path, language, text in changes():
         if language == "python":
             assert not (root / path).exists()
-            (root / path).parent.mkdir(exist_ok=True)
             (root / path).write_text(text)
         elif language == "diff":
             patch = f"--- a/{path}\n+++ b/{path}\n{text}"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin_sensor_node.kinds.converter import Codes
-    from eskin_sensor_node.kinds.pad.settings import PadSection
+    from eskin_sensor_node.kinds.pad import PadSection
     from eskin_sensor_node.kinds.settings import Companion
     from eskin_sensor_node.world.skin.skin import Indices
 

@@ -9,10 +9,10 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from eskin.errors import ScenarioError, shown
 from eskin.runtime.settings import Section
-from eskin_sensor_node.kinds.hygrometer.settings import HygrometerSection
-from eskin_sensor_node.kinds.pad.settings import PadSection
+from eskin_sensor_node.kinds.hygrometer import HygrometerSection
+from eskin_sensor_node.kinds.pad import PadSection
 from eskin_sensor_node.kinds.settings import Companion, Rate, TaxelSection, period
-from eskin_sensor_node.kinds.thermometer.settings import ThermometerSection
+from eskin_sensor_node.kinds.thermometer import ThermometerSection
 from eskin_sensor_node.timebase import BILLION
 from eskin_sensor_node.world.scenario import read_scenario
 from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR

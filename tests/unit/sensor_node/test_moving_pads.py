@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_sensor_node.kinds.generator import ColumnGenerator
-from eskin_sensor_node.kinds.pad.physics import PadWorld
+from eskin_sensor_node.kinds.pad import PadWorld
 from eskin_sensor_node.world.scenario.file import scenario_text
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from eskin_sensor_node.firmware.selftest import CERTAIN, SelfTest
 from eskin_sensor_node.kinds.generator import ColumnGenerator
-from eskin_sensor_node.kinds.pad.inversion import PadInversion
-from eskin_sensor_node.kinds.pad.physics import PadWorld
-from eskin_sensor_node.kinds.pad.settings import PadSection
+from eskin_sensor_node.kinds.pad import PadSection, PadWorld
 from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.machine.inversion import Inversion
+from eskin_sensor_node.tools.dataset.pad_inversion import PadInversion
 from eskin_sensor_node.world.scenario import Stage, read_scenario
 from eskin_sensor_node.world.skin import unmix
 from hypothesis import HealthCheck, given, settings

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.interval import Interval
-from eskin_sensor_node.kinds.pad.inversion import PadInversion
 from eskin_sensor_node.kinds.registry import build_frontend
 from eskin_sensor_node.machine.inversion import Inversion
+from eskin_sensor_node.tools.dataset.pad_inversion import PadInversion
 from eskin_sensor_node.world.skin import unmix
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin_sensor_node.kinds.generator import ColumnGenerator
-    from eskin_sensor_node.kinds.pad.settings import PadSection
+    from eskin_sensor_node.kinds.pad import PadSection
     from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.world.skin.skin import Indices
 

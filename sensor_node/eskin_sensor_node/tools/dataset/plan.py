@@ -12,12 +12,12 @@ from pydantic import ValidationError
 from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.errors import ScenarioError
 from eskin.union_bound import union_coverage
-from eskin_sensor_node.kinds.bioelectric.settings import BioelectricSection
-from eskin_sensor_node.kinds.coil.settings import CoilSection
-from eskin_sensor_node.kinds.hygrometer.settings import HygrometerSection
-from eskin_sensor_node.kinds.pad.settings import PadSection
+from eskin_sensor_node.kinds.bioelectric import BioelectricSection
+from eskin_sensor_node.kinds.coil import CoilSection
+from eskin_sensor_node.kinds.hygrometer import HygrometerSection
+from eskin_sensor_node.kinds.pad import PadSection
 from eskin_sensor_node.kinds.registry import KINDS
-from eskin_sensor_node.kinds.thermometer.settings import ThermometerSection
+from eskin_sensor_node.kinds.thermometer import ThermometerSection
 from eskin_sensor_node.tools.dataset.columns import COIL, PAD, SURROUNDINGS
 from eskin_sensor_node.world.scenario import read_scenario
 from eskin_sensor_node.world.scenario.file import refusal

@@ -8,9 +8,9 @@ import numpy as np
 import pyarrow as pa
 
 from eskin.interval import Interval
-from eskin_sensor_node.kinds.coil.physics import CoilWorld
+from eskin_sensor_node.kinds.coil import CoilWorld
 from eskin_sensor_node.kinds.generator import ColumnGenerator
-from eskin_sensor_node.kinds.pad.physics import PadWorld
+from eskin_sensor_node.kinds.pad import PadWorld
 from eskin_sensor_node.timebase import BILLION
 from eskin_sensor_node.tools.dataset.columns import HI, LO, SURROUNDINGS, TRUE, schema
 from eskin_sensor_node.tools.dataset.measurement import Chains, SkinInversion

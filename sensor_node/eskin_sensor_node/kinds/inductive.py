@@ -2,21 +2,43 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
 
+from eskin_sensor_node.kinds.kind import Kind
+from eskin_sensor_node.kinds.lc import LcFrontend, LcSection
 from eskin_sensor_node.kinds.parameters import draw_part
 from eskin_sensor_node.kinds.recorded import RecordedWorld
+from eskin_sensor_node.kinds.settings import Positive, above, unit
 from eskin_sensor_node.kinds.signals import Signals, World
+from eskin_sensor_node.world.replay import Recorded
 
 if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin_sensor_node.kinds.generator import ColumnGenerator
-    from eskin_sensor_node.kinds.inductive.settings import (
-        InductiveSection,
-        RecordedInductanceSection,
-    )
+
+
+class InductiveSection(LcSection):
+    """Metal whose distance swings harmonically (eq. 11 to 13). Noise: in V, before the ADC."""
+
+    kind: Literal["inductive"]
+    distance_amplitude_m: Annotated[float, Field(ge=0)] = 0.01
+    distance_mid_m: Positive = 0.02
+    stimulus: Positive = unit("stimulus_Hz", 1.0)
+
+    @field_validator("distance_mid_m")
+    @classmethod
+    def _in_front_of_the_coil(cls, value: float, info: ValidationInfo) -> float:
+        return above(info, value, "distance_amplitude_m", "distance_amplitude_m")
+
+
+class RecordedInductanceSection(Recorded, LcSection):
+    """Inductance out of a recording, behind the chain of a coil. Noise: in V, before the ADC."""
+
+    kind: Literal["recorded_inductance"]
+
 
 _LEAST_SHARE: Final = 1e-18
 """Of the greatest change of the inductance, where metal is as far as can be."""
@@ -58,3 +80,9 @@ class RecordedInductanceWorld(RecordedWorld):
         """Inductance, and distance of the metal in m: the nearest or farthest where none fits."""
         share = np.clip((self._base - value) / self._change, _LEAST_SHARE, 1.0)
         return super().truth(value) | {"distance": np.asarray(-np.log(share) / self._damping)}
+
+
+INDUCTIVE = Kind(settings=InductiveSection, world=InductiveWorld, frontend=LcFrontend)
+RECORDED_INDUCTANCE = Kind(
+    settings=RecordedInductanceSection, world=RecordedInductanceWorld, frontend=LcFrontend
+)

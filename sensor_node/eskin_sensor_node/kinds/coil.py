@@ -9,22 +9,54 @@ with ``Z0 = R + jωL0`` and ``Z = Z0 + ΔZ``.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
+from pydantic import Field
 
-from eskin_sensor_node.kinds.parameters import draw_part
+from eskin_sensor_node.firmware.taxel.coil import CoilTaxel
+from eskin_sensor_node.kinds.converter import Converter
+from eskin_sensor_node.kinds.frontend import Digitised
+from eskin_sensor_node.kinds.kind import Kind
+from eskin_sensor_node.kinds.lc import LcFrontend, LcSection
+from eskin_sensor_node.kinds.parameters import draw_noise, draw_part
+from eskin_sensor_node.kinds.settings import Positive, Tolerance, unit
 from eskin_sensor_node.kinds.signals import Signals, World
 from eskin_sensor_node.world.scenario import Stage, read_scenario
+from eskin_sensor_node.world.scenario.fit import Staged
 from eskin_sensor_node.world.skin import break_off, placed
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from eskin.interval import Floats
-    from eskin_sensor_node.kinds.coil.settings import CoilSection
     from eskin_sensor_node.kinds.generator import ColumnGenerator
     from eskin_sensor_node.world.scenario import Stimulus
+
+
+class CoilSection(Staged, LcSection):
+    """Coil in a skin that sees metal as a scenario has it. Noise: in V, before each ADC."""
+
+    firmware: ClassVar[type[CoilTaxel]] = CoilTaxel
+    disturbances: ClassVar[int] = 2
+
+    kind: Literal["coil"]
+    coil_resistance_ohm: Positive = Field(default=5.0, description="its loss resistance")
+    coil_resistance_tolerance: Tolerance = 5e-3
+    excitation: Positive = unit(
+        "excitation_Hz", 1000.0, description="frequency at which eddy currents are seen"
+    )
+    excitation_tolerance: Tolerance = 1e-5
+    drive: Positive = unit("drive_V", 1.0, description="amplitude of the excitation")
+    drive_tolerance: Tolerance = 1e-3
+    demodulator_gain: Positive = unit("demodulator_gain_V_per_A", 30.0)
+    demodulator_gain_tolerance: Tolerance = 1e-3
+    demodulator_max: Positive = unit(
+        "demodulator_max_V", 1.25, description="upper end of its converters' range, from 0 V"
+    )
+    eddy_amplitude_prominence: Positive | None = None
+    eddy_phase_prominence: Positive | None = unit("eddy_phase_prominence_rad", None)
+
 
 _OPEN_LINE: Final = 1e6
 """Inductance in H of a line that is broken: the oscillator stands almost still."""
@@ -102,3 +134,39 @@ class CoilWorld(World):
     def _fall(self, stimulus: Stimulus) -> Floats:
         """``ΔL·e^(-αd)`` in H."""
         return np.asarray(self._change * np.exp(-self._damping * stimulus.metal_distance))
+
+
+class CoilFrontend(LcFrontend):
+    """Beside the oscillator's: the coil's driven current → two synchronous demodulators → ADCs."""
+
+    def __init__(self, taxel: CoilSection, random: ColumnGenerator) -> None:
+        super().__init__(taxel, random)
+        drive = draw_part(random, taxel.drive, taxel.drive_tolerance)
+        self._drive = drive * draw_part(
+            random, taxel.demodulator_gain, taxel.demodulator_gain_tolerance
+        )
+        # No amplifier and no trimmer before them.
+        own = taxel.model_copy(
+            update={
+                "adc_min": 0.0,
+                "adc_max": taxel.demodulator_max,
+                "gain_tolerance": 0.0,
+                "trimmer_steps": 0,
+            }
+        )
+        self._demodulators = {
+            "in_phase": ("conductance", Converter(own, random)),
+            "quadrature": ("susceptance", Converter(own, random)),
+        }
+
+    def digitise(self, sensed: Mapping[str, Floats], random: ColumnGenerator) -> Digitised:
+        """Codes of the detector's voltage, and of the current's two parts."""
+        oscillator = super().digitise(sensed, random)
+        codes = {
+            name: converter.convert(self._drive * sensed[part] + draw_noise(random, self._noise))
+            for name, (part, converter) in self._demodulators.items()
+        }
+        return Digitised(oscillator.truth, oscillator.codes | codes, oscillator.held)
+
+
+COIL = Kind(settings=CoilSection, world=CoilWorld, frontend=CoilFrontend)

@@ -1,6 +1,6 @@
 """From a pad's capacitance back to what presses it: each result encloses the truth.
 
-The pad's model (`kinds.pad.physics`) backwards: the mean plate distance is ``d = ε·A/C``, and
+The pad's model (`kinds.pad`) backwards: the mean plate distance is ``d = ε·A/C``, and
 what the pad feels ``E·(d0/d - 1)``. From its own mean pressure P alone, contact area and distance
 under the contact are known within bounds: a contact covers the whole plate at most, and presses
 with ``pressure_max_Pa`` at most.
@@ -18,7 +18,7 @@ from eskin_sensor_node.firmware.inversion.hygrometer import REFERENCE_HUMIDITY
 from eskin_sensor_node.firmware.inversion.pad import REFERENCE_TEMPERATURE
 
 if TYPE_CHECKING:
-    from eskin_sensor_node.kinds.pad.settings import PadSection
+    from eskin_sensor_node.kinds.pad import PadSection
 
 _EMULATION: Final = Interval(1.0 - 2.0**-46, 1.0 + 2.0**-46)
 """The emulated skin computes in float64, where a real one does not round: its few ulp."""
