@@ -19,7 +19,7 @@ from eskin_cloud.alarms.evaluator import Evaluator
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.store import Store
 from eskin_cloud.store.descriptions import find_layout
-from eskin_cloud.store.feed_position import FEED_START, last_position
+from eskin_cloud.store.feed_entry import FEED_START, last_position
 from eskin_cloud.store.write.monitors import MonitorDefinition, put_monitor
 
 from benchmarks.report import Row, at_most

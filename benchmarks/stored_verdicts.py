@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from eskin_cloud.query.neighbourhood import ChannelSource
+from eskin_cloud.query.channel_runs import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.store import Store
 from eskin_cloud.store.read.lookup import find_channel

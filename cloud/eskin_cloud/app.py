@@ -42,9 +42,9 @@ from eskin_cloud.api import (
     tokens,
 )
 from eskin_cloud.api.dependencies import Reader
-from eskin_cloud.api.description import describe_all
 from eskin_cloud.api.middleware.answer import AnswerMiddleware
 from eskin_cloud.api.middleware.headers import HeadersMiddleware
+from eskin_cloud.api.openapi import describe_all
 from eskin_cloud.api.problems import PROBLEMS
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState

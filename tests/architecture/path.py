@@ -108,7 +108,6 @@ NOT_COUNTED: Final = {
     "eskin.runtime.http_server.protocol.GuardedProtocol": "start of a TLS connection",
     "eskin/identity/tls.py": "start of a TLS connection",
     "eskin/runtime/http_server/listener.py": "start of a TLS connection",
-    "eskin/runtime/log_throttle.py": "logging",
     "eskin/runtime/logs.py": "logging",
     "eskin/runtime/printable.py": "logging",
 }

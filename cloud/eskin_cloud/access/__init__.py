@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from eskin_cloud.access.scopes import Scope
 from eskin_cloud.access.sessions import (
     close_session,
     find_session,
@@ -15,6 +14,7 @@ from eskin_cloud.access.sessions import (
 from eskin_cloud.access.tokens import (
     Actor,
     Principal,
+    Scope,
     create_login_code,
     create_token,
     digest,

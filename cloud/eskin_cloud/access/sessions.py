@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import bindparam, delete, func, insert, select
 
-from eskin_cloud.access.scopes import read_scopes, write_scopes
 from eskin_cloud.access.tokens import (
     Actor,
     Principal,
@@ -16,7 +15,9 @@ from eskin_cloud.access.tokens import (
     good_token,
     list_tokens,
     new_secret,
+    read_scopes,
     token_id,
+    write_scopes,
 )
 from eskin_cloud.store.row_digests import intact_rows, require_intact_row
 from eskin_cloud.store.schema.tables import login_codes, sessions, tokens

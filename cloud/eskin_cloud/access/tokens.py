@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import secrets
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import bindparam, delete, func, insert, select, update
 
-from eskin_cloud.access.scopes import Scope, read_scopes, write_scopes
 from eskin_cloud.store.row_digests import intact_rows, require_intact_row
 from eskin_cloud.store.schema.tables import login_codes, sessions, tokens
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
@@ -25,8 +25,26 @@ if TYPE_CHECKING:
 _BYTES: Final = 32
 COMMAND_LINE: Final = "command line"
 """Who does what is done with the store in hand."""
-
 _TOKEN: Final = select(tokens).where(tokens.c.digest == bindparam("digest"))
+
+
+class Scope(StrEnum):
+    """What its holder may do."""
+
+    READ = "read"
+    OPERATE = "operate"
+    ADMIN = "admin"
+    BIOMETRIC = "biometric"
+
+
+def write_scopes(scopes: Iterable[Scope]) -> str:
+    """Write scopes as the store keeps them."""
+    return " ".join(sorted(set(scopes)))
+
+
+def read_scopes(text: str) -> frozenset[Scope]:
+    """Read scopes as the store keeps them."""
+    return frozenset(Scope(word) for word in text.split())
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,11 +14,11 @@ from sqlalchemy import select
 from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import EskinError
-from eskin.wire.frames.frame_parts import read_head
+from eskin.wire.frames.frame import read_head
 from eskin_cloud.alarms.live_monitor import LiveMonitor, Moments, Samples
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.store.descriptions import find_intact_layout
-from eskin_cloud.store.feed_position import FEED_START, compacted_position, last_position
+from eskin_cloud.store.feed_entry import FEED_START, compacted_position, last_position
 from eskin_cloud.store.read.patch_columns import column_of
 from eskin_cloud.store.read.patch_runs import runs_of_frames
 from eskin_cloud.store.schema.alarm_tables import alarm_state
@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from eskin.wire.frames import DescribedLayout
     from eskin_cloud.store import Store
     from eskin_cloud.store.column_runs import ColumnRun
-    from eskin_cloud.store.feed_entry import FeedEntry
-    from eskin_cloud.store.feed_position import FeedPosition
+    from eskin_cloud.store.feed_entry import FeedEntry, FeedPosition
     from eskin_cloud.store.write.alarms import AlarmChange
 
 log = logging.getLogger(__name__)

@@ -13,9 +13,8 @@ from eskin.interval import Verdict
 from eskin.monitor import Monitor, horizon
 from eskin.monitor.runs import Runs
 from eskin_cloud.alarms.episodes import Edge, Episodes, Stretch
-from eskin_cloud.query.channel_runs import as_signal
+from eskin_cloud.query.channel_runs import ChannelSource, as_signal, read_around
 from eskin_cloud.query.formula_channels import channel_places, parse_formula
-from eskin_cloud.query.neighbourhood import ChannelSource, read_around
 from eskin_cloud.query.stored_verdicts import MOST_READS, StoredVerdicts
 from eskin_cloud.rollup.aggregates import longest_step
 from eskin_cloud.store.read.lookup import find_channel
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin.monitor.verdicts import Piece
     from eskin_cloud.store.column_runs import ColumnRun
-    from eskin_cloud.store.feed_position import FeedPosition
+    from eskin_cloud.store.feed_entry import FeedPosition
 
     Integers = NDArray[np.int64]
 

@@ -15,7 +15,7 @@ from fastapi.security.utils import get_authorization_scheme_param
 from sqlalchemy import Connection
 from starlette.requests import HTTPConnection
 
-from eskin.runtime.http_server.counted_connection import CALLER
+from eskin.runtime.http_server.connection_limits import CALLER
 from eskin.runtime.http_server.problems import ProblemError
 from eskin_cloud.access import Actor, Principal, Scope, find_session, find_token
 from eskin_cloud.api.middleware.answer import recheck

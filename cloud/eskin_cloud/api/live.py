@@ -19,12 +19,12 @@ from eskin_cloud.api.dependencies import CloudState, Reader, Viewer
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.app_state import AppState
 from eskin_cloud.live.entry_reader import EntryReader
-from eskin_cloud.live.frame_selection import FrameSelection
+from eskin_cloud.live.frame_encoder import FrameSelection
 from eskin_cloud.live.frame_stream import FrameStream
+from eskin_cloud.live.sse_encoder import Subscription
 from eskin_cloud.live.stream import stream
-from eskin_cloud.live.subscription import Subscription
 from eskin_cloud.query.opaque_ids import UnknownCursorError
-from eskin_cloud.store.feed_position import FeedPosition
+from eskin_cloud.store.feed_entry import FeedPosition
 from eskin_cloud.store.read.lookup import find_node, parse_channel
 
 router = APIRouter(tags=["live"])

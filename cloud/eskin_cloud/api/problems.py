@@ -14,7 +14,7 @@ from eskin_cloud.ingest.errors import (
     MalformedBatchError,
     UntrustedGatewayError,
 )
-from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
+from eskin_cloud.privacy.key_access import BiometricAccessError, ErasedError
 from eskin_cloud.query.opaque_ids import UnknownCursorError
 from eskin_cloud.store.read.lookup import UnknownChannelError
 

@@ -10,7 +10,7 @@ from eskin.interval import Verdict
 from eskin.monitor import horizon
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.window_params import opened
-from eskin_cloud.query.neighbourhood import ChannelSource
+from eskin_cloud.query.channel_runs import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.query.verdict_totals import total_verdicts
 from eskin_cloud.rollup.hulls import widest_window

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.alarms.receivers import forget_receivers, receiver_names
 from eskin_cloud.jobs.periodic import run_periodically
-from eskin_cloud.store.feed_position import FEED_START
+from eskin_cloud.store.feed_entry import FEED_START
 from eskin_cloud.store.write.alarms import (
     LEASE_NS,
     advance_alarms,
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin_cloud.app_state import AppState
-    from eskin_cloud.store.feed_entry import FeedEntry
-    from eskin_cloud.store.feed_position import FeedPosition
+    from eskin_cloud.store.feed_entry import FeedEntry, FeedPosition
     from eskin_cloud.store.write.alarms import AlarmChange
 
 _PAUSE_S: Final = 0.05

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from cachetools import LRUCache
 
 from eskin.errors import EskinError
-from eskin.wire.frames.frame_parts import read_head
+from eskin.wire.frames.frame import read_head
 from eskin_cloud.live.shared_skin import SharedSkin
 from eskin_cloud.query.contacts import ContactSkin
 from eskin_cloud.schemas.base import dump

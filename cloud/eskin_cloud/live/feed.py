@@ -23,9 +23,9 @@ from eskin_cloud.live.layouts import Layouts
 from eskin_cloud.live.sse_encoder import SseEncoder
 from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin_cloud.store.damage import FrameHeader, is_intact_row
-from eskin_cloud.store.feed_entry import FeedEntry
-from eskin_cloud.store.feed_position import (
+from eskin_cloud.store.feed_entry import (
     FEED_START,
+    FeedEntry,
     compacted_position,
     last_position,
     share,
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, Connection, Table
 
     from eskin_cloud.store import Store
-    from eskin_cloud.store.feed_position import FeedPosition, FeedSpan
+    from eskin_cloud.store.feed_entry import FeedPosition, FeedSpan
     from eskin_cloud.store.write.ingest import IngestResult
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from eskin.union_bound import union_coverage
 from eskin.wire.frames import Sampling
-from eskin.wire.frames.frame_parts import read_head
+from eskin.wire.frames.frame import read_head
 from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin.wire.timestamp import format_timestamp
 

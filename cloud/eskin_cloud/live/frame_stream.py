@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Final
 
-from eskin_cloud.live.frame_selection import FrameSelection, StretchFilter
+from eskin_cloud.live.frame_encoder import FrameSelection, StretchFilter
 
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator, Iterator, Sequence
@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from eskin_cloud.live.contacts import LiveContacts
     from eskin_cloud.live.entry_reader import EntryReader
     from eskin_cloud.live.feed import Feed
-    from eskin_cloud.store.feed_entry import FeedEntry
-    from eskin_cloud.store.feed_position import FeedPosition
+    from eskin_cloud.store.feed_entry import FeedEntry, FeedPosition
 
 _AT_ONCE: Final = 64
 """Entries of a client that reads what it missed."""

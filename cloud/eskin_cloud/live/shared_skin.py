@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
-from eskin.wire.frames.frame_parts import FrameHead, read_head
+from eskin.wire.frames.frame import FrameHead, read_head
 from eskin_cloud.store.read.patch_runs import runs_of_frames
 
 if TYPE_CHECKING:

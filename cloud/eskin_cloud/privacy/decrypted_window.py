@@ -18,7 +18,7 @@ from eskin.privacy.sealed_message import name_place
 from eskin.runtime.digest import digest
 from eskin.wire.frames import FrameSummary
 from eskin.wire.slot import slot_of
-from eskin_cloud.privacy.errors import ErasedError
+from eskin_cloud.privacy.key_access import ErasedError
 from eskin_cloud.privacy.sealed_rows import open_row
 from eskin_cloud.store.frame_row import FrameRow, fit_frame
 from eskin_cloud.store.read.lookup import find_channel

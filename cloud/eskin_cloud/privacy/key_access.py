@@ -13,13 +13,13 @@ from eskin.errors import KeyConflictError, NoKeyError, PrivacyError, StoreError
 from eskin.identity import IdentityKind
 from eskin.privacy import Decryptor
 from eskin_cloud.access import Scope
-from eskin_cloud.privacy.erasures import unapplied_erasures
-from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
 from eskin_cloud.store.row_digests import intact_rows
+from eskin_cloud.store.schema.sealed_tables import erased_subjects
 from eskin_cloud.store.schema.tables import node_sites
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from collections.abc import Set as AbstractSet
 
     from sqlalchemy import Connection
 
@@ -31,6 +31,30 @@ log = logging.getLogger(__name__)
 _COUNT: Final = select(func.count()).select_from(node_sites)
 _ERASURES_AGE_S: Final = 10.0
 """After so long without a look at erasures, the live feed sends nothing sealed."""
+
+
+class BiometricAccessError(PrivacyError):
+    """The caller may not read biometric channels here."""
+
+
+class ErasedError(PrivacyError):
+    """All that was asked for is of subjects whose keys are not here."""
+
+    def __init__(self, cause: NoKeyError) -> None:
+        super().__init__(f"nothing of this window can be read: {cause}")
+        self.erased = cause.erased
+
+
+def _unapplied_erasures(
+    connection: Connection, known: AbstractSet[tuple[str, str]]
+) -> set[tuple[str, str]]:
+    """Erased subjects, each with its site, that are not known; the store forgets none."""
+    counted = select(func.count()).select_from(erased_subjects)
+    if connection.execute(counted).scalar_one() <= len(known):
+        return set()
+    rows = connection.execute(select(erased_subjects)).mappings()
+    found = intact_rows(connection, erased_subjects, rows)
+    return {(row["site"], row["subject"]) for row in found} - known
 
 
 class Reader:
@@ -193,7 +217,7 @@ class KeyAccess:
                 rows = connection.execute(select(node_sites)).mappings()
                 intact = intact_rows(connection, node_sites, rows)
                 self._sites = {row["node"]: row["site"] for row in intact}
-            for site, subject in unapplied_erasures(connection, self._applied):
+            for site, subject in _unapplied_erasures(connection, self._applied):
                 if self.erase(site, subject):
                     log.info("erasure of another cloud applied: site=%s subject=%s", site, subject)
                 self._applied.add((site, subject))

@@ -8,7 +8,7 @@ from eskin.errors import BrokenSealError, MessageError
 from eskin.privacy import SealedMessage
 from eskin.wire.frames import Statements
 from eskin_cloud.store.damage import DamagedRow, report_damaged
-from eskin_cloud.store.write.statements import statement_rows
+from eskin_cloud.store.write.events import statement_rows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -19,7 +19,7 @@ from cryptography.hazmat.primitives.ciphers.aead import AESSIV
 
 from eskin.errors import QueryError
 from eskin.wire.slot import SLOTS
-from eskin_cloud.store.feed_position import FeedPosition
+from eskin_cloud.store.feed_entry import FeedPosition
 
 _NUMBER_BYTES: Final = 5
 """Of a number within a slot: a thousand messages a second for 34 years."""

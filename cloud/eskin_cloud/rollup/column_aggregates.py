@@ -3,6 +3,9 @@
 Times and counts are those of the rows, so columns that are sampled together have the same ones;
 they are kept once. Hulls are in the codes of the samples, in whole quanta, so they are exact where
 the samples' are; sums are kept as means, rounded outward to a sixteenth of the quantum.
+
+Each time a chunk changes, all sums in it are written anew. So a sum that is a whole number of
+quanta times its count must give the same quanta again, or bounds would drift apart.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import numpy as np
 
 from eskin.errors import MessageError
 from eskin.kernels.jit import kernel
+from eskin.kernels.outward_rounding import mul_down
 from eskin.wire.frames.column_codec import (
     ColumnCodes,
     columns_of,
@@ -25,7 +29,6 @@ from eskin.wire.frames.column_codec import (
 from eskin.wire.frames.sample_codec import COARSEST, FINEST
 from eskin.wire.messages.cbor_map import integer, items, load_any, octets, row
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates
-from eskin_cloud.rollup.mean_rounding import divide_down, multiply_down
 from eskin_cloud.store.patch_rows import compress, decompress
 
 if TYPE_CHECKING:
@@ -48,6 +51,37 @@ _MOST_BYTES: Final = 2**24
 _HASH_BYTES: Final = 64
 _COLUMNS: Final = 2**15
 """More channels than a node may have."""
+
+
+@kernel
+def _multiply_down(n: Integers, means: Floats) -> Floats:
+    """Lower bounds of counts times means."""
+    sums = np.empty(n.size)
+    for k in range(n.size):
+        sums[k] = means[k] if np.isinf(means[k]) else mul_down(np.float64(n[k]), means[k])
+    return sums
+
+
+@kernel
+def divide_down(sums: Floats, n: Integers, exponent: int) -> Floats:
+    """Divide sums by counts, rounded down to quanta of ``2^exponent``.
+
+    A mean times its count is no more than the sum.
+    """
+    means, quantum = np.empty(n.size), 2.0**exponent
+    for k in range(n.size):
+        count = np.float64(n[k])
+        mean = sums[k] / count
+        if not np.isinf(mean):
+            scaled = mean * 2.0**-exponent
+            if abs(scaled) < 2.0**52:
+                mean = (np.floor(scaled) + 1.0) * quantum
+            for _ in range(3):
+                if mul_down(count, mean) <= sums[k]:
+                    break
+                mean = min(mean - quantum, np.nextafter(mean, -np.inf))
+        means[k] = mean
+    return means
 
 
 class ColumnAggregates(NamedTuple):
@@ -218,7 +252,7 @@ def _as_aggregates(
     whole: Integers, hulls: tuple[Floats, Floats], means: tuple[Floats, Floats]
 ) -> Aggregates:
     n, coverage = whole[COUNT], whole[COVERAGE].view(np.float64)
-    sums = multiply_down(n, means[0]), -multiply_down(n, -means[1])
+    sums = _multiply_down(n, means[0]), -_multiply_down(n, -means[1])
     return Aggregates(*[*whole[:6], *hulls, *sums, coverage])
 
 

@@ -17,12 +17,12 @@ from sqlalchemy import and_, delete, func, select, tuple_
 
 from eskin.runtime.digest import digest
 from eskin.wire.frames import Sampling
-from eskin.wire.frames.frame_parts import read_head
+from eskin.wire.frames.frame import read_head
 from eskin.wire.slot import SLOTS
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.store.damage import FrameHeader, PatchRowHeader, is_intact_row
 from eskin_cloud.store.descriptions import find_intact_layout
-from eskin_cloud.store.feed_position import note_compacted
+from eskin_cloud.store.feed_entry import note_compacted
 from eskin_cloud.store.patch_rows import MOST_CELLS, encode_runs
 from eskin_cloud.store.patch_totals import add_rows
 from eskin_cloud.store.read.patch_runs import runs_of_frames

@@ -13,7 +13,7 @@ from sqlalchemy import and_, delete, exists, func, select, tuple_
 
 from eskin.privacy.sealed_message import read_page
 from eskin.wire.slot import key_of
-from eskin_cloud.store.feed_position import note_compacted
+from eskin_cloud.store.feed_entry import note_compacted
 from eskin_cloud.store.patch_totals import Place, subtract_rows
 from eskin_cloud.store.schema.frame_tables import frames, pages, patch_rows
 from eskin_cloud.store.schema.node_key import of_node, of_same_node

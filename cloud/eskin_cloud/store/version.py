@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import insert, inspect, select, text
 
 from eskin.errors import StoreError
-from eskin_cloud.store.feed_position import FEED_START
+from eskin_cloud.store.feed_entry import FEED_START
 from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows
 from eskin_cloud.store.schema.sealed_tables import sealed_messages

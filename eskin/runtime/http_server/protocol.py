@@ -17,10 +17,10 @@ from urllib.parse import urlsplit
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from eskin.runtime.http_server.connection_limits import make_room
-from eskin.runtime.http_server.counted_connection import (
+from eskin.runtime.http_server.connection_limits import (
     CALLER,
     CountedConnection,
+    make_room,
     source_name,
 )
 from eskin.runtime.http_server.problems import MEDIA_TYPE, details, kind_of

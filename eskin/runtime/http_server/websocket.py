@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from eskin.runtime.http_server.counted_connection import CALLER, CountedConnection
+from eskin.runtime.http_server.connection_limits import CALLER, CountedConnection
 
 if TYPE_CHECKING:
     from uvicorn._types import ASGISendEvent

@@ -10,7 +10,7 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
 from eskin.identity.certificates import common_name, public_key, thumbprint
-from eskin.wire.envelope.cose_labels import A256GCM
+from eskin.wire.envelope.header import A256GCM
 
 if TYPE_CHECKING:
     from cryptography import x509

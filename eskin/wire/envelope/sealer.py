@@ -9,7 +9,7 @@ import cbor2
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
 from eskin.identity.certificates import der, thumbprint
-from eskin.wire.envelope.cose_labels import (
+from eskin.wire.envelope.header import (
     A256GCM,
     ALG,
     CHAIN,
@@ -22,8 +22,8 @@ from eskin.wire.envelope.cose_labels import (
     SALT_BYTES,
     SENDER,
     SHA256_ID,
+    associated_data,
 )
-from eskin.wire.envelope.header import associated_data
 from eskin.wire.envelope.key_agreement import agree_key
 
 if TYPE_CHECKING:

@@ -19,8 +19,15 @@ from eskin.errors import (
     UntrustedCertificateError,
 )
 from eskin.identity.certificates import common_name, der, public_key
-from eskin.wire.envelope.cose_labels import ALG, ES256, SIGN1, SIGNATURE_BYTES, SIGNER_CHAIN
-from eskin.wire.envelope.header import load_header, read_tagged
+from eskin.wire.envelope.header import (
+    ALG,
+    ES256,
+    SIGN1,
+    SIGNATURE_BYTES,
+    SIGNER_CHAIN,
+    load_header,
+    read_tagged,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

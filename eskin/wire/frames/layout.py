@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 from eskin.errors import MessageError
 from eskin.wire.frames.content_hash import HASH_BYTES, content_hash
-from eskin.wire.frames.differences import FARTHEST, read_differences, write_differences
-from eskin.wire.frames.neighbours import Pairs, read_pairs, require_pairs, write_pairs
+from eskin.wire.frames.patch import (
+    FARTHEST,
+    Pairs,
+    read_differences,
+    read_pairs,
+    require_pairs,
+    write_differences,
+    write_pairs,
+)
 from eskin.wire.messages.cbor_map import MOST_BYTES, Fields, dump, integer, load, row, text
 from eskin.wire.messages.header import Kind
 

@@ -6,23 +6,36 @@ import math
 import re
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Final, Self, TypeAlias
 
 from eskin.errors import MessageError
 from eskin.wire.biometric import is_biometric
 from eskin.wire.frames.content_hash import content_hash
-from eskin.wire.frames.differences import FARTHEST, read_differences, write_differences
-from eskin.wire.frames.neighbours import Pairs, read_pairs, require_pairs, write_pairs
 from eskin.wire.frames.sample_codec import MOST_COLUMNS
-from eskin.wire.messages.cbor_map import Fields, dump, load, pair, real, text
+from eskin.wire.messages.cbor_map import (
+    Fields,
+    dump,
+    integer,
+    items,
+    load,
+    octets,
+    pair,
+    real,
+    text,
+)
 from eskin.wire.messages.command_schema import TAXEL
 from eskin.wire.messages.header import Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
+FARTHEST: Final = 100_000_000
+"""Of a position from the map's origin, in um: 100 m."""
+Pairs: TypeAlias = "tuple[tuple[int, int], ...]"
+_MOST_PAIRS: Final = 64 * 64
+"""All pairs of two patches."""
 Bounds: TypeAlias = "tuple[float, float]"
-
 _FIELDS: Final = frozenset(range(1, 17))
 _QUANTITY: Final = re.compile(r"[a-z][a-z0-9_]{0,30}")
 _NAME_LENGTH: Final = 31
@@ -30,6 +43,65 @@ _UNIT_LENGTH: Final = 16
 _LONGEST_SKEW: Final = 1_000_000_000_000
 WEARER: Final = "wearer"
 """The only subject that a node may name: who wears it, at the time of measurement."""
+
+
+def write_differences(values: Iterable[int]) -> list[int]:
+    """The first value, then how much each differs from the one before."""
+    listed = list(values)
+    before = [0, *listed[:-1]]
+    return [value - last for value, last in zip(listed, before, strict=False)]
+
+
+def read_differences(
+    value: object, what: str, least: int, most: int, *, count: int
+) -> tuple[int, ...]:
+    """The values of which differences were written.
+
+    Args:
+        value: An item that was decoded.
+        what: Names its field, for errors.
+        least: Least value that is allowed.
+        most: Greatest one.
+        count: How many there may be.
+
+    Raises:
+        MessageError: They are none, too many, or outside of these bounds.
+    """
+    steps = [integer(each, what, -2 * most, 2 * most) for each in items(value, what, count)]
+    values = tuple(accumulate(steps))
+    for each in values:
+        integer(each, what, least, most)
+    return values
+
+
+def write_pairs(pairs: Iterable[tuple[int, int]]) -> bytes:
+    """Two bytes a pair."""
+    return b"".join(map(bytes, pairs))
+
+
+def read_pairs(value: object, what: str) -> Pairs:
+    """Read pairs of columns.
+
+    Raises:
+        MessageError: It is no byte string of pairs.
+    """
+    data = octets(value, what, 2, 2 * _MOST_PAIRS)
+    if len(data) % 2:
+        raise MessageError(f"{what} has {len(data)} bytes; expected two a pair")
+    return tuple(zip(data[::2], data[1::2], strict=True))
+
+
+def require_pairs(pairs: Pairs, columns: tuple[int, int], what: str) -> None:
+    """Check that pairs are ascending, none twice, of columns that there are.
+
+    Raises:
+        MessageError: They are not.
+    """
+    if any(second <= first for first, second in pairwise(pairs)):
+        raise MessageError(f"{what} names pairs twice, or not in ascending order")
+    for one in pairs:
+        if not (0 <= one[0] < columns[0] and 0 <= one[1] < columns[1]):
+            raise MessageError(f"{what} names columns {one}; there are {columns}")
 
 
 class Privacy(IntEnum):

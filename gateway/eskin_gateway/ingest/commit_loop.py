@@ -14,7 +14,7 @@ from eskin.wire.messages import Acknowledgement, Status
 from eskin.wire.messages.acknowledgement import MOST_WANTED
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.topics import Stream, node_topic
-from eskin_gateway.ingest.node_messages import EncodedFrame
+from eskin_gateway.ingest.validator import EncodedFrame
 from eskin_gateway.metrics import RejectReason
 from eskin_gateway.publish import public_payloads
 from eskin_gateway.publish.frame_hulls import FrameHulls
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
     from eskin.wire.messages import Position
     from eskin_gateway.commands.publisher import CommandPublisher
-    from eskin_gateway.ingest.node_messages import Described
-    from eskin_gateway.ingest.validator import IngestResult, Validator
+    from eskin_gateway.ingest.validator import Described, IngestResult, Validator
     from eskin_gateway.metrics import Metrics
     from eskin_gateway.mqtt.receive_queue import ReceiveQueue
     from eskin_gateway.mqtt.sealer_cache import SealerCache

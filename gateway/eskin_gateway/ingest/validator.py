@@ -7,7 +7,7 @@ import logging
 import time
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from eskin.errors import (
     EskinError,
@@ -21,11 +21,10 @@ from eskin.errors import (
     UntrustedCertificateError,
 )
 from eskin.wire.envelope import MOST_ENVELOPE, Opened, introduction
-from eskin.wire.frames import DescribedLayout, Layout, Patch, Privacy, Statements
-from eskin.wire.messages import Position, Result, Status
-from eskin.wire.messages.cbor_map import MOST_COUNT, integer, load_any
+from eskin.wire.frames import DescribedLayout, FrameSummary, Layout, Patch, Privacy, Statements
+from eskin.wire.messages import Kind, Position, Result, Status
+from eskin.wire.messages.cbor_map import MOST_COUNT, integer, load, load_any
 from eskin.wire.topics import FROM_NODE, Stream, parse_node_topic
-from eskin_gateway.ingest.node_messages import Described, EncodedFrame, Numbered, decode
 from eskin_gateway.metrics import RejectReason
 from eskin_gateway.spool.batch import Batch, DeadLetter, SpoolMessage
 
@@ -43,12 +42,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _MAX_LOGGED_TOPIC: Final = 200
-_MESSAGE_TYPES: Final = {
-    Stream.FRAMES: (EncodedFrame,),
-    Stream.LAYOUTS: (Patch, Layout),
-    Stream.EVENTS: (Result, Statements),
-    Stream.STATUS: (Status,),
-}
 _REASONS: Final = (
     (MalformedEnvelopeError, RejectReason.MALFORMED),
     (UnknownRecipientError, RejectReason.WRONG_RECIPIENT),
@@ -58,6 +51,67 @@ _REASONS: Final = (
     (PrivacyError, RejectReason.INTERNAL_ERROR),
     (SpoolError, RejectReason.INTERNAL_ERROR),
 )
+
+
+class EncodedFrame(NamedTuple):
+    """A frame whose samples were checked, not kept.
+
+    Attributes:
+        summary: What it holds besides samples.
+        data: The frame.
+    """
+
+    summary: FrameSummary
+    data: bytes
+
+    @property
+    def position(self) -> Position:
+        """Boot and sequence."""
+        return self.summary.position
+
+    @property
+    def layout(self) -> bytes:
+        """Hash of the layout by which it is read."""
+        return self.summary.layout
+
+
+Described: TypeAlias = EncodedFrame | Statements
+"""A message that names a layout."""
+
+Numbered: TypeAlias = Status | Result | Described
+"""A message with a position."""
+
+_DECODERS: Final[dict[int, Callable[[bytes], Numbered | Patch | Layout]]] = {
+    Kind.STATUS: Status.decode,
+    Kind.RESULT: Result.decode,
+    Kind.FRAME: lambda data: EncodedFrame(FrameSummary.decode(data), data),
+    Kind.STATEMENTS: Statements.decode,
+    Kind.PATCH: Patch.decode,
+    Kind.LAYOUT: Layout.decode,
+}
+
+
+def decode(plaintext: bytes) -> Numbered | Patch | Layout:
+    """Decode a message; a frame without its samples, which are checked.
+
+    Raises:
+        MessageError: It is none.
+    """
+    # Field 1, the kind, is the first of a map whose head has one byte.
+    kind = plaintext[2] if len(plaintext) > 2 and plaintext[1] == 1 else 0
+    decoder = _DECODERS.get(kind)
+    if decoder is None:
+        kind = load(plaintext).integer(1, 0, 255)
+        raise MessageError(f"field 1 is {kind}; a node sends kinds {sorted(map(int, _DECODERS))}")
+    return decoder(plaintext)
+
+
+_MESSAGE_TYPES: Final = {
+    Stream.FRAMES: (EncodedFrame,),
+    Stream.LAYOUTS: (Patch, Layout),
+    Stream.EVENTS: (Result, Statements),
+    Stream.STATUS: (Status,),
+}
 
 
 @dataclass(slots=True)

@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from eskin_cloud.alarms.episodes import Episodes, Stretch
+from eskin_cloud.query.channel_runs import ChannelSource
 from eskin_cloud.query.formula_channels import channel_places, parse_formula
-from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.store import Store
 from eskin_cloud.store.read.lookup import find_channel

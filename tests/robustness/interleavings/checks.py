@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from typing import TYPE_CHECKING, Any, Final
 
+from eskin_cloud.rollup.hulls import read_ranges
 from eskin_cloud.rollup.patch_tile_builder import build
-from eskin_cloud.rollup.reading import read_ranges
-from eskin_cloud.store.feed_position import last_position
+from eskin_cloud.store.feed_entry import last_position
 from eskin_cloud.store.move import TABLES, move
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.row_digests import ROW_DIGEST, without_digest

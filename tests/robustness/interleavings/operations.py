@@ -12,7 +12,7 @@ from eskin_cloud.live.feed import Feed
 from eskin_cloud.privacy.subject_notice import SubjectNotice, note
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.rollup.samples import read_samples
-from eskin_cloud.store.feed_position import FEED_START, FeedPosition
+from eskin_cloud.store.feed_entry import FEED_START, FeedPosition
 from eskin_cloud.store.move import move
 from eskin_cloud.store.read.lookup import UnknownChannelError, find_channel
 from eskin_cloud.store.read.window import Window

@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
-from eskin_cloud.query.neighbourhood import ChannelSource
+from eskin_cloud.query.channel_runs import ChannelSource
 from eskin_cloud.query.series import Series, read_series
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.query.verdict_totals import total_verdicts

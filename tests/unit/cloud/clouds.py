@@ -21,7 +21,7 @@ from eskin_cloud.service import make_cloud
 from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from eskin_cloud.store import Store
 from eskin_cloud.store.descriptions import Description, read_description, store_descriptions
-from eskin_cloud.store.feed_position import FEED_START, FeedPosition
+from eskin_cloud.store.feed_entry import FEED_START, FeedPosition
 from eskin_cloud.store.schema.alarm_tables import alarm_state
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.tables import audit_log, feed, metadata, versions

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from eskin_cloud.alarms.evaluator import Evaluator
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.store.descriptions import find_layout
-from eskin_cloud.store.feed_position import last_position
+from eskin_cloud.store.feed_entry import last_position
 from eskin_cloud.store.schema.alarm_tables import monitors
 from eskin_cloud.store.write.alarms import apply_changes, list_alarms, take_lease
 from eskin_cloud.store.write.monitors import MonitorDefinition, put_monitor, settle_monitors
@@ -20,7 +20,7 @@ from tests.unit.cloud.messages import NODE
 
 if TYPE_CHECKING:
     from eskin_cloud.store import Store
-    from eskin_cloud.store.feed_position import FeedPosition
+    from eskin_cloud.store.feed_entry import FeedPosition
     from sqlalchemy import Connection, RowMapping
 
 

@@ -7,8 +7,8 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from eskin_cloud.live.entry_reader import EntryReader
+from eskin_cloud.live.sse_encoder import Subscription
 from eskin_cloud.live.stream import stream
-from eskin_cloud.live.subscription import Subscription
 
 from tests.unit.cloud.clouds import position
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
     from eskin_cloud.access import Scope
-    from eskin_cloud.store.feed_position import FeedPosition
+    from eskin_cloud.store.feed_entry import FeedPosition
 
     from tests.unit.cloud.clouds import Stand
 

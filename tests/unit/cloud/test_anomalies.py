@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_cloud.query.neighbourhood import ChannelSource
+from eskin_cloud.query.channel_runs import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window

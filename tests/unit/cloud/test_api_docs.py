@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import jsonschema_rs
 import pytest
-from eskin_cloud.api.description import operations
+from eskin_cloud.api.openapi import operations
 from eskin_cloud.api.problems import PROBLEMS
 from eskin_cloud.app import gateway_application, people_application
 

@@ -12,8 +12,8 @@ from eskin_cloud.ingest.batch import read_batch
 from eskin_cloud.ingest.errors import MalformedBatchError
 from eskin_cloud.settings import GatewaysSection
 from eskin_cloud.store.schema.tables import dead_letters
+from eskin_cloud.store.write.events import statement_rows
 from eskin_cloud.store.write.presence import MOST_LAG
-from eskin_cloud.store.write.statements import statement_rows
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import select, text

@@ -11,7 +11,7 @@ import pytest
 from eskin_cloud.access import Scope, create_token
 from eskin_cloud.query.opaque_ids import OpaqueIds
 from eskin_cloud.store import Store
-from eskin_cloud.store.feed_position import FEED_START
+from eskin_cloud.store.feed_entry import FEED_START
 from eskin_cloud.store.location import writing_engine
 from eskin_cloud.store.schema.tables import versions
 from sqlalchemy import update

@@ -10,10 +10,10 @@ import pytest
 from eskin_cloud.api.middleware.answer import DAMAGED
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.rollup.buckets import Buckets
+from eskin_cloud.rollup.hulls import read_ranges
 from eskin_cloud.rollup.patch_tile_builder import build
-from eskin_cloud.rollup.reading import read_ranges
 from eskin_cloud.rollup.samples import read_buckets
-from eskin_cloud.store.feed_position import FEED_START
+from eskin_cloud.store.feed_entry import FEED_START
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import Window
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows, patch_tiles

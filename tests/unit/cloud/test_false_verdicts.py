@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_cloud.query.channel_runs import as_signal
-from eskin_cloud.query.false_verdicts import YEAR, SampledChannel, false_a_year
-from eskin_cloud.query.stored_verdicts import StoredVerdicts
+from eskin_cloud.query.stored_verdicts import YEAR, SampledChannel, StoredVerdicts, false_a_year
 from eskin_cloud.rollup.samples import read_samples
 from eskin_cloud.store.read.window import Window
 from hypothesis import HealthCheck, given, settings

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
+from eskin_cloud.query.channel_runs import ChannelSource
 from eskin_cloud.query.export import Export, ExportChannel
-from eskin_cloud.query.neighbourhood import ChannelSource
 from eskin_cloud.query.series import read_series
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.store.read.lookup import UnknownChannelError, find_channel

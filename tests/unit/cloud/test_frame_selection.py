@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eskin_cloud.live.frame_selection import PATIENCE_NS, StretchFilter
+from eskin_cloud.live.frame_encoder import PATIENCE_NS, StretchFilter
 from eskin_cloud.store.feed_entry import FeedEntry
 from hypothesis import given
 from hypothesis import strategies as st

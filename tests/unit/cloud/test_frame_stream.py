@@ -19,7 +19,7 @@ from eskin_cloud.api.dependencies import cookie_name
 from eskin_cloud.api.middleware import answer
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.settings import LiveSection
-from eskin_cloud.store.feed_position import FEED_START
+from eskin_cloud.store.feed_entry import FEED_START
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from eskin.wire.frames import Frame

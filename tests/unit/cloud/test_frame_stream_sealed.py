@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import cbor2
 import pytest
-from eskin_cloud.live.frame_selection import FrameSelection
+from eskin_cloud.live.frame_encoder import FrameSelection
 from eskin_cloud.live.frame_stream import FrameStream
-from eskin_cloud.store.feed_position import FEED_START
+from eskin_cloud.store.feed_entry import FEED_START
 
 from eskin.wire.frames import Frame
 from eskin.wire.messages import Position

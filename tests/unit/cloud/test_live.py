@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_cloud.live.frame_hulls import read_hulls
-from eskin_cloud.live.subscription import Subscription
+from eskin_cloud.live.sse_encoder import Subscription
 from eskin_cloud.settings import LiveSection
 
 from eskin.wire.timestamp import format_timestamp
@@ -38,9 +38,7 @@ pytestmark = pytest.mark.anyio
 async def test_subscriber_hears_what_is_ingested_in_order(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "eskin_cloud.live.backpressure.PATIENCE_S", math.inf
-    )  # however slowly it reads
+    monkeypatch.setattr("eskin_cloud.live.stream.PATIENCE_S", math.inf)  # however slowly it reads
     hearing = asyncio.create_task(take(stand, 5))
     await stand.ingest(batch(status(0), stretch(1), peak(2)))
     await stand.ingest(batch(stretch(1), gap(3), stretch(4)))
@@ -132,10 +130,8 @@ async def test_slow_subscriber_misses_nothing_and_costs_no_memory(
 async def test_slow_subscriber_gets_fewer_and_wider_hulls(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eskin_cloud.live.backpressure.PAUSE_S", 1e-9)
-    monkeypatch.setattr(
-        "eskin_cloud.live.backpressure.PATIENCE_S", -1.0
-    )  # however quickly it reads
+    monkeypatch.setattr("eskin_cloud.live.stream.PAUSE_S", 1e-9)
+    monkeypatch.setattr("eskin_cloud.live.stream.PATIENCE_S", -1.0)  # however quickly it reads
 
     def said(first: int, moment: int) -> Frame:
         lo = np.random.default_rng(first).normal(size=10)
@@ -179,7 +175,7 @@ async def test_slow_subscriber_gets_hulls_until_there_is_room_at_once(
 ) -> None:
     now = [0.0]
     monkeypatch.setattr("eskin_cloud.live.stream.time", SimpleNamespace(monotonic=lambda: now[0]))
-    monkeypatch.setattr("eskin_cloud.live.backpressure.PAUSE_S", 1e-9)
+    monkeypatch.setattr("eskin_cloud.live.stream.PAUSE_S", 1e-9)
     stated = []
     async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
         await anext(slow)
@@ -196,8 +192,8 @@ async def test_slow_subscriber_gets_hulls_until_there_is_room_at_once(
 async def test_what_was_missed_is_stated_in_full_also_to_a_slow_client(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eskin_cloud.live.backpressure.PAUSE_S", 1e-9)
-    monkeypatch.setattr("eskin_cloud.live.backpressure.PATIENCE_S", -1.0)
+    monkeypatch.setattr("eskin_cloud.live.stream.PAUSE_S", 1e-9)
+    monkeypatch.setattr("eskin_cloud.live.stream.PATIENCE_S", -1.0)
     await stand.ingest(batch(*(stretch(n) for n in range(200))))
     heard = await take(stand, 200)
     assert [int(event["id"]) for event in heard] == list(range(1, 201))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_cloud.live.subscription import Subscription
+from eskin_cloud.live.sse_encoder import Subscription
 from eskin_cloud.store import Store
 
 from eskin.errors import StoreError
@@ -138,8 +138,8 @@ async def test_channel_narrows_frames_to_its_column(stand: Stand) -> None:
 async def test_slow_reader_gets_fewer_and_wider_hulls_without_a_hole(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eskin_cloud.live.backpressure.PAUSE_S", 1e-9)
-    monkeypatch.setattr("eskin_cloud.live.backpressure.PATIENCE_S", -1.0)
+    monkeypatch.setattr("eskin_cloud.live.stream.PAUSE_S", 1e-9)
+    monkeypatch.setattr("eskin_cloud.live.stream.PATIENCE_S", -1.0)
     described(stand)
     said = [frame(k, page=1, at=k * LENGTH, seed=k) for k in range(4)]
     late = frame(9, page=1, at=9 * LENGTH, seed=9)  # some are missing before it

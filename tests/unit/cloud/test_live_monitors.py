@@ -16,7 +16,7 @@ from eskin_cloud.alarms.evaluator import Evaluator
 from eskin_cloud.alarms.live_monitor import LiveMonitor
 from eskin_cloud.jobs.monitors import evaluate_monitors
 from eskin_cloud.live import Feed
-from eskin_cloud.query.neighbourhood import ChannelSource
+from eskin_cloud.query.channel_runs import ChannelSource
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.store.descriptions import _layouts as kept_layouts
 from eskin_cloud.store.descriptions import _patches as kept_patches

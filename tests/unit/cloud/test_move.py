@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 from eskin_cloud.service import only_one
 from eskin_cloud.store import Store
-from eskin_cloud.store.feed_position import last_position
+from eskin_cloud.store.feed_entry import last_position
 from eskin_cloud.store.move import TABLES, move
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.write.clock_state import ClockReading, save_clock

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_cloud.api.live import EventStream
-from eskin_cloud.live.backpressure import (
+from eskin_cloud.live.stream import (
     LONGEST_PAUSE_S,
     LONGEST_REST_S,
     PATIENCE_S,

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from eskin_cloud.jobs.retention import sweep
+from eskin_cloud.rollup.hulls import read_ranges
 from eskin_cloud.rollup.patch_tile_builder import build
-from eskin_cloud.rollup.reading import read_ranges
 from eskin_cloud.settings import RetentionSection
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.schema.frame_tables import frames, patch_rows, patch_tiles

@@ -13,9 +13,9 @@ from eskin_cloud.rollup import patch_tile_builder
 from eskin_cloud.rollup.aggregates import Aggregates
 from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.column_aggregates import ColumnAggregates, pack, unpack
+from eskin_cloud.rollup.hulls import read_ranges
 from eskin_cloud.rollup.patch_tile_builder import build
 from eskin_cloud.rollup.patch_tiles import fold_chunks
-from eskin_cloud.rollup.reading import read_ranges
 from eskin_cloud.rollup.samples import read_buckets, read_samples
 from eskin_cloud.store import Store
 from eskin_cloud.store.compaction import Due, compact_frames, find_compactable_frames

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 from eskin_cloud.settings import StoreSection
 from eskin_cloud.store import Store, version
-from eskin_cloud.store.feed_position import FEED_START, last_position
+from eskin_cloud.store.feed_entry import FEED_START, last_position
 from eskin_cloud.store.schema.frame_tables import frames, pages
 from eskin_cloud.store.schema.tables import (
     audit_log,

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_cloud.live.subscription import Subscription
-from eskin_cloud.store.feed_position import FEED_START
+from eskin_cloud.live.sse_encoder import Subscription
+from eskin_cloud.store.feed_entry import FEED_START
 
 from tests.unit.cloud.clouds import batch, position
 from tests.unit.cloud.messages import peak, stretch

@@ -12,10 +12,10 @@ import cbor2
 import pytest
 from eskin_cloud.access import Scope
 from eskin_cloud.jobs.retention import sweep
-from eskin_cloud.live.frame_selection import FrameSelection
+from eskin_cloud.live.frame_encoder import FrameSelection
 from eskin_cloud.live.frame_stream import FrameStream
 from eskin_cloud.settings import RetentionSection
-from eskin_cloud.store.feed_position import FEED_START
+from eskin_cloud.store.feed_entry import FEED_START
 from eskin_cloud.store.schema.frame_tables import frames, pages
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, removals, sealed_messages
 from eskin_cloud.store.schema.tables import dead_letters, events

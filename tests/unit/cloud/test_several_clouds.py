@@ -12,7 +12,7 @@ from eskin_cloud.live.feed import read_entries
 from eskin_cloud.privacy import key_access
 from eskin_cloud.service import make_cloud
 from eskin_cloud.store import Store
-from eskin_cloud.store.feed_position import FEED_START
+from eskin_cloud.store.feed_entry import FEED_START
 
 from eskin.errors import NoKeyError, PrivacyError, StoreError
 from eskin.runtime.settings import KeysSection

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from eskin_cloud.store import Store
-from eskin_cloud.store.feed_position import last_position
+from eskin_cloud.store.feed_entry import last_position
 from eskin_cloud.store.schema.frame_tables import descriptions, frames, pages
 from eskin_cloud.store.schema.tables import (
     dead_letters,

@@ -19,7 +19,7 @@ from eskin_cloud.live import Feed
 from eskin_cloud.query.opaque_ids import OpaqueIds, UnknownCursorError
 from eskin_cloud.service import make_cloud
 from eskin_cloud.store import Store
-from eskin_cloud.store.feed_position import FEED_START, FeedPosition, last_position, share
+from eskin_cloud.store.feed_entry import FEED_START, FeedPosition, last_position, share
 from eskin_cloud.store.notify import NoticeSender
 from eskin_cloud.store.schema.frame_tables import frames
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, sealed_messages

@@ -10,8 +10,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from eskin_cloud.query import stored_verdicts
-from eskin_cloud.query.channel_runs import as_signal
-from eskin_cloud.query.neighbourhood import ChannelSource
+from eskin_cloud.query.channel_runs import ChannelSource, as_signal
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
 from eskin_cloud.query.verdict_totals import VerdictTotals, total_verdicts
 from eskin_cloud.rollup.samples import read_samples

@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from eskin_cloud.live.sse_encoder import Subscription
 from eskin_cloud.live.stream import stream
-from eskin_cloud.live.subscription import Subscription
 from eskin_cloud.query.opaque_ids import OpaqueIds, UnknownCursorError
-from eskin_cloud.store.feed_position import FEED_START
+from eskin_cloud.store.feed_entry import FEED_START
 
 from eskin.wire.messages import Position
 from eskin.wire.timestamp import SECOND
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from eskin_cloud.store.feed_position import FeedPosition
+    from eskin_cloud.store.feed_entry import FeedPosition
 
     from tests.support.identities import Identities
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from eskin.runtime.http_server.counted_connection import CALLER
+from eskin.runtime.http_server.connection_limits import CALLER
 from eskin.runtime.http_server.listener import Listener, bind
 from eskin.runtime.http_server.protocol import LOCALHOST, PROMPT, HttpLimits
 from tests.unit.eskin.passing import LONG_S, outlast

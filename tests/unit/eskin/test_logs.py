@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.runtime.log_throttle import BURST, WINDOW_S, LogThrottle, Source
-from eskin.runtime.logs import LogFormatter, ThrottledHandler
+from eskin.runtime.logs import BURST, WINDOW_S, LogFormatter, LogThrottle, Source, ThrottledHandler
 from eskin.runtime.printable import printable, printable_lines
 
 EVENT = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z [A-Z]+ \S+ ")

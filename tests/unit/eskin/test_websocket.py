@@ -14,7 +14,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, ConnectionClosedError, InvalidStatus
 
 from eskin.identity import IdentityKind, client_context, server_context
-from eskin.runtime.http_server.counted_connection import CALLER
+from eskin.runtime.http_server.connection_limits import CALLER
 from eskin.runtime.http_server.protocol import LOCALHOST, HttpLimits
 from eskin.runtime.http_server.websocket import WINDOW_BYTES
 from tests.support.websocket_closing import close_code

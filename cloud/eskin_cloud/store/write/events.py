@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import TYPE_CHECKING, Final
 
 import orjson
 from sqlalchemy import insert
 
+from eskin.wire.frames import Because
 from eskin.wire.slot import key_of
 from eskin_cloud.store.feed_entry import FeedEntry
 from eskin_cloud.store.row_digests import empty_row
 from eskin_cloud.store.schema.tables import events, nodes
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from sqlalchemy import Connection
 
+    from eskin.wire.frames import Contact, DescribedLayout, Gap, MonitorVerdict, Peak, Statements
     from eskin.wire.messages import Position, Status
     from eskin_cloud.store.write.write_cache import Row, WriteCache
 
-ENERGY: Final = ("stored_lo", "stored_hi", "charge_lo", "charge_hi", "sustained", "shedding")
+
+_ENERGY: Final = ("stored_lo", "stored_hi", "charge_lo", "charge_hi", "sustained", "shedding")
 """Columns of a node's energy."""
 _EMPTY: Final = empty_row(events)
 
@@ -99,6 +105,94 @@ def _energy(status: Status) -> Row:
     """The node's energy; ``None`` values for a node with mains supply."""
     energy = status.energy
     if energy is None:
-        return dict.fromkeys(ENERGY)
+        return dict.fromkeys(_ENERGY)
     values = (*energy.stored, *energy.charge, int(energy.verdict), int(energy.shedding))
-    return dict(zip(ENERGY, values, strict=True))
+    return dict(zip(_ENERGY, values, strict=True))
+
+
+def statement_rows(
+    node: str, statements: Statements, described: DescribedLayout, data: bytes
+) -> Iterator[Row]:
+    """The rows, without cursors; the first holds the message.
+
+    Args:
+        node: The node.
+        statements: What it stated.
+        described: The layout by which it is read.
+        data: The message's bytes.
+    """
+    rows = chain(
+        (_peak_row(node, statements, each, described) for each in statements.peaks),
+        (_contact_row(node, statements, each) for each in statements.contacts),
+        (_verdict_row(node, statements, each) for each in statements.verdicts),
+        (_gap_row(node, statements, each, described) for each in statements.gaps),
+    )
+    for number, row in enumerate(rows):
+        yield row if number else row | {"data": data}
+
+
+def _peak_row(node: str, said: Statements, peak: Peak, described: DescribedLayout) -> Row:
+    patch = described.patches[peak.patch]
+    return event_row(
+        node,
+        "peak",
+        said.position,
+        peak.time,
+        channel=patch.channels[peak.column],
+        verdict=peak.verdict.name.lower(),
+        count_lo=peak.counts[0],
+        count_hi=peak.counts[1],
+        height_lo=peak.height[0],
+        height_hi=peak.height[1],
+        prominence_lo=peak.prominence[0],
+        prominence_hi=peak.prominence[1],
+        unit=patch.unit,
+        coverage=peak.coverage,
+    )
+
+
+def _contact_row(node: str, said: Statements, contact: Contact) -> Row:
+    links = [{"contact": each.contact, "verdict": each.verdict.name.lower()}
+             for each in contact.links]  # fmt: skip
+    detail = {
+        "label": contact.label,
+        "cells": contact.cells,
+        "force": contact.force,
+        "centroid": contact.centroid,
+        "links": links,
+    }
+    return event_row(
+        node,
+        "contact",
+        said.position,
+        contact.time,
+        verdict=contact.verdict.name.lower(),
+        count_lo=contact.counts[0],
+        count_hi=contact.counts[1],
+        coverage=contact.coverage,
+        detail=orjson.dumps(detail).decode(),
+    )
+
+
+def _verdict_row(node: str, said: Statements, verdict: MonitorVerdict) -> Row:
+    because = [each.name.lower() for each in Because if each in verdict.because and each.name]
+    detail = {"monitor": verdict.monitor, "final": verdict.final, "because": because}
+    return event_row(
+        node,
+        "verdict",
+        said.position,
+        verdict.time,
+        verdict=verdict.verdict.name.lower(),
+        coverage=verdict.coverage,
+        detail=orjson.dumps(detail).decode(),
+    )
+
+
+def _gap_row(node: str, said: Statements, gap: Gap, described: DescribedLayout) -> Row:
+    counts = ((gap.messages, "message"), (gap.samples, "sample"))
+    lost = [f"{count} {what}{'s' * (count != 1)}" for count, what in counts if count]
+    detail = f"{gap.reason}: {' and '.join(lost)} lost" if lost else gap.reason
+    if gap.patches:
+        names = ", ".join(described.patches[patch].patch_id for patch in gap.patches)
+        detail += f"; patches {names}"
+    return event_row(node, "gap", said.position, gap.time, detail=detail)

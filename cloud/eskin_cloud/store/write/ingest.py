@@ -30,7 +30,7 @@ from eskin_cloud.store.schema.tables import dead_letters, events
 from eskin_cloud.store.write.bulk_insert import bulk_insert
 from eskin_cloud.store.write.commands import store_result
 from eskin_cloud.store.write.duplicates import MAX_RANGES
-from eskin_cloud.store.write.events import event_row, status_row
+from eskin_cloud.store.write.events import event_row, statement_rows, status_row
 from eskin_cloud.store.write.layouts import accept_layouts
 from eskin_cloud.store.write.missing_messages import (
     describe_flash_rollback,
@@ -52,7 +52,6 @@ from eskin_cloud.store.write.presence import (
     record_sealed_lag,
 )
 from eskin_cloud.store.write.removal_counts import RemovalReason, Sweep, record_removal
-from eskin_cloud.store.write.statements import statement_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

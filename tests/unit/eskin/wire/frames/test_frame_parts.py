@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from eskin.errors import MessageError
 from eskin.interval import Interval
 from eskin.wire.frames import Frame, Grid, PatchSamples
-from eskin.wire.frames.frame_parts import read_head, replace_sequence, select_patches
+from eskin.wire.frames.frame import read_head, replace_sequence, select_patches
 from eskin.wire.messages import Position
 from tests.unit.eskin.wire.frames.examples import FRAME, LAYOUT, PALM
 
