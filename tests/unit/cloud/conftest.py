@@ -30,7 +30,7 @@ def clock() -> Clock:
 
 ALONE: Final = {f"tests.unit.cloud.test_{room}" for room in (
     "access", "chore", "client", "compared", "damaged_rows", "description",
-    "gatekeeper", "http", "limits", "odd_requests", "onlookers", "rollup_rates", "subject_export",
+    "gatekeeper", "http", "limits", "odd_requests", "rollup_rates", "subject_export",
     "withheld",
 )}  # fmt: skip
 """Tests that run on SQLite alone, because they do not depend on the kind of store."""
