@@ -50,7 +50,7 @@ PATRONI_NEEDS := tests/system/patroni/requirements.txt
 # What builds Citus, in `make test-cluster SOURCE=DIR` and `make chaos ARGS=--citus SOURCE=DIR`.
 CITUS_PACKAGES := $(if $(PG_CONFIG),,postgresql-server-dev-15 libkrb5-dev liblz4-dev libzstd-dev libssl-dev)
 
-.PHONY: help demo test test-compose test-cluster lint bench soak chaos powercut fuzz simulate interleavings model nightly scan lock docs dashboard install system clean
+.PHONY: help demo test test-nightly test-compose test-cluster lint bench soak chaos powercut fuzz simulate interleavings model nightly scan lock docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -61,6 +61,10 @@ demo: $(VENV)/.runtime $(DASHBOARD_BUILT) ## Run the whole stack on this machine
 test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed $(RTAMT)/.installed system ## Run the tests, without the nightly ones (installs Mosquitto, PostgreSQL, Prometheus, Chromium and SoftHSM on Debian)
 	$(BIN)/pytest --numprocesses 4 --dist loadscope --no-loadscope-reorder $(ARGS)
 	services/npm.sh $(DASHBOARD) test
+
+test-nightly: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed $(RTAMT)/.installed $(TLC)/.installed $(PATRONI)/.installed system ## Run the tests that are marked nightly: make test leaves them out, CI runs them
+	@services/install_test_packages.sh openjdk-17-jre-headless
+	$(BIN)/pytest --numprocesses 4 --dist loadscope --no-loadscope-reorder -m nightly $(ARGS)
 
 test-compose: $(VENV)/.development ## Bring docker-compose.yml up on a real container engine and check it (root)
 	@services/install_test_packages.sh docker.io docker-compose debootstrap

@@ -141,6 +141,7 @@ def test_store_from_before_a_node_names_all_of_it_though_the_node_says_nothing(
     spool.close()
 
 
+@pytest.mark.nightly
 def test_node_that_the_restored_cloud_refuses_is_named_by_the_gateway(
     tmp_path: Path, identities: Identities
 ) -> None:

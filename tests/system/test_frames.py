@@ -92,6 +92,7 @@ def test_spooled_frames_reach_a_later_cloud_with_their_layout(stack: RealStack) 
     require_no_dead_letters(stack.spool, stack.store)
 
 
+@pytest.mark.nightly
 def test_gateway_that_lacks_the_layouts_takes_over(stack_of_two: RealStack) -> None:
     stack = stack_of_two
     first, second = stack.gateways

@@ -57,6 +57,7 @@ def guarded(tmp_path: Path) -> Iterator[Guarded]:
             yield Guarded(own, broker)
 
 
+@pytest.mark.nightly
 def test_revoked_node_is_out_and_stays_out(guarded: Guarded) -> None:
     palm = guarded.own.make(IdentityKind.NODE, "palm")
     with guarded.party(guarded.own.node) as lost, guarded.party(palm) as other:

@@ -49,6 +49,7 @@ def waiting(spool: Path) -> int:
     return int(number)
 
 
+@pytest.mark.nightly
 def test_kill_of_a_cloud_loses_and_doubles_nothing(stack: RealStack) -> None:
     """All viewers, of whichever cloud, see each sample once; one of them goes on at another."""
     names = numbered("skin", _NODES)
@@ -84,6 +85,7 @@ def test_kill_of_a_cloud_loses_and_doubles_nothing(stack: RealStack) -> None:
         assert [viewer.breaks > 0 for viewer in viewers] == [True, False, False]
 
 
+@pytest.mark.nightly
 def test_message_is_a_duplicate_at_each_cloud(stack: RealStack) -> None:
     """All that is stored is brought again, to all clouds at once."""
     with Store(stack.place) as store, store.read() as connection:

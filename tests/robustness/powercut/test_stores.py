@@ -13,7 +13,7 @@ from tests.robustness.powercut.stores import STORES
 if TYPE_CHECKING:
     from pathlib import Path
 
-IMAGES = {"flash": 25, "spool": 25, "store": 12}
+IMAGES = {"flash": 12, "spool": 25, "store": 6}
 
 
 @pytest.fixture(scope="module")

@@ -60,6 +60,7 @@ def test_seeds_draw_each_kind_of_fault() -> None:
     assert drawn == set(KINDS)
 
 
+@pytest.mark.nightly
 def test_same_seed_is_the_same_history_in_another_process() -> None:
     histories = set()
     for hash_seed in ("1", "2"):
@@ -71,6 +72,7 @@ def test_same_seed_is_the_same_history_in_another_process() -> None:
     assert b"all rest: " in histories.pop()
 
 
+@pytest.mark.nightly
 def test_bug_is_found_and_shrinks(parties: Parties, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(NodeState, "is_duplicate", lambda *_: False)
 

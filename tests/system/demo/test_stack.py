@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import httpx
+import pytest
 
 from eskin.identity import Identity
 from eskin.wire.timestamp import parse_timestamp
@@ -20,8 +21,6 @@ from tests.support.skin_watcher import Seen
 from tests.unit.services.party import Party
 
 if TYPE_CHECKING:
-    import pytest
-
     from tests.support.demos import RunningDemo
 
 NODES = {"fingertip", "palm", "forearm", "hand"}
@@ -77,6 +76,7 @@ def next_frames_of_hand(demo: RunningDemo, count: int) -> list[tuple[int, ...]]:
     return sorted(found)[:count]
 
 
+@pytest.mark.nightly
 def test_watching_changes_nothing_that_a_node_sends(demo: RunningDemo, tmp_path: Path) -> None:
     unwatched = next_frames_of_hand(demo, FRAMES)
     seen, port = tmp_path / "seen", httpx.URL(demo.access["url"]).port

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 EACH = 25
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("condition", CONDITIONS, ids=lambda each: each.name)
 def test_no_certain_gesture_is_wrong_and_none_is_missed(
     condition: Condition, tmp_path: Path

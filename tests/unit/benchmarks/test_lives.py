@@ -31,6 +31,7 @@ def failed(found: list[Life]) -> list[str]:
     return [row.name for row in summarise(found) if row.met is False]
 
 
+@pytest.mark.nightly
 def test_no_statement_about_a_life_is_wrong(lived: list[Life]) -> None:
     assert failed(lived) == []
     for life in lived:

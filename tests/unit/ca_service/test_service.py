@@ -262,11 +262,16 @@ def test_expired_token_is_refused(tmp_path: Path) -> None:
     ("content", "words"),
     [
         ('[ca]\ndirectory = "d"\nprot = 1\n', "ca.prot: no such setting"),
-        ('[ca]\ndirectory = "d"\nport = "x"\n', "ca.port: 'x' is not allowed"),
-        ("[ca]\n", "ca.directory: is missing"),
-        (
+        pytest.param(
+            '[ca]\ndirectory = "d"\nport = "x"\n',
+            "ca.port: 'x' is not allowed",
+            marks=pytest.mark.nightly,
+        ),
+        pytest.param("[ca]\n", "ca.directory: is missing", marks=pytest.mark.nightly),
+        pytest.param(
             '[ca]\ndirectory="d"\n[[identity]]\nkind="node"\nname="a.b"\ndirectory="d"',
             "no name of a node",
+            marks=pytest.mark.nightly,
         ),
         ("[authority\n", "is no TOML"),
     ],
@@ -285,6 +290,7 @@ def test_bad_configuration_is_one_clear_line_and_status_2(
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.nightly
 def test_configuration_is_named_by_the_environment_too(tmp_path: Path) -> None:
     config = tmp_path / "ca.toml"
     config.write_text("[ca]\n")

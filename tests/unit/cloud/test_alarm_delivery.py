@@ -167,6 +167,7 @@ def test_each_change_is_delivered_in_order_over_refusals_hangs_and_kills(
     assert len(set().union(*keys.values())) == 6
 
 
+@pytest.mark.nightly
 def test_alertmanager_shows_an_alarm_until_it_is_cleared(
     tmp_path: Path, identities: Identities, webhook: Webhook
 ) -> None:

@@ -116,6 +116,7 @@ async def test_store_rejects_changes_of_the_log(stand: Stand, change: str) -> No
     ]
 
 
+@pytest.mark.nightly
 @settings(
     max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

@@ -35,6 +35,7 @@ def fill(place: Path) -> None:
         put(store, *said)
 
 
+@pytest.mark.nightly
 def test_export_breaks_off_when_its_token_is_revoked(
     tmp_path: Path, identities: Identities
 ) -> None:

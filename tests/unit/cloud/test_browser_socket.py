@@ -9,6 +9,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING, Any
 
 import cbor2
+import pytest
 from eskin_cloud.access import create_login_code
 from eskin_cloud.store import Store
 from playwright.sync_api import sync_playwright
@@ -56,6 +57,7 @@ def other_site() -> Iterator[str]:
         thread.join()
 
 
+@pytest.mark.nightly
 def test_browser_opens_a_stream_from_our_page_alone(tmp_path: Path, identities: Identities) -> None:
     with Service(tmp_path / "cloud", identities) as service:
         with Store(service.place) as store:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
+import pytest
 import schemathesis
 from eskin_cloud.access import Scope, create_token
 from eskin_cloud.app import gateway_application, people_application
@@ -49,6 +50,7 @@ def validate(schema: Any, headers: dict[str, str]) -> int:
     return count
 
 
+@pytest.mark.nightly
 def test_people_are_answered_as_described(stand: Stand) -> None:
     put(stand.cloud.store, status(0), stretch(1), peak(2), gap(3))
     headers = operator(stand)

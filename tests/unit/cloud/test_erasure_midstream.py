@@ -97,7 +97,9 @@ async def ask(
     return status, sent, whole
 
 
-@pytest.mark.parametrize("erase", [erase_here, erase_elsewhere])
+@pytest.mark.parametrize(
+    "erase", [erase_here, pytest.param(erase_elsewhere, marks=pytest.mark.nightly)]
+)
 @pytest.mark.parametrize("question", QUESTIONS.values(), ids=QUESTIONS)
 async def test_answer_under_way_ends_with_the_erasure(
     stand: Stand, site: Site, question: tuple[str, str], erase: Callable[[Stand, str], None]

@@ -182,6 +182,7 @@ def pieces(store: Store, media: str) -> Iterator[bytes]:
     return write(media, asked.read(None), asked.window)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("media", list(WRITERS))
 def test_memory_does_not_grow_with_the_export(store: Store, media: str) -> None:
     def fill(first: int, last: int) -> None:

@@ -324,6 +324,7 @@ async def test_flood_of_messages_closes_the_stream(stand: Stand) -> None:
         assert await close_code(connection) == 1008
 
 
+@pytest.mark.nightly
 async def test_a_thousand_upgrades_leave_room_for_others(
     tmp_path: Path, identities: Identities
 ) -> None:

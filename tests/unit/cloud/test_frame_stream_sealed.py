@@ -94,7 +94,14 @@ async def received(stand: Stand, *, sealed: bool, backlog: int) -> list[Any]:
     return found
 
 
-@pytest.mark.parametrize("backlog", [10_000, 12, 5])
+@pytest.mark.parametrize(
+    "backlog",
+    [
+        pytest.param(10_000, marks=pytest.mark.nightly),
+        12,
+        pytest.param(5, marks=pytest.mark.nightly),
+    ],
+)
 async def test_what_is_sealed_shows_in_no_message(
     two: tuple[Stand, Stand], site: Site, backlog: int
 ) -> None:

@@ -136,6 +136,7 @@ def test_command_moves_everything_and_draws_a_progress_bar(
     check(target, source)
 
 
+@pytest.mark.nightly
 def test_command_draws_nothing_into_a_file(source: Path, cluster: Cluster, tmp_path: Path) -> None:
     target = cluster.fresh(empty=True)
     words = ("cloud", "move", "--config", settings_for(tmp_path, target), "--from", str(source))

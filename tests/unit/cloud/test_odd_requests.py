@@ -70,6 +70,7 @@ def is_answered_well(answer: httpx.Response) -> bool:
     return answer.status_code < 500 and (answer.status_code < 400 or problem)
 
 
+@pytest.mark.nightly
 async def test_odd_requests_are_no_fault_of_ours(stand: Stand) -> None:
     stand.cloud.dashboard.mkdir()
     (stand.cloud.dashboard / "index.html").write_text("<p>here</p>")

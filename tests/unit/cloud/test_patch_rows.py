@@ -122,6 +122,7 @@ def test_a_column_that_is_not_there_is_refused(runs: list[PatchRun]) -> None:
         decode_column(encode_runs(runs), runs[0].lo.shape[1])
 
 
+@pytest.mark.nightly
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data(), runs=frames_of_a_patch())
 def test_other_bytes_are_refused_or_read_as_intervals(

@@ -138,6 +138,7 @@ def test_unit_of_another_process_counts(store: Store) -> None:
         assert connection.execute(select(nodes.c.sequence)).scalar_one() == 4
 
 
+@pytest.mark.nightly
 def test_unreachable_server_is_reported_and_retries_store_once(
     cluster: Cluster, store: Store
 ) -> None:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from eskin_cloud.store import Store
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("seed", "frames"),
     [(0, 4), *(pytest.param(seed, 7, marks=pytest.mark.nightly) for seed in range(2))],
@@ -76,6 +77,7 @@ def test_rate_a_thousand_times_lower_keeps_the_tiles(store: Store) -> None:
     assert lowest_level(store) == grain
 
 
+@pytest.mark.nightly
 def test_channel_at_the_beginning_of_time_is_built_and_exported(store: Store) -> None:
     first, ms = -(2**63) + 1, 10**6
     fast = [

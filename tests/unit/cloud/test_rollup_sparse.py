@@ -39,6 +39,7 @@ def drawn(random: np.random.Generator, sequence: int) -> Frame:
     return stretch(sequence, *sides, time=(begin, begin + int(random.integers(0, 5))), dt=dt)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("seed", "steps"),
     [(0, 2), *(pytest.param(seed, 4, marks=pytest.mark.nightly) for seed in range(3))],

@@ -104,6 +104,7 @@ def drawn(random: np.random.Generator, length: int) -> Window:
     return Window(start, start + span)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("number_of_frames", [2400, pytest.param(6000, marks=pytest.mark.nightly)])
 def test_random_windows_of_a_built_store_are_answered_from_few_rows(
     store: Store, number_of_frames: int, monkeypatch: pytest.MonkeyPatch

@@ -40,7 +40,10 @@ def make_token(service: Service, scopes: tuple[Scope, ...]) -> str:
         return create_token(store, scopes=list(scopes), name="s", lifetime=timedelta(hours=1))
 
 
-@pytest.mark.parametrize("visitor", VISITORS)
+@pytest.mark.parametrize(
+    "visitor",
+    ["all", *(pytest.param(name, marks=pytest.mark.nightly) for name in VISITORS if name != "all")],
+)
 def test_everybody_is_answered_as_described(service: Service, visitor: str) -> None:
     url = f"http://127.0.0.1:{service.port}"
     reader = {"Authorization": f"Bearer {make_token(service, (Scope.READ,))}"}

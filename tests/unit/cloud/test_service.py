@@ -207,6 +207,7 @@ def test_name_that_dns_led_here_gets_nothing(standing: Service, path: str) -> No
             assert client.get(path, headers={"Host": host}).status_code == 200
 
 
+@pytest.mark.nightly
 def test_address_that_a_proxy_names_is_not_loopback(tmp_path: Path, identities: Identities) -> None:
     more = 'names = ["skin.example"]\nproxies = ["127.0.0.0/8"]\n'
     with Service(tmp_path, identities, more=more) as service, service.people("x") as client:
@@ -221,6 +222,7 @@ def test_body_of_a_person_is_bounded(standing: Service) -> None:
         assert client.post("/api/v1/nodes/x/commands", content=b"x" * 65_536).status_code != 413
 
 
+@pytest.mark.nightly
 def test_renewed_certificate_is_taken_without_a_restart(
     service: Service, identities: Identities
 ) -> None:
@@ -248,6 +250,7 @@ def test_second_cloud_on_the_same_store_is_refused(
     assert "another cloud" in other.output()
 
 
+@pytest.mark.nightly
 def test_people_come_by_https_where_there_is_a_certificate(
     tmp_path: Path, identities: Identities
 ) -> None:
@@ -263,6 +266,7 @@ def test_people_come_by_https_where_there_is_a_certificate(
         assert service.stop() == 0
 
 
+@pytest.mark.nightly
 def test_port_in_use_is_said_in_one_line(standing: Service, tmp_path: Path) -> None:
     config = (
         Path(standing.argv[-1]).read_text().replace(str(standing.place), str(tmp_path / "other"))
@@ -318,6 +322,7 @@ def test_every_setting_is_described() -> None:
     assert needed == {"gateways.identity"}
 
 
+@pytest.mark.nightly
 def test_unusable_identity_is_named(tmp_path: Path, identities: Identities) -> None:
     service = Service(tmp_path, identities, more=f"identity = '{tmp_path}'\n")
     Running.start(service)

@@ -82,7 +82,9 @@ def test_each_message_is_stored_once_in_any_order_also_after_reopening(
         assert numbers(cursors) == list(range(1, len(seen) + 1))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(n, marks=pytest.mark.nightly) for n in range(1, 4))]
+)
 def test_batch_leaves_what_its_messages_leave_one_by_one(seed: int, place: StoreLocation) -> None:
     """Any sequence of nodes, boots, channels, units and times."""
     items = list(drawn_items(Random(seed)))  # noqa: S311 - no secret

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from typing import TYPE_CHECKING
 
+import pytest
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -16,6 +18,7 @@ def loaded(place: Path, *how: str) -> set[str]:
     return set(stated.stdout.split())
 
 
+@pytest.mark.nightly
 def test_first_messages_load_nothing_after_the_warm_up(tmp_path: Path) -> None:
     cold = loaded(tmp_path / "cold.sqlite")
     assert {

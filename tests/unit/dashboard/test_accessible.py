@@ -38,6 +38,7 @@ SPOKEN = """
 """
 
 
+@pytest.mark.nightly
 def test_everything_in_the_overview_has_a_name(replay: Replay, visit: Visit) -> None:
     (gateway,) = replay.get("/gateways")["items"]
     # The fingertip is shown as a picture.
@@ -99,6 +100,7 @@ def test_everything_on_a_channel_has_a_name(visit: Visit) -> None:
     assert all("height" in name or "peaks, " in name for name in peaks)
 
 
+@pytest.mark.nightly
 def test_everything_on_the_login_has_a_name(demo: RunningDemo, browser: Browser) -> None:
     with visiting(browser, demo.access["url"]) as visit:
         visit.page.goto(f"{demo.access['url']}/login")
@@ -131,6 +133,7 @@ def test_tabulator_reaches_the_skin_and_then_the_charts(visit: Visit, recorded: 
     assert [stop for stop in stops if stop["id"] != "BODY" and not stop["ring"]] == []
 
 
+@pytest.mark.nightly
 def test_tabulator_reaches_the_peaks_of_a_chart_and_the_questions_after_it(
     visit: Visit, recorded: int
 ) -> None:
@@ -170,6 +173,7 @@ def test_channel_and_peak_open_by_key_and_keep_the_focus_on_the_page(
     wait_until(lambda: visit.evaluate("location.hash") != before, "the peak is shown from near")
 
 
+@pytest.mark.nightly
 def test_enter_opens_the_channel_of_a_chart(visit: Visit, recorded: int) -> None:
     window = history("palm", recorded - 2 * SECOND, recorded)
     visit.open(window)
@@ -186,6 +190,7 @@ def test_enter_opens_the_channel_of_a_chart(visit: Visit, recorded: int) -> None
     assert visit.evaluate("() => document.querySelector('main').contains(document.activeElement)")
 
 
+@pytest.mark.nightly
 def test_shift_and_arrows_move_by_half_a_window(visit: Visit, recorded: int) -> None:
     start, end = recorded - 2 * SECOND, recorded
     visit.open(history(CHANNEL, start, end))
@@ -200,6 +205,7 @@ def test_shift_and_arrows_move_by_half_a_window(visit: Visit, recorded: int) -> 
     assert int(visit.chart()["xMax"]) == pytest.approx(end - SECOND, abs=20)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("key", ["l", "L"])
 def test_chart_goes_live_by_small_and_capital_letter(visit: Visit, recorded: int, key: str) -> None:
     visit.open(history(CHANNEL, recorded - SECOND, recorded))
@@ -209,6 +215,7 @@ def test_chart_goes_live_by_small_and_capital_letter(visit: Visit, recorded: int
     visit.wait_for_chart(mode="live")
 
 
+@pytest.mark.nightly
 def test_letter_alone_does_nothing_outside_of_a_chart(visit: Visit, recorded: int) -> None:
     start, end = recorded - SECOND, recorded
     visit.open(history(CHANNEL, start, end))
@@ -221,6 +228,7 @@ def test_letter_alone_does_nothing_outside_of_a_chart(visit: Visit, recorded: in
     assert visit.wait_for_window((start, end)) == moved
 
 
+@pytest.mark.nightly
 def test_escape_takes_the_box_away_that_covers_the_picture(visit: Visit) -> None:
     visit.open(f"{CHANNEL}?live=10s")
     visit.wait_for_chart(mode="live")

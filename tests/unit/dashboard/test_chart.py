@@ -89,6 +89,7 @@ def test_live_chart_shows_no_break_where_the_stream_follows_the_store(visit: Vis
     wait_until(unbroken, "the band is drawn without a break")
 
 
+@pytest.mark.nightly
 def test_zoom_goes_down_to_single_samples(visit: Visit, recorded: int) -> None:
     visit.open(history("palm/t01.energy", recorded - 2000 * MS, recorded))
     visit.wait_for_chart(resolution="hull")
@@ -116,6 +117,7 @@ def test_link_opens_the_same_view(visit: Visit, recorded: int) -> None:
     assert {name: second[name] for name in names} == {name: first[name] for name in names}
 
 
+@pytest.mark.nightly
 def test_keys_move_and_zoom_the_window(visit: Visit) -> None:
     visit.open("fingertip/t02.capacitance?live=10s")
     begin = visit.wait_for_chart(mode="live")["xMin"]
@@ -143,6 +145,7 @@ def test_keys_move_and_zoom_the_window(visit: Visit) -> None:
     visit.wait_for_chart(mode="live")
 
 
+@pytest.mark.nightly
 def test_samples_that_are_known_are_shown_without_a_question(
     replay: Replay, visit: Visit, recorded: int
 ) -> None:
@@ -170,6 +173,7 @@ def test_samples_that_are_known_are_shown_without_a_question(
     wait_until(lambda: visit.asked("/series/") > known, "what is not known is asked for")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [{}, FINE])
 def test_both_axes_are_labelled(visit: Visit, recorded: int) -> None:
     visit.open(history("palm/t01.energy", recorded - 2000 * MS, recorded))

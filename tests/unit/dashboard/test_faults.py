@@ -66,6 +66,7 @@ def test_session_that_ends_leads_to_the_login(
         assert visit.page.evaluate("location.pathname") == "/login"
 
 
+@pytest.mark.nightly
 def test_login_leads_to_the_requested_view(demo: RunningDemo, browser: Browser) -> None:
     with visiting(browser, demo.access["url"]) as visit:
         visit.page.goto(f"{demo.access['url']}/#/palm/t01.area?live=30s")
@@ -102,6 +103,7 @@ def test_page_that_comes_back_from_the_login_can_leave_again(
         assert len(tries) == 1
 
 
+@pytest.mark.nightly
 def test_health_is_unknown_while_the_cloud_cannot_be_reached(visit: Visit) -> None:
     visit.open("")
     badge = visit.page.locator("[data-node=palm] [data-testid=node-health]")

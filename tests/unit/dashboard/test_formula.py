@@ -81,6 +81,7 @@ def test_formula_is_marked_and_summed_up(
     assert live_visit.page.get_by_test_id("formula").input_value() == FORMULA
 
 
+@pytest.mark.nightly
 def test_formula_that_is_refused_says_where(live_visit: Visit, live_recorded: int) -> None:
     live_visit.open(history(CHANNEL, live_recorded - 3 * SECOND, live_recorded))
     live_visit.wait_for_chart(mode="history")
@@ -132,6 +133,7 @@ def test_strip_under_the_chart_shows_all_verdicts(
     assert looks == shown
 
 
+@pytest.mark.nightly
 def test_strip_says_why_by_mouse_and_by_key(
     demo: RunningDemo, live_visit: Visit, live_recorded: int
 ) -> None:
@@ -166,6 +168,7 @@ def test_strip_says_why_by_mouse_and_by_key(
     tip.wait_for(state="hidden")
 
 
+@pytest.mark.nightly
 def test_formula_is_completed_by_key_and_by_mouse(live_visit: Visit, live_recorded: int) -> None:
     page = live_visit.page
     live_visit.open(history(CHANNEL, live_recorded - 3 * SECOND, live_recorded))

@@ -84,6 +84,7 @@ def drag(visit: Visit, start: tuple[float, float], end: tuple[float, float]) -> 
     mouse.up()
 
 
+@pytest.mark.nightly
 def test_wheel_zooms_about_the_instant_under_the_pointer(visit: Visit, recorded: int) -> None:
     wide = opened(visit, recorded)
     plot = plot_of(visit)
@@ -196,6 +197,7 @@ def test_live_chart_stands_still_during_a_drag(replay: Replay, visit: Visit) -> 
     assert selected == cut(held, plot.share(0.5), plot.share(0.9))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("button", "start", "end"),
     [
@@ -213,6 +215,7 @@ def test_button_moves_the_window(
     assert visit.wait_for_window(before) == cut(before, start, end)
 
 
+@pytest.mark.nightly
 def test_all_shows_everything_and_live_goes_back(
     replay: Replay, visit: Visit, recorded: int
 ) -> None:
@@ -262,6 +265,7 @@ def test_one_finger_pans(visit: Visit, recorded: int) -> None:
     assert after == moved(before, shift)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [PHONE])
 @pytest.mark.parametrize(
     ("before", "after"),

@@ -41,6 +41,7 @@ def pressed(samples: dict[str, tuple[float, float]], level: float) -> str:
     return f"{bounds} of {len(samples)} pressed"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("taxel", TAXELS)
 def test_taxels_above_a_typed_level_are_counted(
     replay: Replay, visit: Visit, recorded: int, taxel: str

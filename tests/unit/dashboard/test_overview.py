@@ -93,6 +93,7 @@ def test_gateway_and_store_are_shown_beside_all_nodes(replay: Replay, visit: Vis
     card.wait_for(state="hidden")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [{"viewport": {"width": 1280, "height": 800}}, PHONE])
 def test_card_of_a_node_tells_its_battery_and_its_gaps(visit: Visit) -> None:
     def drain(route: Route) -> None:
@@ -151,6 +152,7 @@ def test_every_channel_without_a_picture_has_a_live_chart_that_moves(
     assert all(now["coverage"].startswith("coverage ") for now in panels().values())
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [PHONE])
 @pytest.mark.parametrize("place", ["", "palm/t01.energy?live=10s&above=5e-12"])
 def test_phone_width_overflows_nowhere(visit: Visit, place: str) -> None:
@@ -164,6 +166,7 @@ def test_phone_width_overflows_nowhere(visit: Visit, place: str) -> None:
     assert page <= window
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [{"viewport": {"width": 1280, "height": 800}}, PHONE])
 def test_cards_of_six_nodes_are_shown_whole(visit: Visit) -> None:
     def double(route: Route) -> None:

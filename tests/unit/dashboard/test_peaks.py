@@ -94,6 +94,7 @@ def test_certain_and_possible_peaks_carry_different_shapes(replay: Replay, visit
     assert {(one["verdict"], one["inside"]) for one in found} == set(INSIDE.items())
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [{"viewport": {"width": 700, "height": 800}}])
 def test_peak_buttons_follow_their_peaks_on_resize(replay: Replay, visit: Visit) -> None:
     held: list[Route] = []
@@ -124,6 +125,7 @@ def test_peak_buttons_follow_their_peaks_under_the_pointer(visit: Visit) -> None
         visit.page.wait_for_timeout(130)
 
 
+@pytest.mark.nightly
 def test_listed_events_carry_different_symbols(visit: Visit) -> None:
     visit.open("palm/t01.energy")
     symbols = {}

@@ -59,6 +59,7 @@ def test_painted_tube_encloses_what_is_predicted(live_visit: Visit, live_recorde
     assert area.count("1") < 0.8 * len(area), "a plot that is painted all over tells nothing"
 
 
+@pytest.mark.nightly
 def test_anomalies_are_marked_and_summed_up(
     demo: RunningDemo, live_visit: Visit, live_recorded: int
 ) -> None:
@@ -100,6 +101,7 @@ def test_anomalies_are_marked_and_summed_up(
     assert sum(lane()) / len(lane()) == pytest.approx(time["lo"] / 3, abs=0.1)
 
 
+@pytest.mark.nightly
 def test_answer_that_comes_before_the_models_stays(visit: Visit, recorded: int) -> None:
     held: list[Route] = []
 
@@ -119,6 +121,7 @@ def test_answer_that_comes_before_the_models_stays(visit: Visit, recorded: int) 
     assert said.is_visible()
 
 
+@pytest.mark.nightly
 def test_what_cannot_be_compared_is_said(visit: Visit, recorded: int) -> None:
     window = history(CHANNEL, recorded - SECOND, recorded)
     visit.open(f"{window}&model=touch.energy&origin=2026-01-01T00:00:00Z")

@@ -78,6 +78,7 @@ def row(visit: Visit, name: str) -> Locator:
     return visit.page.locator(f"[data-testid=reflex][data-monitor={name}]")
 
 
+@pytest.mark.nightly
 def test_verdicts_and_levels_look_different_and_are_said_in_words(visit: Visit) -> None:
     Answers(
         visit,
@@ -114,6 +115,7 @@ def test_lamp_follows_the_node(visit: Visit) -> None:
     assert "not as desired yet" in grip.inner_text()
 
 
+@pytest.mark.nightly
 def test_node_without_monitors_shows_no_reflexes(visit: Visit) -> None:
     visit.open("fingertip")
     wait_until(lambda: visit.asked("/nodes/fingertip/monitors") > 0, "it is asked")
@@ -135,6 +137,7 @@ def commanded(demo: RunningDemo) -> Iterator[None]:
                 yield
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("commanded")
 def test_each_statement_of_a_running_node_is_shown_soon(live_visit: Visit) -> None:
     live_visit.open("fingertip", shows="[data-testid=reflex]")
@@ -151,6 +154,7 @@ def test_each_statement_of_a_running_node_is_shown_soon(live_visit: Visit) -> No
     assert state[1] == levels[state[0]]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [PHONE])
 def test_reflexes_fit_a_phone(visit: Visit) -> None:
     formula = (

@@ -137,6 +137,7 @@ def test_name_of_what_is_possible_hides_none_of_what_is_certain(visit: Visit) ->
     assert labels(visit).filter(visible=True).all_inner_texts() == ["swipe →"]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [MOVING])
 def test_arrow_goes_from_begin_to_end_on_the_skin(visit: Visit) -> None:
     Answers(visit, lambda _, end: [swipe(end - SECOND // 2, end - SECOND // 5)])
@@ -155,6 +156,7 @@ def test_arrow_goes_from_begin_to_end_on_the_skin(visit: Visit) -> None:
     assert label["x"] + label["width"] <= plate["x"] + plate["width"] + 1
 
 
+@pytest.mark.nightly
 def test_window_of_the_past_is_asked_once_and_shown_at_its_moment(
     skins: SkinCloud, visit: Visit
 ) -> None:
@@ -175,6 +177,7 @@ def test_window_of_the_past_is_asked_once_and_shown_at_its_moment(
     assert answers.windows == [(end - 7 * SECOND, end + SECOND)]
 
 
+@pytest.mark.nightly
 def test_skin_of_which_the_cloud_finds_no_gestures_is_not_asked_again(visit: Visit) -> None:
     answers = Answers(visit, lambda *_: [], status=422)
     visit.open("glove", shows=VIEW)
@@ -186,6 +189,7 @@ def test_skin_of_which_the_cloud_finds_no_gestures_is_not_asked_again(visit: Vis
     visit.troubles.clear()
 
 
+@pytest.mark.nightly
 def test_overview_asks_for_no_gestures(visit: Visit) -> None:
     answers = Answers(visit, lambda *_: [])
     visit.open("", shows=VIEW)

@@ -119,6 +119,7 @@ def test_contacts_are_labelled_with_forces_that_the_cloud_stated(
         assert hi - lo < 1.2 * (core["force"][1] - core["force"][0])
 
 
+@pytest.mark.nightly
 def test_click_opens_a_taxels_chart_and_escape_closes_it(visit: Visit) -> None:
     visit.open("hand", shows=VIEW)
     wait_for_picture(visit)
@@ -140,6 +141,7 @@ def test_click_opens_a_taxels_chart_and_escape_closes_it(visit: Visit) -> None:
     assert "taxels" not in visit.evaluate("location.hash")
 
 
+@pytest.mark.nightly
 def test_box_opens_the_charts_of_the_hardest_pressed_taxels(visit: Visit) -> None:
     visit.open("hand", shows=VIEW)
     wait_for_picture(visit)
@@ -156,6 +158,7 @@ def test_box_opens_the_charts_of_the_hardest_pressed_taxels(visit: Visit) -> Non
     wait_until(lambda: panels.count() == 0, "all are closed")
 
 
+@pytest.mark.nightly
 def test_keys_move_between_taxels_and_words_name_them(visit: Visit) -> None:
     visit.open("glove", shows=VIEW)
     visit.page.get_by_test_id("skin-stage").focus()
@@ -174,6 +177,7 @@ def test_keys_move_between_taxels_and_words_name_them(visit: Visit) -> None:
     panel.wait_for()
 
 
+@pytest.mark.nightly
 def test_space_stops_the_picture_and_the_film_plays_on(visit: Visit) -> None:
     visit.open("hand", shows=VIEW)
     wait_for_picture(visit)
@@ -245,6 +249,7 @@ def test_missing_page_is_unknown_while_the_others_go_on(skins: SkinCloud, visit:
     wait_until(lambda: fact(visit, "newest") > before, "the others are drawn")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("drawn", [False, True])
 def test_frames_of_the_past_are_not_shown_as_the_present(
     skins: SkinCloud, visit: Visit, *, drawn: bool
@@ -324,6 +329,7 @@ def test_channels_are_grouped_filtered_and_made_when_seen(visit: Visit) -> None:
     wait_until(lambda: visit.newest() > before, "its chart is fed by the frames")
 
 
+@pytest.mark.nightly
 def test_quantity_can_be_chosen(visit: Visit) -> None:
     visit.open("glove", shows=VIEW)
     visit.page.get_by_test_id("skin-quantity").select_option("temperature")
@@ -335,6 +341,7 @@ def test_quantity_can_be_chosen(visit: Visit) -> None:
     wait_until(lambda: "°C" in words.inner_text(), "a taxel's temperature is stated")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [PHONE])
 @pytest.mark.parametrize("place", ["", "hand"])
 def test_phone_shows_the_whole_hand_and_overflows_nowhere(visit: Visit, place: str) -> None:
@@ -351,6 +358,7 @@ def test_phone_shows_the_whole_hand_and_overflows_nowhere(visit: Visit, place: s
     assert box["y"] + box["height"] <= 844
 
 
+@pytest.mark.nightly
 def test_overview_begins_with_the_largest_skin(visit: Visit) -> None:
     def turn(route: Route) -> None:
         answer = route.fetch()

@@ -89,6 +89,7 @@ def wait_for_more(visit: Visit, channel: str) -> None:
     wait_until(lambda: end() > begin + 2 * SECOND, f"{channel} goes on")
 
 
+@pytest.mark.nightly
 def test_without_nodes_the_page_says_so_until_one_comes(visit: Visit) -> None:
     visit.page.route(
         "**/api/v1/nodes", lambda route: route.fulfill(json={"items": [], "next": None})
@@ -155,6 +156,7 @@ def test_channels_that_cannot_be_loaded_can_be_asked_for_again(visit: Visit) -> 
     refused(visit)
 
 
+@pytest.mark.nightly
 def test_node_without_channels_and_unknown_channel_are_said(visit: Visit) -> None:
     visit.page.route("**/api/v1/nodes", undescribe)
     visit.open("palm/t01.taste?live=10s", shows=notice("empty", ".grid >"))
@@ -164,6 +166,7 @@ def test_node_without_channels_and_unknown_channel_are_said(visit: Visit) -> Non
     said.get_by_text("palm has no channels yet").wait_for()
 
 
+@pytest.mark.nightly
 def test_history_that_cannot_be_loaded_can_be_asked_for_again(visit: Visit, recorded: int) -> None:
     visit.page.route(SERIES, refuse)
     visit.open(history(CHANNEL, recorded - SECOND, recorded), shows=notice("error", ".panel"))
@@ -192,6 +195,7 @@ def test_live_channel_that_cannot_be_loaded_says_so_until_it_is_there(visit: Vis
     refused(visit)
 
 
+@pytest.mark.nightly
 def test_history_that_is_not_there_yet_is_loading(visit: Visit, recorded: int) -> None:
     held: list[Route] = []
 
@@ -304,6 +308,7 @@ def test_no_network_is_said_until_it_is_back(visit: Visit) -> None:
     visit.troubles.clear()  # the browser itself complains of each request without a network
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("live_recorded")
 def test_silence_of_a_node_is_said_until_it_speaks(demo: RunningDemo, live_visit: Visit) -> None:
     live_visit.open("forearm/t01.distance?live=10s")

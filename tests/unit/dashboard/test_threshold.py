@@ -110,6 +110,7 @@ def test_complaint_stays_while_the_window_moves_and_goes_with_its_question(
     assert level.get_attribute("aria-invalid") is None
 
 
+@pytest.mark.nightly
 def test_answer_tells_how_often_it_began(visit: Visit, recorded: int) -> None:
     start, end = recorded - 3 * SECOND, recorded
     visit.open(history("palm/t01.energy", start, end))

@@ -111,6 +111,7 @@ def test_what_is_no_range_is_said_beside_the_field(
     assert complaint.inner_text() == ""
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "length"), [("1h", 1), ("24h", 24), ("7d", 7 * 24), ("30d", 30 * 24)]
 )
@@ -150,6 +151,7 @@ def test_last_hour_ends_with_the_newest_data(visit: Visit, recorded: int) -> Non
     assert end >= recorded
 
 
+@pytest.mark.nightly
 def test_times_are_worked_by_keys(visit: Visit, recorded: int) -> None:
     visit.open(history(CHANNEL, recorded - SECOND, recorded))
     before = visit.wait_for_window(None)

@@ -70,6 +70,7 @@ class Ring:
     next: Ring
 
 
+@pytest.mark.nightly
 def test_what_is_there_once_settled_is_looked_at_no_more() -> None:
     there = [[number] for number in range(1000)]
     ring = Ring()

@@ -80,6 +80,7 @@ def test_texts_pass_where_they_are_utf8(text: bytes) -> None:
         require_plain(data, "message")
 
 
+@pytest.mark.nightly
 def test_hostile_texts_cost_no_memory() -> None:
     gc.collect()
     before = len(gc.get_objects())

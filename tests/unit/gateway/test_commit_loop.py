@@ -5,13 +5,14 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
+import pytest
+
 from eskin.wire.frames import DescribedLayout
 from eskin.wire.topics import Stream, live_topic, node_topic
 from tests.support.processes import wait_until
 from tests.unit.gateway.messages import CHANNEL, frame, status
 
 if TYPE_CHECKING:
-    import pytest
     from eskin_gateway.mqtt.transport import ReceivedMessage
     from eskin_gateway.spool.batch import Batch
 
@@ -165,6 +166,7 @@ def test_nodes_stay_online_while_the_broker_is_away(inside: Inside, seal: Seal) 
 BODY = frame(1).encode()
 
 
+@pytest.mark.nightly
 def test_nodes_expire_also_under_constant_load(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -24,6 +24,7 @@ FRAMES = 400  # of 8 kB: half as much again as the spool holds
 SKIN = SkinOf(patch(0, 64))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("mode", ["flooded", "slow"])
 def test_overload_reaches_the_node_and_nothing_is_lost(
     settings: GatewaySettings, cloud: StubCloud, node: WireNode, mode: str

@@ -83,6 +83,7 @@ def test_brown_out_loses_nothing_in_flash_and_records_a_gap(tmp_path: Path) -> N
     bench.close()
 
 
+@pytest.mark.nightly
 def test_load_is_shed_before_brown_out_and_sleep_is_a_gap(tmp_path: Path) -> None:
     # Touches fill it again, but only while most load is shed.
     weaker = STRONG | {"piezo_gain": 1e4}

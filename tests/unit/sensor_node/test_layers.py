@@ -55,8 +55,6 @@ def test_no_kind_knows_another_one() -> None:
 
 def test_only_registry_and_datasets_name_kinds() -> None:
     naming = {
-        str(file.relative_to(ROOM).parent)
-        for file in ROOM.rglob("*.py")
-        if kinds_named(file)
+        str(file.relative_to(ROOM).parent) for file in ROOM.rglob("*.py") if kinds_named(file)
     }
     assert naming == {"kinds", "tools/dataset"}

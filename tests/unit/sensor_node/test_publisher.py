@@ -264,6 +264,7 @@ def test_lossy_and_narrow_air_delays_and_loses_nothing(
     assert bench.traffic.received > 0
 
 
+@pytest.mark.nightly
 @its_broker(drain_s=60.0)
 def test_stop_waits_for_acknowledgements_in_the_pipe(
     bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+@pytest.mark.nightly
 def test_hand_plays_its_scenario_and_every_frame_holds_its_truth(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "hand")
     bench.run_to(25.0)

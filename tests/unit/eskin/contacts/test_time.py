@@ -111,7 +111,9 @@ def track(scenes: list[Scene]) -> ContactTracks:
     return track_contacts(lo, hi, times_of(len(scenes)), scenes[0].skin, THRESHOLD)
 
 
-@pytest.mark.parametrize(("draw", "seed"), [(draw_grid, 5), (draw_graph, 6)])
+@pytest.mark.parametrize(
+    ("draw", "seed"), [pytest.param(draw_grid, 5, marks=pytest.mark.nightly), (draw_graph, 6)]
+)
 def test_begin_and_end_hold_in_all_worlds(
     draw: Callable[[np.random.Generator, int], Skin], seed: int
 ) -> None:

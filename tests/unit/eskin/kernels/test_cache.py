@@ -57,6 +57,7 @@ def waits(process: subprocess.Popen[str]) -> bool:
     return any(each.suffix == ".lock" for each in opened)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("value", "said", "kept"), [("5.0", ["2.5", "1"], "1"), ("7", ["3.5", "0"], "2")]
 )
@@ -70,6 +71,7 @@ def test_second_process_waits_for_the_first_and_compiles_only_what_is_new(
     assert tell(folder, "3.0", value) == ["1.5", said[0], kept]
 
 
+@pytest.mark.nightly
 def test_death_of_the_first_leaves_the_kernel_to_the_second(
     folder: Path, first: subprocess.Popen[str]
 ) -> None:
@@ -79,6 +81,7 @@ def test_death_of_the_first_leaves_the_kernel_to_the_second(
         assert second.communicate(timeout=SLOWEST_S)[0].split() == ["2.5", "0"]
 
 
+@pytest.mark.nightly
 def test_process_that_is_stopped_while_it_compiles_is_not_waited_for(
     folder: Path, first: subprocess.Popen[str]
 ) -> None:

@@ -54,6 +54,7 @@ def _ask(folder: Path) -> list[str]:
     return done.stdout.split()
 
 
+@pytest.mark.nightly
 def test_change_of_a_part_deep_inside_reaches_the_kernel(tmp_path: Path) -> None:
     (tmp_path / "inner.py").write_text(PART.format(added=1.0))
     (tmp_path / "middle.py").write_text(MIDDLE)
@@ -65,6 +66,7 @@ def test_change_of_a_part_deep_inside_reaches_the_kernel(tmp_path: Path) -> None
     assert _ask(tmp_path) == ["21.0", "1"]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("constant", "read"),
     [

@@ -79,6 +79,7 @@ def test_damaged_code_is_never_given(damage: Callable[[bytes, int], bytes], shar
         assert file.load(KEY) == "again"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("damage", [_cut, pytest.param(_blank, marks=pytest.mark.nightly)])
 def test_program_starts_on_damaged_files(
     tmp_path: Path, damage: Callable[[bytes, int], bytes]

@@ -91,6 +91,7 @@ def _terms(box: dict[str, Interval], i: int) -> float:
     return 4.0 * np.pi * frequency * charge
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", sorted(HUMPED))
 def test_width_is_that_of_dense_members(name: str) -> None:
     case = CASES[name]

@@ -113,6 +113,7 @@ pads = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.nightly
 @given(st.data(), pads, st.booleans(), st.sampled_from([4, 12]))
 @settings(max_examples=150, deadline=None)
 def test_pressures_are_the_firmware_s_to_the_byte(

@@ -116,6 +116,7 @@ def test_pages_hold_frames_of_any_samples(rows: int) -> None:
         assert len(frame.encode()) <= frame.limit == frame_limit(sizes, rows) <= 65_536
 
 
+@pytest.mark.nightly
 def test_four_controllers_share_a_hand_evenly() -> None:
     shares = [planned(HAND, nodes=4, node=f"n{k}") for k in range(4)]
     assert len({plan.layout.content_hash for plan in shares}) == 1

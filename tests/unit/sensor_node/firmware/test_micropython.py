@@ -85,7 +85,14 @@ def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.Monk
     assert under_micropython(recorder.job, tmp_path) == said
 
 
-@pytest.mark.parametrize("profile", ["fingertip", "palm", "forearm"])
+@pytest.mark.parametrize(
+    "profile",
+    [
+        "fingertip",
+        pytest.param("palm", marks=pytest.mark.nightly),
+        pytest.param("forearm", marks=pytest.mark.nightly),
+    ],
+)
 def test_same_bytes_as_in_the_emulated_node(
     profile: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

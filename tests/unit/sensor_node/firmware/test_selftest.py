@@ -175,6 +175,7 @@ def test_injected_faults_are_found_within_two_windows(
         assert sum(gap.samples for gap in stated) == omitted_samples > 0
 
 
+@pytest.mark.nightly
 def test_healthy_hand_is_not_accused_in_six_rounds(tmp_path: Path) -> None:
     _, gaps, _ = lived(tmp_path, "", 120.0)
     assert gaps == []

@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pytest
 from eskin_sensor_node.firmware.message_writer import FRAME, STATEMENTS
 from hypothesis import example, given
 from hypothesis import settings as effort
@@ -42,6 +43,7 @@ def play(bench: Bench, singles: list[Single], orders: list[tuple[int, set[int], 
             assert bench.controls(row).apply(name, arguments) == state
 
 
+@pytest.mark.nightly
 @effort(max_examples=2, deadline=None)
 @given(
     st.lists(

@@ -37,7 +37,11 @@ def heap(job: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("profile", "stretch", "seconds"),
-    [("fingertip", 250.0, 1.0), ("forearm", 50.0, 0.3), ("hand", 50.0, 0.2)],
+    [
+        ("fingertip", 250.0, 1.0),
+        pytest.param("forearm", 50.0, 0.3, marks=pytest.mark.nightly),
+        pytest.param("hand", 50.0, 0.2, marks=pytest.mark.nightly),
+    ],
 )
 def test_computed_ram_holds_what_micropython_uses_and_not_much_more(
     profile: str,

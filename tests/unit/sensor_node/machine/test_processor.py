@@ -87,6 +87,7 @@ def test_page_of_the_node_shows_the_load_of_each_profile(tmp_path: Path) -> None
     assert f"| **all** | {' | '.join(f'{load.total / 1e6:.1f}' for load in loads)} |" in page
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("profile", PROFILES)
 def test_load_bounds_a_node(profile: str, tmp_path: Path) -> None:
     bench = Bench(tmp_path, profile, energy={"on": False})

@@ -143,7 +143,14 @@ def test_nothing_runs_between_power_off_and_power_on(bench: Bench) -> None:
     require_truth(bench)
 
 
-@pytest.mark.parametrize("profile", ["fingertip", "hand", "forearm"])
+@pytest.mark.parametrize(
+    "profile",
+    [
+        pytest.param("fingertip", marks=pytest.mark.nightly),
+        "hand",
+        pytest.param("forearm", marks=pytest.mark.nightly),
+    ],
+)
 def test_same_bytes_and_truth_in_steps_of_real_time_or_at_once_over_resets(
     profile: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from random import Random
 from typing import TYPE_CHECKING
 
+import pytest
+
 from tests.unit.eskin.monitor.oracle.draw import draw_samples, draw_scene
 from tests.unit.eskin.monitor.oracle.formulas import (
     Channel,
@@ -83,6 +85,7 @@ def test_formulas_of_one_direction_are_decided_by_two_worlds() -> None:
     assert exact > SCENES / 4
 
 
+@pytest.mark.nightly
 def test_comparisons_are_exact_at_each_instant_also_where_moments_are_uncertain() -> None:
     """Each comparison of one channel that is possible at an instant has both kinds of worlds."""
     possible = 0
