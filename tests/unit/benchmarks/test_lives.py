@@ -40,6 +40,7 @@ def test_no_statement_about_a_life_is_wrong(lived: list[Life]) -> None:
         assert life.stiffness.width < 0.15
 
 
+@pytest.mark.nightly
 def test_wear_becomes_certain_and_its_end_is_enclosed(lived: list[Life]) -> None:
     assert [life.kind for life in lived] == ["steady", "late"]
     for life in lived:

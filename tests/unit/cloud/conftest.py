@@ -37,7 +37,7 @@ ALONE: Final = {f"tests.unit.cloud.test_{room}" for room in (
 """Tests that run on SQLite alone, because they do not depend on the kind of store."""
 BOTH: Final = {f"tests.unit.cloud.test_{room}" for room in (
     "faults", "frames_once", "live", "missing_messages", "patch_compaction", "patch_retention",
-    "patch_tiles", "pg_copy", "queries", "several_clouds", "shared_commits", "slots", "store",
+    "pg_copy", "queries", "several_clouds", "shared_commits", "slots", "store",
     "store_settings", "stored_sequences", "writer",
 )}  # fmt: skip
 """Tests of what depends on the kind of store: writer, locks, SQL. Others run on PostgreSQL

@@ -176,6 +176,7 @@ def take_few_values(connection: Connection) -> None:
         own.setlimit(sqlite3.SQLITE_LIMIT_VARIABLE_NUMBER, 32_766)
 
 
+@pytest.mark.nightly
 async def test_batch_with_more_keys_than_a_statement_takes_is_stored(stand: Stand) -> None:
     stand.cloud.store.write(take_few_values).result()
     said = [[f"hand-{n % 4}", stretch(n, boot=1 + n).encode()] for n in range(10_000)]

@@ -99,6 +99,7 @@ def settings_for(folder: Path, target: Path | URL) -> str:
     return str(write_settings(folder / "cloud.toml", sections))
 
 
+@pytest.mark.nightly
 def test_killed_move_resumes_and_copies_everything(source: Path, cluster: Cluster) -> None:
     target = cluster.fresh(empty=True)
     total = sum(map(len, rows(source).values()))

@@ -371,7 +371,7 @@ os._exit(0)
 
 @pytest.mark.parametrize(
     "stride",
-    [29, pytest.param(13, marks=pytest.mark.nightly), pytest.param(5, marks=pytest.mark.nightly)],
+    [13, pytest.param(5, marks=pytest.mark.nightly)],
 )
 def test_kill_between_any_statements_leaves_every_sample_once(
     store: Store, place: StoreLocation, stride: int

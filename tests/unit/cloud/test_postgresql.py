@@ -157,6 +157,7 @@ def test_unreachable_server_is_reported_and_retries_store_once(
     store.check()
 
 
+@pytest.mark.nightly
 def test_killed_server_keeps_acknowledged_messages(cluster: Cluster, store: Store) -> None:
     put(store, stretch(0))
     cluster.running.kill()

@@ -247,6 +247,7 @@ def test_escape_takes_the_box_away_that_covers_the_picture(visit: Visit) -> None
     box.wait_for()
 
 
+@pytest.mark.nightly
 def test_comma_and_full_stop_step_through_samples_and_read_them_out(
     replay: Replay, visit: Visit, recorded: int
 ) -> None:

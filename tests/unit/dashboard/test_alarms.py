@@ -30,6 +30,7 @@ def without_monitors(demo: RunningDemo) -> Iterator[httpx.Client]:
         client.delete(f"/monitors/{NAME}")
 
 
+@pytest.mark.nightly
 def test_alarm_is_defined_shown_acknowledged_and_deleted(
     without_monitors: httpx.Client, live_visit: Visit
 ) -> None:

@@ -29,6 +29,7 @@ STATES = """
 CANVAS = f"() => document.querySelector('{CHART} canvas').clientWidth"
 
 
+@pytest.mark.nightly
 def test_session_that_ends_leads_to_the_login(
     demo: RunningDemo, browser: Browser, session: Session
 ) -> None:

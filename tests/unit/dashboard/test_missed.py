@@ -83,6 +83,7 @@ def test_window_that_was_not_over_shows_all_of_it_in_the_end(
     wait_until(is_whole, "the chart shows its end", seconds=20)
 
 
+@pytest.mark.nightly
 def test_events_are_listed_again_where_the_stream_left_some_out(visit: Visit) -> None:
     lists: list[str] = []
 

@@ -38,6 +38,7 @@ def asked(demo: RunningDemo, path: str, **parameters: Any) -> Any:
         return answer.json()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [{"device_scale_factor": 1.5}])
 def test_painted_tube_encloses_what_is_predicted(live_visit: Visit, live_recorded: int) -> None:
     end = live_recorded - 3600 * SECOND  # nothing was measured then that could be painted over it

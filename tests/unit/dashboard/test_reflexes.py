@@ -104,6 +104,7 @@ def test_verdicts_and_levels_look_different_and_are_said_in_words(visit: Visit) 
     assert nameless(listen(visit)) == {}
 
 
+@pytest.mark.nightly
 def test_lamp_follows_the_node(visit: Visit) -> None:
     answers = Answers(visit, reflex("grip", "impossible", "off"))
     visit.open("fingertip", shows="[data-testid=reflex]")

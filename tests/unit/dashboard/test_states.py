@@ -143,6 +143,7 @@ def test_page_of_a_node_says_when_the_nodes_cannot_be_loaded(visit: Visit) -> No
     refused(visit)
 
 
+@pytest.mark.nightly
 def test_channels_that_cannot_be_loaded_can_be_asked_for_again(visit: Visit) -> None:
     visit.page.route("**/api/v1/nodes/palm/channels*", refuse)
     visit.open("palm?live=10s", shows=notice("error", ".grid >"))

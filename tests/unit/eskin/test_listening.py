@@ -334,6 +334,7 @@ async def test_connections_of_a_proxy_have_no_bound_of_one_address() -> None:
             writer.close()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "close", [b"", pytest.param(b"Connection: close\r\n", marks=pytest.mark.nightly)]
 )

@@ -242,6 +242,7 @@ def test_full_disk_does_not_keep_waiting_messages_from_going_out(
         wait_until(lambda: peer.unintroduced >= said, "all arrived")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "bench",
     [{"radio": {"bandwidth_bytes_per_s": 60_000, "loss": 0.3, "packet_bytes": 512, "tries": 2}}],

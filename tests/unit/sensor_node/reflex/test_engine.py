@@ -196,6 +196,7 @@ def test_verdicts_hold_whatever_the_rate_of_the_clock_is(text: str, rate: float)
     assert len(decided) > 50
 
 
+@pytest.mark.nightly
 @settings(max_examples=300)
 @given(FORMULAS, st.lists(st.integers(0, CODES - 1), min_size=30, max_size=40), st.integers(3, 4))
 def test_work_is_bounded_by_what_the_program_states(
