@@ -17,6 +17,7 @@ INPUTS = 50
 """Of each target, its seeds among them."""
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore::cryptography.utils.CryptographyDeprecationWarning")
 @pytest.mark.parametrize("name", NAMES)
 def test_target_holds(name: str, tmp_path: Path) -> None:
