@@ -1,4 +1,4 @@
-"""Entries of the feed as events of a stream; each is written once for all who look on."""
+"""Entries of the feed as events of a stream; each is written once for all streams that want it."""
 
 from __future__ import annotations
 

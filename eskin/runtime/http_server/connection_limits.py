@@ -1,4 +1,4 @@
-"""Limit the open connections of a listener: of one client, and in all."""
+"""Limit the open connections of a listener: of one client, of one caller, and in all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows of events."""
+"""Rows of events: of statuses, and one for each peak, contact, verdict and gap of statements."""
 
 from __future__ import annotations
 
