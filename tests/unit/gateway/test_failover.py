@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections import Counter
+from contextlib import ExitStack
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -231,9 +232,14 @@ def test_messages_of_a_node_stay_together_and_in_order_whatever_cloud_fails(
     tmp_path: Path, identities: Identities, clock: Clock
 ) -> None:
     identity = identities.make(IdentityKind.SERVER, "server.cloud")
-    stubs = [StubCloud(identity) for _ in range(3)]
-    for stub in stubs:
-        stub.begin()
+    with ExitStack() as exits:
+        stubs = [exits.enter_context(StubCloud(identity)) for _ in range(3)]
+        share_out_and_fail(tmp_path, identities, clock, stubs)
+
+
+def share_out_and_fail(
+    tmp_path: Path, identities: Identities, clock: Clock, stubs: list[StubCloud]
+) -> None:
     client = CloudClient(
         [stub.url for stub in stubs],
         headers=lambda: {"Content-Type": "application/cbor"},
@@ -263,8 +269,6 @@ def test_messages_of_a_node_stay_together_and_in_order_whatever_cloud_fails(
     assert not any(stub.faults for stub in stubs)
     setup.spool.close()
     client.close()
-    for stub in stubs[1:]:
-        stub.end()
 
 
 def test_fallbacks_are_urls_of_clouds() -> None:
