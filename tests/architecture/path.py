@@ -96,19 +96,19 @@ BACKGROUND_THREADS: Final = {
     "command": {"subject_sync", "health_server", "keyring", "control"},
 }
 """By window."""
-JOBS: Final = ("cloud/eskin_cloud/jobs/", "cloud/eskin_cloud/rollup/builder.py")
+JOBS: Final = ("cloud/eskin_cloud/jobs/", "cloud/eskin_cloud/rollup/patch_tile_builder.py")
 BACKGROUND_FILES: Final = {
     "sample": (*JOBS, "cloud/eskin_cloud/api/deliveries.py"),
     "command": JOBS,
 }
 """By window."""
 NOT_COUNTED: Final = {
-    "eskin/wire/messages/cbor_head.py": "runs once for each length, then its cache answers",
     "eskin/identity/identity.py": "start of a TLS connection",
     "eskin.runtime.http_server.protocol.GuardedProtocol": "start of a TLS connection",
     "eskin/identity/tls.py": "start of a TLS connection",
     "eskin/runtime/http_server/listener.py": "start of a TLS connection",
     "eskin/runtime/logs.py": "logging",
+    "eskin/union_bound.py": "runs where frames come faster than hulls are published",
     "eskin/runtime/printable.py": "logging",
 }
 NODES: Final = {"sample": (1000.0, 250.0), "command": (0.1, 60_000.0)}
