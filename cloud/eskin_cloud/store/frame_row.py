@@ -78,7 +78,8 @@ class FrameRow(NamedTuple):
             cursor: Its cursor in the feed.
             now: UTC ns.
         """
-        (boot, sequence), layout, page, _, (t_lo, t_hi), _, _ = frame
+        boot, sequence = frame.position
+        layout, page, (t_lo, t_hi) = frame.layout, frame.page, frame.time
         first, last, samples = fitting
         middle, error = (t_lo + t_hi) // 2, (t_hi - t_lo + 1) // 2
         t, t_end = middle + first, middle + last

@@ -213,8 +213,8 @@ def frame_limit(columns: Iterable[int], rows: int) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
-    """Samples of the patches of one page.
+class FrameHead:
+    """What stands in a frame before its patches.
 
     Row ``r`` of a patch was sampled in column ``c`` at a moment within ``time`` plus ``delay +
     r·period`` of its grid plus ``skew[c]`` of its description; its interval holds at that moment.
@@ -227,11 +227,6 @@ class Frame:
         time: Enclosure of the same moment, UTC ns, for the whole stretch: it contains how far the
             node's clock may drift until its last row.
         grids: When patches were sampled, in the order of their first use.
-        patches: Samples, with ascending numbers of patches; patches without any are not in it.
-        values: Of each patch the decoded samples, shape ``(rows, columns)``.
-
-    Raises:
-        MessageError: The parts do not fit each other, or the frame could be too long.
     """
 
     position: Position
@@ -240,6 +235,25 @@ class Frame:
     ticks: int
     time: tuple[int, int]
     grids: tuple[Grid, ...]
+
+    @property
+    def stretch(self) -> tuple[int, int]:
+        """Names the stretch of time within its node: the pages of a picture share it."""
+        return self.position.boot, self.ticks
+
+
+@dataclass(frozen=True, slots=True)
+class Frame(FrameHead):
+    """Samples of the patches of one page.
+
+    Attributes:
+        patches: Samples, with ascending numbers of patches; patches without any are not in it.
+        values: Of each patch the decoded samples, shape ``(rows, columns)``.
+
+    Raises:
+        MessageError: The parts do not fit each other, or the frame could be too long.
+    """
+
     patches: tuple[PatchSamples, ...]
     values: tuple[Interval, ...] = field(init=False, repr=False, compare=False)
 
@@ -362,31 +376,6 @@ def _columns(options: Fields, columns: int) -> tuple[int, ...]:
     if not bits or bits >> columns:
         raise MessageError(f"unshared columns are {bits:#x}; expected some of {columns}")
     return tuple(column for column in range(columns) if bits >> column & 1)
-
-
-class FrameHead(NamedTuple):
-    """What stands in a frame before its patches.
-
-    Attributes:
-        position: Boot and sequence.
-        layout: Hash of the layout by which it is read.
-        page: Number of its page in the layout.
-        ticks: The node's clock at the first moment, ns since its start.
-        time: Enclosure of the same moment, UTC ns.
-        grids: When patches were sampled.
-    """
-
-    position: Position
-    layout: bytes
-    page: int
-    ticks: int
-    time: tuple[int, int]
-    grids: tuple[Grid, ...]
-
-    @property
-    def stretch(self) -> tuple[int, int]:
-        """Names the stretch of time within its node: the pages of a picture share it."""
-        return self.position.boot, self.ticks
 
 
 def read_head(data: bytes) -> FrameHead:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import cbor2
 import numpy as np
@@ -17,6 +18,7 @@ from eskin.wire.frames.frame import (
     MOST_GRIDS,
     PATCH_BYTES,
     Frame,
+    FrameHead,
     Grid,
 )
 from eskin.wire.frames.layout import MOST_PAGES, MOST_PATCHES
@@ -77,25 +79,14 @@ _CODE_BYTES: Final = 3
 _STRIDES, _UNSHARED = 1, 2
 
 
-class FrameSummary(NamedTuple):
-    """A frame without its samples; a tuple, because there are many.
+@dataclass(frozen=True, slots=True)
+class FrameSummary(FrameHead):
+    """A frame without its samples.
 
     Attributes:
-        position: Boot and sequence.
-        layout: Hash of the layout by which it is read.
-        page: Number of its page in the layout.
-        ticks: The node's clock at the first moment, ns since its start.
-        time: Enclosure of the same moment, UTC ns.
-        grids: When patches were sampled.
         records: Of each patch, a `PATCH_RECORD`.
     """
 
-    position: Position
-    layout: bytes
-    page: int
-    ticks: int
-    time: tuple[int, int]
-    grids: tuple[Grid, ...]
     records: NDArray[Any]
 
     @classmethod

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from eskin.wire.frames import (
     Seam,
     Statements,
 )
+from eskin.wire.frames.frame import FrameHead
 from eskin.wire.messages import Position
 
 INF = math.inf
@@ -104,3 +105,8 @@ SMALL = (
     replace(STATEMENTS, peaks=(), contacts=(), verdicts=()),
 )
 MESSAGES = (PALM, LAYOUT, FRAME, STATEMENTS, *SMALL)
+
+
+def head_fields(head: FrameHead) -> tuple[object, ...]:
+    """The values of a head, also of one that is part of a frame or of a summary."""
+    return tuple(getattr(head, each.name) for each in fields(FrameHead))
