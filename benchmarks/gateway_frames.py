@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from benchmarks.report import Row
-from eskin.wire.frames import Frame, FrameSummary
+from eskin.wire.frames import EncodedFrame, Frame
 from eskin.wire.frames.column_hulls import ColumnHulls
 from eskin.wire.frames.warm_up import warm_up
 from eskin.wire.topics import Stream
@@ -98,13 +98,13 @@ def main() -> None:
     skin = _skin()
     frames = _frames(skin)
     data = frames[0]
-    summary = FrameSummary.decode(data)
-    ColumnHulls.of(data, summary)
+    summary = EncodedFrame.decode(data)
+    ColumnHulls.of(summary)
     print(f"frame: {np.mean([len(each) for each in frames]):.0f} bytes")
     for name, work in (
         ("Frame.decode", lambda: Frame.decode(data)),
-        ("FrameSummary.decode", lambda: FrameSummary.decode(data)),
-        ("ColumnHulls.of", lambda: ColumnHulls.of(data, summary)),
+        ("EncodedFrame.decode", lambda: EncodedFrame.decode(data)),
+        ("ColumnHulls.of", lambda: ColumnHulls.of(summary)),
     ):
         print(f"{name}: {_milliseconds(work, _FRAMES):.2f} ms")
     for group in _GROUPS:

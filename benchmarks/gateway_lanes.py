@@ -38,7 +38,7 @@ from benchmarks.pipeline import cpu_seconds
 from eskin.identity import IdentityKind, client_context
 from eskin.identity.identity import ROOT_FILE
 from eskin.wire.envelope import Sealer
-from eskin.wire.frames import Frame, FrameSummary
+from eskin.wire.frames import EncodedFrame, Frame
 from eskin.wire.messages import Position
 from eskin.wire.topics import FROM_NODE, Stream, node_topic
 from tests.support.brokers import Mosquitto
@@ -131,13 +131,13 @@ def _no_sealer_cache() -> None:
 
 
 def _whole_frames() -> None:
-    summary = FrameSummary.decode
+    summary = EncodedFrame.decode
 
-    def decode(data: bytes) -> FrameSummary:
+    def decode(data: bytes) -> EncodedFrame:
         Frame.decode(data)
         return summary(data)
 
-    FrameSummary.decode = staticmethod(decode)  # type: ignore[method-assign]
+    EncodedFrame.decode = staticmethod(decode)  # type: ignore[method-assign]
 
 
 _VARIANTS: Final = {

@@ -10,8 +10,8 @@ import numpy as np
 from eskin.interval import Interval
 from eskin.wire.frames import (
     DescribedLayout,
+    EncodedFrame,
     Frame,
-    FrameSummary,
     Grid,
     Layout,
     Patch,
@@ -42,7 +42,7 @@ def warm_up() -> None:
     samples = PatchSamples.pack(Interval([[0.0]], [[1.0]]), 1.0, patch=0, grid=0, first_row=0)
     frame = Frame(Position(1, 1), layout.content_hash, 0, 0, (0, 0), (grid,), (samples,))
     data = frame.encode()
-    fit_frame(FrameSummary.decode(data), DescribedLayout.of(layout, (patch,)), data)
+    fit_frame(EncodedFrame.decode(data), DescribedLayout.of(layout, (patch,)))
     scan_frames([data], np.ones(1, np.bool_))
     read = decode_samples(samples.samples, samples.sampling(grid))
     _warm_up_rows(patch, read)

@@ -18,7 +18,7 @@ from cryptography.exceptions import InvalidTag
 from eskin.errors import BrokenSealError, MessageError, PrivacyError
 from eskin.privacy.derivation import derive, nonce
 from eskin.privacy.sealed_message import MAC_BYTES, SALT_BYTES, UNREAD, SealedMessage, whole_minutes
-from eskin.wire.frames import FrameSummary, Statements
+from eskin.wire.frames import EncodedFrame, Statements
 from eskin.wire.messages.header import Kind, Position
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from eskin.privacy.sealed_message import Place
     from eskin.privacy.subject import Subject
 
-Sealable: TypeAlias = FrameSummary | Statements
+Sealable: TypeAlias = EncodedFrame | Statements
 """A message whose samples, or what is concluded from them, may be about a person."""
 _KEPT: Final = 256
 _MOST_LETTER: Final = 60_000
@@ -175,11 +175,11 @@ class _Keys:
 
 
 def _decode(kind: Kind, data: bytes) -> Sealable:
-    return FrameSummary.decode(data) if kind is Kind.FRAME else Statements.decode(data)
+    return EncodedFrame.decode(data) if kind is Kind.FRAME else Statements.decode(data)
 
 
 def _find_place(message: Sealable) -> tuple[Place, Kind]:
-    if isinstance(message, FrameSummary):
+    if isinstance(message, EncodedFrame):
         return (message.layout, message.page), Kind.FRAME
     return message.layout, Kind.STATEMENTS
 

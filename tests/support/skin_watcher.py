@@ -19,7 +19,7 @@ import cbor2
 import httpx
 from websockets.exceptions import WebSocketException
 
-from eskin.wire.frames import FrameSummary
+from eskin.wire.frames import EncodedFrame
 from eskin.wire.timestamp import SECOND, format_timestamp, parse_timestamp
 from tests.support.processes import PLAIN
 from tests.unit.cloud.frame_clients import dial
@@ -85,7 +85,7 @@ async def _view(port: int, token: str, node: str, note: Callable[[str], None]) -
                         note("open")
                     cursor = rest[0]
                     if kind == "frame":
-                        place = FrameSummary.decode(rest[3]).position
+                        place = EncodedFrame.decode(rest[3]).position
                         if place == last:
                             note(f"wrong frame {place} came twice")
                         last = place

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, RowMapping, Table, exists, func, select
 from starlette.responses import Response, StreamingResponse
 
 from eskin.errors import NoKeyError, QueryError
-from eskin.wire.frames import Frame, FrameSummary
+from eskin.wire.frames import EncodedFrame, Frame
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.api.dependencies import Access, Administrator, BiometricReader, CloudState
 from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
@@ -181,7 +181,7 @@ def _lines(cloud: AppState, reader: Reader, row: dict[str, Any]) -> list[Mapping
     message, data = opened
     with cloud.store.read() as connection:
         described = find_layout(connection, node, message.layout)
-    if isinstance(message, FrameSummary):
+    if isinstance(message, EncodedFrame):
         return list(describe_columns(node, Frame.decode(data), described))
     rows = event_rows(node, message, data, described, row["cursor"])
     return [describe_event(each, cloud.feed.ids) for each in rows]

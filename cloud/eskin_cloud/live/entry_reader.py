@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from eskin.errors import BrokenSealError, MessageError, NoKeyError, PrivacyError
 from eskin.privacy import SealedMessage
-from eskin.wire.frames import FrameSummary
+from eskin.wire.frames import EncodedFrame
 from eskin_cloud.privacy.sealed_rows import event_rows
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class EntryReader:
         if opened is None:
             return []
         message, data = opened
-        if isinstance(message, FrameSummary):
+        if isinstance(message, EncodedFrame):
             return [entry._replace(frame=data, sealed=None, secret=True)]
         described = self._layouts.get(entry.layout)
         rows = event_rows(entry.node, message, data, described, entry.cursor)

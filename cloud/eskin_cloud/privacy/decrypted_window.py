@@ -16,7 +16,7 @@ from sqlalchemy.pool import StaticPool
 from eskin.errors import MessageError, NoKeyError, QueryError
 from eskin.privacy.sealed_message import name_place
 from eskin.runtime.digest import digest
-from eskin.wire.frames import FrameSummary
+from eskin.wire.frames import EncodedFrame
 from eskin.wire.slot import slot_of
 from eskin_cloud.privacy.key_access import ErasedError
 from eskin_cloud.privacy.sealed_rows import open_row
@@ -126,16 +126,14 @@ def decrypted_frames(
         _require_few(rows)
     found: list[FrameRow] = []
     for row, message, data in _open(reader, rows):
-        if isinstance(message, FrameSummary):
+        if isinstance(message, EncodedFrame):
             described = described_by[message.layout.hex()]
             try:
-                fitting = fit_frame(message, described, data)
+                fitting = fit_frame(message, described)
             except MessageError as error:
                 raise QueryError("channel", str(error)) from error
             found.append(
-                FrameRow.of(
-                    *(node, message, fitting, data, digest(data)), cursor=row["cursor"], now=0
-                )
+                FrameRow.of(*(node, message, fitting, digest(data)), cursor=row["cursor"], now=0)
             )
     with _memory() as memory:
         _fill(memory, connection, node, list(described_by.values()), found)

@@ -17,7 +17,7 @@ from eskin_cloud.store.damage import FrameHeader
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from eskin.wire.frames import DescribedLayout, FrameSummary
+    from eskin.wire.frames import DescribedLayout, EncodedFrame
 
 
 class FittingFrame(NamedTuple):
@@ -59,9 +59,8 @@ class FrameRow(NamedTuple):
     def of(
         cls,
         node: str,
-        frame: FrameSummary,
+        frame: EncodedFrame,
         fitting: FittingFrame,
-        data: bytes,
         digest: bytes,
         *,
         cursor: int,
@@ -73,8 +72,7 @@ class FrameRow(NamedTuple):
             node: The node.
             frame: The decoded frame.
             fitting: As `fit_frame` gives it.
-            data: Its bytes.
-            digest: Digest of ``data``.
+            digest: Digest of its bytes.
             cursor: Its cursor in the feed.
             now: UTC ns.
         """
@@ -86,7 +84,7 @@ class FrameRow(NamedTuple):
         head = FrameHeader(node, boot, sequence, layout, page, t, t_end, error, t_lo, t_hi,
                            samples, digest)  # fmt: skip
         return cls(slot_of(node), node, boot, sequence, cursor, layout, page, t, t_end, error,
-                   t_lo, t_hi, samples, now, data, digest, head.checksum())  # fmt: skip
+                   t_lo, t_hi, samples, now, frame.data, digest, head.checksum())  # fmt: skip
 
     @property
     def last_time(self) -> tuple[int, int]:
@@ -95,13 +93,12 @@ class FrameRow(NamedTuple):
         return self.t_lo + after, self.t_hi + after
 
 
-def fit_frame(frame: FrameSummary, described: DescribedLayout, data: bytes) -> FittingFrame:
+def fit_frame(frame: EncodedFrame, described: DescribedLayout) -> FittingFrame:
     """Check that a frame fits its layout, as `eskin.wire.frames.Frame.require_layout` does.
 
     Args:
         frame: The decoded frame.
         described: The layout that it names.
-        data: Its bytes.
 
     Raises:
         MessageError: It does not, or a sample's time does not fit into 64 bit.
@@ -115,7 +112,7 @@ def fit_frame(frame: FrameSummary, described: DescribedLayout, data: bytes) -> F
         _refuse_patch(records[at], page, described)
     if records["strided"].any():
         strided = records[records["strided"] != 0]
-        spans = [_strided_span(frame, described, data, record) for record in strided]
+        spans = [_strided_span(frame, described, record) for record in strided]
         first = min(first, *(each[0] for each in spans))
         last = max(last, *(each[1] for each in spans))
     if frame.time[1] + last > MOST_MOMENT:
@@ -171,12 +168,10 @@ def _refuse_patch(record: Any, page: range, described: DescribedLayout) -> NoRet
     raise MessageError(f"patch {patch} has an epoch, but no shared error")
 
 
-def _strided_span(
-    frame: FrameSummary, described: DescribedLayout, data: bytes, record: Any
-) -> tuple[int, int]:
+def _strided_span(frame: EncodedFrame, described: DescribedLayout, record: Any) -> tuple[int, int]:
     """The same for a patch of which not every row has a sample of each column."""
     begin = int(record["offset"])
-    samples = PatchSamples.read(cbor2.loads(data[begin : begin + int(record["length"])]))
+    samples = PatchSamples.read(cbor2.loads(frame.data[begin : begin + int(record["length"])]))
     grid, skew = frame.grids[samples.grid], described.patches[samples.patch].skew
     mask = samples.sampling(grid).mask
     rows = grid.delay + np.arange(grid.rows, dtype=np.int64)[:, np.newaxis] * grid.period

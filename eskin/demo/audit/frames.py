@@ -24,7 +24,7 @@ from eskin.errors import AuditError
 from eskin.interval import Interval
 from eskin.monitor import SharedError
 from eskin.privacy.sealed_message import name_place
-from eskin.wire.frames import FrameSummary
+from eskin.wire.frames import EncodedFrame
 from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin.wire.messages import Position
 from eskin.wire.slot import slot_of
@@ -252,13 +252,11 @@ class _Stored(NamedTuple):
     """A frame from the store.
 
     Attributes:
-        summary: The frame.
-        data: Its bytes.
+        frame: The frame.
         fits: Whether its row's columns are its own.
     """
 
-    summary: FrameSummary
-    data: bytes
+    frame: EncodedFrame
     fits: bool
 
 
@@ -280,9 +278,8 @@ class _Comparison:
         for row in rows:
             self._whole.add(_position(row))
             if is_intact_row(FrameHeader, row):
-                data = bytes(row["data"])
-                summary = FrameSummary.decode(data)
-                found.append(_Stored(summary, data, self._has_columns(row, summary, data)))
+                frame = EncodedFrame.decode(bytes(row["data"]))
+                found.append(_Stored(frame, self._has_columns(row, frame)))
         self._compare(found)
 
     def compare_sealed(self, rows: Sequence[RowMapping], reader: Decryptor) -> None:
@@ -290,9 +287,9 @@ class _Comparison:
         found: list[_Stored] = []
         for row in rows:
             self._whole.add(_position(row))
-            opened = open_frame(reader, row)
-            if opened is not None:
-                found.append(_Stored(*opened, has_columns(row, opened[0])))
+            frame = open_frame(reader, row)
+            if frame is not None:
+                found.append(_Stored(frame, has_columns(row, frame)))
         self._compare(found)
 
     def compare_patches(self, rows: Sequence[RowMapping]) -> None:
@@ -325,27 +322,27 @@ class _Comparison:
     def _compare(self, found: Sequence[_Stored]) -> None:
         by_layout: dict[bytes, list[_Stored]] = {}
         for each in found:
-            by_layout.setdefault(each.summary.layout, []).append(each)
+            by_layout.setdefault(each.frame.layout, []).append(each)
         for name, alike in by_layout.items():
             self._compare_alike(self._sums_of(name), alike)
 
     def _compare_alike(self, sums: _Sums, found: Sequence[_Stored]) -> None:
         """Compare frames of one layout."""
-        truths = self._find([each.summary.position for each in found])
+        truths = self._find([each.frame.position for each in found])
         known: list[tuple[_Stored, TrueFrame]] = []
         for each in found:
-            numbers = each.summary.records["patch"]
-            truth = truths[each.summary.position]
+            numbers = each.frame.records["patch"]
+            truth = truths[each.frame.position]
             if truth is None:
                 sums.count("forgotten", numbers)
-            elif each.fits and _is_alike(each.summary, truth):
+            elif each.fits and _is_alike(each.frame, truth):
                 known.append((each, truth))
             else:
                 sums.count("mislabelled", numbers)
         if not known:
             return
         wanted = np.ones(len(sums.described.patches), np.bool_)
-        records = scan_frames([each.data for each, _ in known], wanted)
+        records = scan_frames([each.frame.data for each, _ in known], wanted)
         whole = records.whole
         values = np.concatenate([truth.values for _, truth in known])
         numbers = whole[:, Part.PATCH]
@@ -367,11 +364,11 @@ class _Comparison:
         inside &= (earliest + lasting <= end) & (end <= latest + lasting)
         sums.count("late", numbers[~inside])
 
-    def _has_columns(self, row: RowMapping, summary: FrameSummary, data: bytes) -> bool:
+    def _has_columns(self, row: RowMapping, frame: EncodedFrame) -> bool:
         """Whether the columns of a row are those of its frame."""
-        fitting = fit_frame(summary, self._sums_of(summary.layout).described, data)
+        fitting = fit_frame(frame, self._sums_of(frame.layout).described)
         digest = bytes(row["digest"])
-        own = FrameRow.of(self._node, summary, fitting, data, digest, cursor=0, now=0)
+        own = FrameRow.of(self._node, frame, fitting, digest, cursor=0, now=0)
         return all(getattr(own, name) == row[name] for name in _COMPARED)
 
     def _compare_runs(self, row: RowMapping, runs: Sequence[PatchRun]) -> None:
@@ -440,13 +437,13 @@ class _Comparison:
         return oldest is not None and position < oldest
 
 
-def _is_alike(summary: FrameSummary, truth: TrueFrame) -> bool:
+def _is_alike(frame: EncodedFrame, truth: TrueFrame) -> bool:
     """Whether a frame is the one that was made."""
-    records = summary.records
+    records = frame.records
     sizes = np.stack([records["patch"], records["samples"]], axis=1)
     return (
-        (summary.position, summary.layout) == (truth.position, truth.layout)
-        and summary.ticks == truth.ticks
+        (frame.position, frame.layout) == (truth.position, truth.layout)
+        and frame.ticks == truth.ticks
         and np.array_equal(sizes, truth.sizes)
     )
 

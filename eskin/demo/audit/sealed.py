@@ -13,7 +13,7 @@ from eskin.privacy import Decryptor, FileMasterKey, KeyStore
 from eskin.privacy.cipher import span
 from eskin.privacy.master_key import MASTER_FILE
 from eskin.privacy.sealed_message import name_place
-from eskin.wire.frames import FrameSummary
+from eskin.wire.frames import EncodedFrame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -48,8 +48,8 @@ def sealed_rows(connection: Connection, node: str, most: int) -> Iterator[Sequen
         last = rows[-1]["boot"], rows[-1]["sequence"]
 
 
-def open_frame(reader: Decryptor, row: RowMapping) -> tuple[FrameSummary, bytes] | None:
-    """A sealed frame, and its bytes; ``None`` if it is damaged, or its subject was erased.
+def open_frame(reader: Decryptor, row: RowMapping) -> EncodedFrame | None:
+    """A sealed frame; ``None`` if it is damaged, or its subject was erased.
 
     Raises:
         AuditError: The site's keys cannot be read, or the row holds another message.
@@ -62,13 +62,13 @@ def open_frame(reader: Decryptor, row: RowMapping) -> tuple[FrameSummary, bytes]
         raise AuditError(f"a sealed frame cannot be read: {error}") from error
     if opened is None:
         return None
-    frame, data = opened
-    if not isinstance(frame, FrameSummary):
+    frame, _ = opened
+    if not isinstance(frame, EncodedFrame):
         raise AuditError(f"{row['node']} sealed another message as a frame: {frame.position}")
-    return frame, data
+    return frame
 
 
-def has_columns(row: RowMapping, frame: FrameSummary) -> bool:
+def has_columns(row: RowMapping, frame: EncodedFrame) -> bool:
     """Whether the columns of a row are those of the frame in it."""
     place = name_place((frame.layout, frame.page))
     lo, hi = span(frame)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from eskin.wire.frames.content_hash import content_hash
 from eskin.wire.frames.described_layout import DescribedLayout
+from eskin.wire.frames.encoded_frame import EncodedFrame
 from eskin.wire.frames.frame import Frame, Grid, PatchSamples, frame_limit
-from eskin.wire.frames.frame_summary import FrameSummary
 from eskin.wire.frames.layout import ClosedLine, Controller, Layout, Seam
 from eskin.wire.frames.patch import Patch, Privacy
 from eskin.wire.frames.sample_codec import (
@@ -31,8 +31,8 @@ __all__ = [
     "Contact",
     "Controller",
     "DescribedLayout",
+    "EncodedFrame",
     "Frame",
-    "FrameSummary",
     "Gap",
     "Grid",
     "Layout",

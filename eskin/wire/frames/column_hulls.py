@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from eskin.kernels.jit import kernel, part
+from eskin.wire.frames.encoded_frame import without_others
 from eskin.wire.frames.frame_scan import PARTS, Part, read_record
-from eskin.wire.frames.frame_summary import without_others
 from eskin.wire.frames.sample_codec import MOST_STRIDE, PADDING, decode_codes, order_cells
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
-    from eskin.wire.frames.frame_summary import FrameSummary
+    from eskin.wire.frames.encoded_frame import EncodedFrame
 
 
 class ColumnHulls(NamedTuple):
@@ -32,18 +32,13 @@ class ColumnHulls(NamedTuple):
     samples: NDArray[np.int64]
 
     @classmethod
-    def of(cls, data: bytes, summary: FrameSummary) -> ColumnHulls:
-        """The hulls of a frame.
-
-        Args:
-            data: The frame.
-            summary: The same, as `FrameSummary.decode` found it.
-        """
-        size = int(summary.records["columns"].sum())
+    def of(cls, frame: EncodedFrame) -> ColumnHulls:
+        """The hulls of a frame."""
+        size = int(frame.records["columns"].sum())
         lo, hi, samples = np.full(size, np.inf), np.full(size, -np.inf), np.zeros(size, np.int64)
-        rows = np.array([(grid.first_row % 2**MOST_STRIDE, grid.rows) for grid in summary.grids])
-        padded = np.frombuffer(data + bytes(PADDING), np.uint8)
-        _enclose(padded, summary.records, rows, lo, hi, samples)
+        rows = np.array([(grid.first_row % 2**MOST_STRIDE, grid.rows) for grid in frame.grids])
+        padded = np.frombuffer(frame.data + bytes(PADDING), np.uint8)
+        _enclose(padded, frame.records, rows, lo, hi, samples)
         return cls(lo, hi, samples)
 
 

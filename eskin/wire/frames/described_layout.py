@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from eskin.wire.frames.frame_summary import FrameSummary
+    from eskin.wire.frames.encoded_frame import EncodedFrame
     from eskin.wire.frames.layout import Layout
     from eskin.wire.frames.statements import Statements
 
@@ -108,7 +108,7 @@ class DescribedLayout:
             for number in numbers
         ]
 
-    def require_frame(self, frame: FrameSummary) -> Privacy:
+    def require_frame(self, frame: EncodedFrame) -> Privacy:
         """Check that a frame fits, as `Frame.require_layout` does.
 
         Returns:

@@ -6,8 +6,8 @@ import numpy as np
 
 from eskin.interval import Interval
 from eskin.wire.frames.column_hulls import ColumnHulls
+from eskin.wire.frames.encoded_frame import EncodedFrame
 from eskin.wire.frames.frame import Frame, Grid, PatchSamples
-from eskin.wire.frames.frame_summary import FrameSummary
 from eskin.wire.messages.header import Position
 
 
@@ -17,5 +17,5 @@ def warm_up() -> Frame:
     samples = PatchSamples.pack(values, 1.0, patch=0, grid=0, first_row=0)
     frame = Frame(Position(1, 1), bytes(32), 0, 0, (0, 0), (Grid(0, 1, 0, 2, 1.0),), (samples,))
     data = frame.encode()
-    ColumnHulls.of(data, FrameSummary.decode(data))
+    ColumnHulls.of(EncodedFrame.decode(data))
     return Frame.decode(data)

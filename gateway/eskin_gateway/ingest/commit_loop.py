@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SpoolError, UntrustedCertificateError
 from eskin.runtime.supervised import Backoff, Supervised
-from eskin.wire.frames import DescribedLayout, Privacy, Statements
+from eskin.wire.frames import DescribedLayout, EncodedFrame, Privacy, Statements
 from eskin.wire.messages import Acknowledgement, Status
 from eskin.wire.messages.acknowledgement import MOST_WANTED
 from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.topics import Stream, node_topic
-from eskin_gateway.ingest.validator import EncodedFrame
 from eskin_gateway.metrics import RejectReason
 from eskin_gateway.publish import public_payloads
 from eskin_gateway.publish.frame_hulls import FrameHulls
@@ -175,11 +174,10 @@ class PostCommit:
             if skin.require_statements(message) is Privacy.BIOMETRIC:
                 return
             yield from public_payloads.statements(node, message, skin)
-        elif message.summary.page in skin.biometric_pages:
+        elif message.page in skin.biometric_pages:
             return
         else:
-            frame, data = message
-            yield from self._hulls(self._frame_hulls.add(node, frame, data, skin, now=now))
+            yield from self._hulls(self._frame_hulls.add(node, message, skin, now=now))
         if self._discovery is not None:
             yield from self._discovery.describe(node, skin)
 

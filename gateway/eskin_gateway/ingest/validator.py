@@ -7,7 +7,7 @@ import logging
 import time
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from eskin.errors import (
     EskinError,
@@ -21,7 +21,7 @@ from eskin.errors import (
     UntrustedCertificateError,
 )
 from eskin.wire.envelope import MOST_ENVELOPE, Opened, introduction
-from eskin.wire.frames import DescribedLayout, FrameSummary, Layout, Patch, Privacy, Statements
+from eskin.wire.frames import DescribedLayout, EncodedFrame, Layout, Patch, Privacy, Statements
 from eskin.wire.messages import Kind, Position, Result, Status
 from eskin.wire.messages.cbor_map import MOST_COUNT, integer, load, load_any
 from eskin.wire.topics import FROM_NODE, Stream, parse_node_topic
@@ -53,28 +53,6 @@ _REASONS: Final = (
 )
 
 
-class EncodedFrame(NamedTuple):
-    """A frame whose samples were checked, not kept.
-
-    Attributes:
-        summary: What it holds besides samples.
-        data: The frame.
-    """
-
-    summary: FrameSummary
-    data: bytes
-
-    @property
-    def position(self) -> Position:
-        """Boot and sequence."""
-        return self.summary.position
-
-    @property
-    def layout(self) -> bytes:
-        """Hash of the layout by which it is read."""
-        return self.summary.layout
-
-
 Described: TypeAlias = EncodedFrame | Statements
 """A message that names a layout."""
 
@@ -84,7 +62,7 @@ Numbered: TypeAlias = Status | Result | Described
 _DECODERS: Final[dict[int, Callable[[bytes], Numbered | Patch | Layout]]] = {
     Kind.STATUS: Status.decode,
     Kind.RESULT: Result.decode,
-    Kind.FRAME: lambda data: EncodedFrame(FrameSummary.decode(data), data),
+    Kind.FRAME: EncodedFrame.decode,
     Kind.STATEMENTS: Statements.decode,
     Kind.PATCH: Patch.decode,
     Kind.LAYOUT: Layout.decode,
@@ -248,8 +226,7 @@ class Validator:
                 if privacy is None:
                     return
                 if privacy is Privacy.BIOMETRIC:
-                    read = message if isinstance(message, Statements) else message.summary
-                    body = self._encryptor.encrypt(node, read, body)
+                    body = self._encryptor.encrypt(node, message, body)
             state.add(position)
             result.batch.messages.append(SpoolMessage(node, received, body, *position))
             # A message of an earlier boot may be a duplicate that only the cloud can detect.
@@ -294,7 +271,7 @@ class Validator:
                 if isinstance(message, Statements):
                     privacy = skin.require_statements(message)
                 else:
-                    privacy = skin.require_frame(message.summary)
+                    privacy = skin.require_frame(message)
                 self._descriptions.use(node, message.layout)
                 return privacy
             request = self._missing_layouts.wait(node, message.layout, found)

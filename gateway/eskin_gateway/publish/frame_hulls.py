@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
-    from eskin.wire.frames import DescribedLayout, FrameSummary, Patch
+    from eskin.wire.frames import DescribedLayout, EncodedFrame, Patch
 
 LARGE: Final = 64
 """Channels from which on a skin's patches are published, and not its channels."""
@@ -52,9 +52,9 @@ class PageHull:
         self._rows: dict[int, Counter[float]] = {}
         self._time: tuple[int, int] | None = None
 
-    def add(self, frame: FrameSummary, data: bytes) -> None:
+    def add(self, frame: EncodedFrame) -> None:
         """Enclose the samples of a frame of the page."""
-        found = ColumnHulls.of(data, frame)
+        found = ColumnHulls.of(frame)
         numbers = frame.records["patch"] - self._first
         at: Any = slice(None)
         if len(numbers) < len(self._ends):
@@ -147,14 +147,13 @@ class FrameHulls:
         self._checked = -math.inf
 
     def add(
-        self, node: str, frame: FrameSummary, data: bytes, skin: DescribedLayout, *, now: float
+        self, node: str, frame: EncodedFrame, skin: DescribedLayout, *, now: float
     ) -> Iterator[tuple[str, PatchHull]]:
         """Enclose a frame; return what is due, with its node.
 
         Args:
             node: The node.
             frame: Its frame.
-            data: The same as bytes.
             skin: By which the frame is read.
             now: Monotonic seconds.
         """
@@ -164,7 +163,7 @@ class FrameHulls:
             yield from ((node, each) for each in hull.patches())
             hull = None
         hull = hull or PageHull(skin, frame.page)
-        hull.add(frame, data)
+        hull.add(frame)
         if now >= published + _PERIOD_S:
             yield from ((node, each) for each in hull.patches())
             published, hull = now, None

@@ -30,7 +30,7 @@ from sqlalchemy import delete, update
 
 from eskin.identity import IdentityKind
 from eskin.privacy import Encryptor, FileMasterKey, KeyStore
-from eskin.wire.frames import FrameSummary
+from eskin.wire.frames import EncodedFrame
 from eskin.wire.slot import even_groups, slot_of
 from tests.support.identities import SITE, Identities
 from tests.support.postgresql import Cluster
@@ -133,7 +133,7 @@ class World:
             first = START + SPACING * sequence
             said = stretch(sequence, time=(first, first), channel=SEALED, unit="V")
             data = said.encode()
-            sealed = encryptor.encrypt(person, node, FrameSummary.decode(data), data)
+            sealed = encryptor.encrypt(person, node, EncodedFrame.decode(data), data)
             return Message(node, sequence, sealed.encode(), None)
 
         self._early = [say(NEAR, k) for k in (0, 1, 3, 4)]

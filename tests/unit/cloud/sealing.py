@@ -13,7 +13,7 @@ from sqlalchemy import select
 
 from eskin.privacy import Encryptor, FileMasterKey, KeyStore
 from eskin.runtime.settings import KeysSection
-from eskin.wire.frames import Frame, FrameSummary
+from eskin.wire.frames import EncodedFrame, Frame
 from eskin.wire.messages import Status
 from tests.support.identities import SITE
 from tests.unit.cloud.clouds import Stand, admit, standing
@@ -48,7 +48,7 @@ class Site:
     def seal(self, message: Sealed, subject: Subject | None = None) -> bytes:
         """A sealed message of the node."""
         data = message.encode()
-        said = FrameSummary.decode(data) if isinstance(message, Frame) else message
+        said = EncodedFrame.decode(data) if isinstance(message, Frame) else message
         return self._encryptor.encrypt(subject or self.ada, NODE, said, data).encode()
 
     def batch(self, *messages: Sealed | Status, subject: Subject | None = None) -> bytes:

@@ -20,7 +20,7 @@ from sqlalchemy import select, text
 
 from eskin.errors import StoreError
 from eskin.identity import IdentityKind
-from eskin.wire.frames import FrameSummary
+from eskin.wire.frames import EncodedFrame
 from tests.unit.cloud.clouds import batch, count_frames, problem, standing
 from tests.unit.cloud.messages import NODE, START, gap, peak, status, stretch
 
@@ -143,13 +143,13 @@ async def test_message_that_fails_in_the_parser_is_rejected_alone(
 ) -> None:
     bad = stretch(1).encode()
 
-    def breaks(data: bytes) -> FrameSummary:
+    def breaks(data: bytes) -> EncodedFrame:
         if data == bad:
             raise OverflowError("a number that is not expected")
         return decode(data)
 
-    decode = FrameSummary.decode
-    monkeypatch.setattr(FrameSummary, "decode", breaks)
+    decode = EncodedFrame.decode
+    monkeypatch.setattr(EncodedFrame, "decode", breaks)
     items = (await stand.ingest(batch(stretch(0), stretch(1), stretch(2)))).json()["items"]
     assert [item["result"] for item in items] == ["stored", "rejected", "stored"]
     assert items[1]["reason"].startswith("it broke what reads it: OverflowError")
@@ -159,10 +159,10 @@ async def test_message_that_fails_in_the_parser_is_rejected_alone(
 async def test_lack_of_memory_rejects_no_message(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def breaks(_: bytes) -> FrameSummary:
+    def breaks(_: bytes) -> EncodedFrame:
         raise MemoryError
 
-    monkeypatch.setattr(FrameSummary, "decode", breaks)
+    monkeypatch.setattr(EncodedFrame, "decode", breaks)
     assert (await stand.ingest(batch(stretch(0)))).status_code == 500
     monkeypatch.undo()
     items = (await stand.ingest(batch(stretch(0)))).json()["items"]

@@ -21,8 +21,8 @@ from sqlalchemy import select, update
 from eskin.errors import MessageError
 from eskin.wire.frames import (
     DescribedLayout,
+    EncodedFrame,
     Frame,
-    FrameSummary,
     Grid,
     PatchSamples,
 )
@@ -272,6 +272,6 @@ def test_first_and_last_sample_are_those_of_all_cells(data: st.DataObject) -> No
     except MessageError:  # a patch without any sample
         return
     encoded = said.encode()
-    fitting = fit_frame(FrameSummary.decode(encoded), DescribedLayout.of(of, patches), encoded)
+    fitting = fit_frame(EncodedFrame.decode(encoded), DescribedLayout.of(of, patches))
     assert (fitting.first, fitting.last) == (min(moments), max(moments))
     assert fitting.samples == len(moments)

@@ -21,7 +21,7 @@ from eskin_cloud.store.schema.sealed_tables import erased_subjects, removals, se
 from eskin_cloud.store.schema.tables import dead_letters, events
 from sqlalchemy import insert, select
 
-from eskin.wire.frames import Frame, FrameSummary, Statements
+from eskin.wire.frames import EncodedFrame, Frame, Statements
 from eskin.wire.timestamp import SECOND
 from tests.support.identities import SITE
 from tests.unit.cloud.clouds import batch, problem
@@ -462,7 +462,7 @@ def test_examples_are_read_by_their_layout() -> None:
     for of, patches in ((WORN, (PALM, HEART)),):
         of.require_patches(patches)
         worn(1).require_layout(of, patches)
-    assert isinstance(FrameSummary.decode(worn(1).encode()), FrameSummary)
+    assert isinstance(EncodedFrame.decode(worn(1).encode()), EncodedFrame)
     assert Frame.decode(worn(1).encode()) == worn(1)
 
 

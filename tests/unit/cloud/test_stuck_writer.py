@@ -16,7 +16,7 @@ from sqlalchemy import func, select
 
 from eskin.errors import StoreError
 from eskin.runtime.digest import digest
-from eskin.wire.frames import DescribedLayout, FrameSummary
+from eskin.wire.frames import DescribedLayout, EncodedFrame
 from eskin.wire.slot import slot_of
 from tests.support.processes import wait_until
 from tests.unit.cloud.clouds import put
@@ -37,10 +37,10 @@ def test_stuck_writer_is_ended_and_retries(cluster: Cluster, shared_database: UR
     def hang(connection: Connection, _: WriteCache) -> None:
         into = bulk_insert(connection, frames)
         data = stretch(0).encode()
-        said = FrameSummary.decode(data)
+        said = EncodedFrame.decode(data)
         layout, patch = skin_of()
-        fitting = fit_frame(said, DescribedLayout.of(layout, (patch,)), data)
-        into.add(FrameRow.of(NODE, said, fitting, data, digest(data), cursor=1, now=START))
+        fitting = fit_frame(said, DescribedLayout.of(layout, (patch,)))
+        into.add(FrameRow.of(NODE, said, fitting, digest(data), cursor=1, now=START))
         begun.set_result(None)
         held.result(120)
 

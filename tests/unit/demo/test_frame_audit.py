@@ -26,7 +26,7 @@ from eskin.demo.layout import Layout as Folder
 from eskin.privacy import Encryptor, FileMasterKey, KeyStore
 from eskin.privacy.master_key import MASTER_FILE
 from eskin.privacy.sealed_message import name_place
-from eskin.wire.frames import FrameSummary, Layout, Patch, Privacy
+from eskin.wire.frames import EncodedFrame, Layout, Patch, Privacy
 from eskin.wire.messages import Position
 from tests.support.identities import SITE
 from tests.unit.cloud.clouds import Clock
@@ -158,7 +158,7 @@ class Worn(Demo):
         self.place = name_place((WornColumns.layout.content_hash, 1))
         encryptor = Encryptor()
         for body in super().delivered(messages):
-            frame = FrameSummary.decode(body)
+            frame = EncodedFrame.decode(body)
             sealed = encryptor.encrypt(self.ada, NODE, frame, body)
             yield sealed.encode() if frame.page == 1 else body
 

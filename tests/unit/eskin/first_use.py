@@ -15,7 +15,7 @@ from numba.core import event
 
 import eskin
 from eskin.interval.interval import _UFUNCS
-from eskin.wire.frames import Frame, FrameSummary
+from eskin.wire.frames import EncodedFrame, Frame
 from tests.unit.eskin.models.cases import CASES
 from tests.unit.eskin.wire.frames.examples import FRAME
 
@@ -112,7 +112,7 @@ def _ask_for_the_rest() -> None:
     stream.finish()
     _ask_for_contacts()
     eskin.Tube((0, 9), 1000, signal, "F", 1.0)
-    FrameSummary.decode(FRAME.encode())
+    EncodedFrame.decode(FRAME.encode())
     assert Frame.decode(FRAME.encode()).values
     eskin.design.invert(
         eskin.design.Within(eskin.models.rc_frequency, lo=5e4, hi=1e5),

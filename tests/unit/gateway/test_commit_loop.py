@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from eskin_gateway.mqtt.transport import ReceivedMessage
     from eskin_gateway.spool.batch import Batch
 
-    from eskin.wire.frames import FrameSummary, Privacy
+    from eskin.wire.frames import EncodedFrame, Privacy
     from tests.unit.gateway.in_memory import Inside
     from tests.unit.gateway.wire_node import Seal
 
@@ -126,7 +126,7 @@ def test_message_that_causes_a_bug_blocks_no_other(
     introduce(inside, seal)
     require = DescribedLayout.require_frame
 
-    def breaks(skin: DescribedLayout, said: FrameSummary) -> Privacy:
+    def breaks(skin: DescribedLayout, said: EncodedFrame) -> Privacy:
         if said.position.sequence == 1:
             raise ZeroDivisionError("a bug with this message")
         return require(skin, said)

@@ -17,7 +17,7 @@ from eskin_gateway.publish.frame_hulls import FrameHulls
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.wire.frames import DescribedLayout, FrameSummary
+from eskin.wire.frames import DescribedLayout, EncodedFrame
 from eskin.wire.timestamp import format_timestamp
 from tests.unit.eskin.senml import read_senml
 from tests.unit.gateway.messages import EPOCH
@@ -53,7 +53,7 @@ class Published:
 
     def add_of(self, node: str, frame: Frame, skin: DescribedLayout, now: float) -> None:
         data = frame.encode()
-        found = self.hulls.add(node, FrameSummary.decode(data), data, skin, now=now)
+        found = self.hulls.add(node, EncodedFrame.decode(data), skin, now=now)
         self._take(now, found)
 
     def run_periodic(self, now: float) -> None:

@@ -21,7 +21,7 @@ from eskin.wire.envelope import Opener
 from eskin.wire.frames import (
     Because,
     DescribedLayout,
-    FrameSummary,
+    EncodedFrame,
     Layout,
     MonitorVerdict,
     content_hash,
@@ -532,7 +532,7 @@ def test_frame_is_taken_if_and_only_if_it_fits(
     except (MessageError, IndexError):
         fits = False
     try:
-        DescribedLayout.of(to.layout, to.patches).require_frame(FrameSummary.decode(frame.encode()))
+        DescribedLayout.of(to.layout, to.patches).require_frame(EncodedFrame.decode(frame.encode()))
         taken = True
     except MessageError:
         taken = False

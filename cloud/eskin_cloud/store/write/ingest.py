@@ -13,7 +13,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import MessageError
 from eskin.privacy import SealedMessage
-from eskin.wire.frames import DescribedLayout, FrameSummary, Privacy, Statements
+from eskin.wire.frames import DescribedLayout, EncodedFrame, Privacy, Statements
 from eskin.wire.messages import Position, Result, Status
 from eskin.wire.slot import key_of, slot_of
 from eskin_cloud.store.db_errors import explain, is_store_fault
@@ -91,7 +91,7 @@ class Receipt(NamedTuple):
     want: tuple[bytes, ...] = ()
 
 
-_Placed: TypeAlias = FrameSummary | Statements | SealedMessage
+_Placed: TypeAlias = EncodedFrame | Statements | SealedMessage
 """What is read by a layout."""
 _STORED: Final = Receipt(STORED)
 _DUPLICATE: Final = Receipt(DUPLICATE)
@@ -268,7 +268,7 @@ def _prepare(batch: _Batch, items: Sequence[ParsedMessage]) -> None:
         boots[node, message.position.boot] = None
         if not isinstance(message, Status | Result) and message.layout is not None:
             of_layouts[node, message.layout] = None
-        if isinstance(message, FrameSummary):
+        if isinstance(message, EncodedFrame):
             of_pages[*key_of(node), message.layout, message.page] = None
         elif isinstance(message, Statements):
             of_pages[*key_of(node), message.layout, 0] = None
@@ -348,8 +348,8 @@ def _ingest_placed(batch: _Batch, item: ParsedMessage, message: _Placed, gateway
             raise described
         if isinstance(message, SealedMessage):
             _store_sealed_by_layout(batch, node, message, described, data)
-        elif isinstance(message, FrameSummary):
-            _store_frame(batch, item._replace(data=data), message, described)
+        elif isinstance(message, EncodedFrame):
+            _store_frame(batch, item, message, described)
         else:
             _store_statements(batch, item._replace(data=data), message, described)
     except MessageError as error:
@@ -377,24 +377,22 @@ def _ask_for_descriptions(
 
 
 def _store_frame(
-    batch: _Batch, item: ParsedMessage, frame: FrameSummary, described: DescribedLayout
+    batch: _Batch, item: ParsedMessage, frame: EncodedFrame, described: DescribedLayout
 ) -> None:
     """Store a frame.
 
     Raises:
         MessageError: It does not fit its layout; nothing is stored.
     """
-    fitting = fit_frame(frame, described, item.data)
+    fitting = fit_frame(frame, described)
     if frame.page in described.biometric_pages:
         raise MessageError(UNSEALED)
     _record_layout(batch, item.node, frame.position, frame.layout)
     cursor = batch.cache.next_cursor(item.node)
-    row = FrameRow.of(
-        *(item.node, frame, fitting, item.data, item.digest), cursor=cursor, now=batch.now
-    )
+    row = FrameRow.of(*(item.node, frame, fitting, item.digest), cursor=cursor, now=batch.now)
     batch.frames.append(row)
     head = cursor, item.node, None, None, batch.now
-    batch.entries.append(FeedEntry(*head, frame=item.data, layout=frame.layout))
+    batch.entries.append(FeedEntry(*head, frame=frame.data, layout=frame.layout))
 
 
 def _store_statements(

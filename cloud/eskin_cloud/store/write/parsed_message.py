@@ -9,13 +9,13 @@ from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
 from eskin.privacy import SealedMessage, is_not_biometric, is_sealed
 from eskin.runtime.digest import digest
-from eskin.wire.frames import FrameSummary, Statements
+from eskin.wire.frames import EncodedFrame, Statements
 from eskin.wire.messages import Result, Status, read_message
 from eskin.wire.messages.cbor_map import MOST_BYTES, load
 from eskin.wire.messages.header import Kind
 from eskin_cloud.store.schema.node_key import NODE_LENGTH
 
-Message: TypeAlias = FrameSummary | Statements | Status | Result | SealedMessage
+Message: TypeAlias = EncodedFrame | Statements | Status | Result | SealedMessage
 """Whatever has a place in a node's sequence."""
 
 _FRAME: Final = bytes((1, Kind.FRAME))
@@ -97,10 +97,10 @@ def _require_node(name: str) -> None:
     IdentityKind.NODE.require_name(name)
 
 
-def _decode(data: bytes) -> FrameSummary | Statements | Status | Result:
+def _decode(data: bytes) -> EncodedFrame | Statements | Status | Result:
     # Deterministic CBOR of a map with less than 24 fields begins with its head, and field 1.
     if data[1:3] == _FRAME:
-        return FrameSummary.decode(data)
+        return EncodedFrame.decode(data)
     fields = load(data)
     if fields.integer(1, 0, 255) == Kind.STATEMENTS:
         return Statements.read(fields)

@@ -11,8 +11,8 @@ from eskin_sensor_node.firmware import sample_codec as firmware
 
 from eskin.errors import MessageError
 from eskin.wire.frames import (
+    EncodedFrame,
     Frame,
-    FrameSummary,
     Layout,
     Patch,
     SampleCodes,
@@ -56,7 +56,7 @@ def check(data: bytes) -> None:
 
 def _check_summary(data: bytes) -> None:
     try:
-        found = FrameSummary.decode(data)
+        found = EncodedFrame.decode(data)
     except MessageError:
         found = None
     try:
@@ -65,7 +65,7 @@ def _check_summary(data: bytes) -> None:
         assert found is None, "a frame was found that is none"
         return
     assert found is not None, "a frame was not found"
-    expected = FrameSummary.of(frame, len(data))
+    expected = EncodedFrame.of(frame, data)
     assert head_fields(found) == head_fields(expected)
     assert found.records.tolist() == expected.records.tolist()
 

@@ -19,7 +19,7 @@ from eskin.interval import Verdict
 from eskin.privacy import Decryptor, Encryptor, SealedMessage, is_sealed
 from eskin.privacy.cipher import span
 from eskin.privacy.sealed_message import MINUTE, whole_minutes
-from eskin.wire.frames import Frame, FrameSummary, Peak, Statements
+from eskin.wire.frames import EncodedFrame, Frame, Peak, Statements
 from eskin.wire.messages import Position
 from eskin.wire.messages.header import Kind
 from tests.unit.eskin.wire.frames.examples import FRAME
@@ -37,7 +37,7 @@ STATEMENTS = Statements(
         Peak(2, 0, (20, 25), Verdict.CERTAIN, (1, 1), (2.5, 2.75), (0.5, 1.0), 0.999),
     ),
 )
-SUMMARY = FrameSummary.decode(FRAME.encode())
+SUMMARY = EncodedFrame.decode(FRAME.encode())
 CDDL = Path(__file__).parents[4] / "docs" / "eskin.cddl"
 every_kind = pytest.mark.parametrize("message", [FRAME, STATEMENTS], ids=["frame", "statements"])
 

@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.identity import IdentityKind
-from eskin.wire.frames import Controller, DescribedLayout, FrameSummary, Patch
+from eskin.wire.frames import Controller, DescribedLayout, EncodedFrame, Patch
 from eskin.wire.messages.header import CHANNEL as CHANNEL_NAME
 from eskin.wire.topics import Stream, live_topic
 from tests.support.identities import Identities
@@ -86,7 +86,7 @@ def published(frame: Frame, skin: SkinOf, node: str = "n") -> list[Publication]:
     """What is published of a frame."""
     data = frame.encode()
     described = DescribedLayout.of(skin.layout, skin.patches)
-    due = FrameHulls().add(node, FrameSummary.decode(data), data, described, now=1.0)
+    due = FrameHulls().add(node, EncodedFrame.decode(data), described, now=1.0)
     return [each for _, hull in due for each in public_payloads.hulls(node, hull, senml=False)]
 
 

@@ -20,8 +20,8 @@ from eskin.wire.frames import (
     ClosedLine,
     Contact,
     Controller,
+    EncodedFrame,
     Frame,
-    FrameSummary,
     Gap,
     Grid,
     Layout,
@@ -89,7 +89,7 @@ def written(frame: Frame) -> Record:
 def test_node_may_run_for_years(ticks: int) -> None:
     body = written(replace(examples.FRAME, ticks=ticks)).body
     assert Frame.decode(body).ticks == ticks
-    assert FrameSummary.decode(body).ticks == ticks
+    assert EncodedFrame.decode(body).ticks == ticks
     record = writer().status((1, 2), "hand", "a hand", ticks, (0, 0, 1, 0), 0)
     assert Status.decode(record.body).uptime == ticks
 

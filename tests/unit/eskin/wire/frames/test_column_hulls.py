@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from eskin.wire.frames import Frame, FrameSummary, Grid, PatchSamples
+from eskin.wire.frames import EncodedFrame, Frame, Grid, PatchSamples
 from eskin.wire.frames.column_hulls import ColumnHulls
 from eskin.wire.messages import Position
 from tests.unit.eskin.wire.frames.matrices import SIZES, matrices, samplings
@@ -35,7 +35,7 @@ def frames(draw: st.DrawFn) -> Frame:
 @given(frame=frames())
 def test_hulls_of_columns_are_those_of_the_decoded_samples(frame: Frame) -> None:
     data = frame.encode()
-    found = ColumnHulls.of(data, FrameSummary.decode(data))
+    found = ColumnHulls.of(EncodedFrame.decode(data))
     lo, hi, samples = [], [], []
     for patch, values in zip(frame.patches, frame.values, strict=True):
         mask = patch.sampling(frame.grids[patch.grid]).mask

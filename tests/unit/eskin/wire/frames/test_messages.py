@@ -15,8 +15,8 @@ from eskin.errors import MessageError
 from eskin.interval import Interval, Verdict
 from eskin.wire.frames import (
     Because,
+    EncodedFrame,
     Frame,
-    FrameSummary,
     Gap,
     Grid,
     Layout,
@@ -305,11 +305,11 @@ def test_few_samples_lie_in_no_more_cells_than_allowed(
     ]
     data = dump(cbor2.loads(FRAME.encode()) | {8: [list(grid)], 9: sparse})
     if is_refused:
-        for reader in (Frame, FrameSummary):
+        for reader in (Frame, EncodedFrame):
             with pytest.raises(MessageError):
                 reader.decode(data)
     else:
-        summary = FrameSummary.decode(data)
+        summary = EncodedFrame.decode(data)
         assert int(summary.records["samples"].sum()) == patches * 64
         assert len(Frame.decode(data).patches) == patches
 

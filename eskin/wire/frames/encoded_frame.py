@@ -1,8 +1,8 @@
-"""A frame without its samples: where each patch's record stands, and the hull of its samples."""
+"""A frame as bytes: its head, where each patch's record stands, and the hull of its samples."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Self
 
 import cbor2
@@ -80,14 +80,16 @@ _STRIDES, _UNSHARED = 1, 2
 
 
 @dataclass(frozen=True, slots=True)
-class FrameSummary(FrameHead):
-    """A frame without its samples.
+class EncodedFrame(FrameHead):
+    """A frame whose samples were checked, and stay encoded.
 
     Attributes:
         records: Of each patch, a `PATCH_RECORD`.
+        data: The frame.
     """
 
     records: NDArray[Any]
+    data: bytes = field(repr=False)
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
@@ -101,10 +103,9 @@ class FrameSummary(FrameHead):
         """
         counts = np.empty((MOST_GRIDS, 4), np.int64)
         coverages, records = np.empty(MOST_GRIDS), np.empty(MOST_PATCHES, PATCH_RECORD)
-        size = len(data)
         padded = np.frombuffer(data + bytes(PADDING), np.uint8)
         good, boot, sequence, layout, page, ticks, early, late, number, patches = _scan(
-            padded, size, counts, coverages, records
+            padded, len(data), counts, coverages, records
         )
         if good:
             listed = zip(counts[:number].tolist(), coverages[:number].tolist(), strict=True)
@@ -112,16 +113,16 @@ class FrameSummary(FrameHead):
             if len(set(grids)) == number:
                 position, time = Position(boot, sequence), (early, late)
                 name, kept = data[layout : layout + HASH_BYTES], records[:patches].copy()
-                return cls(position, name, page, ticks, time, grids, kept)
-        return cls.of(Frame.decode(data), size)
+                return cls(position, name, page, ticks, time, grids, kept, data)
+        return cls.of(Frame.decode(data), data)
 
     @classmethod
-    def of(cls, frame: Frame, size: int) -> Self:
-        """The summary of a frame.
+    def of(cls, frame: Frame, data: bytes) -> Self:
+        """Examine a decoded frame; `decode` does so faster.
 
         Args:
             frame: The frame.
-            size: Bytes of its encoding, which ends with the patches.
+            data: Its encoding, which ends with the patches.
         """
         records = np.zeros(len(frame.patches), PATCH_RECORD)
         for record, patch, values in zip(records, frame.patches, frame.values, strict=True):
@@ -133,9 +134,9 @@ class FrameSummary(FrameHead):
             record["lo"] = values.inf[sampling.mask].min()
             record["hi"] = values.sup[sampling.mask].max()
         behind = np.cumsum(records["length"][::-1], dtype=np.int64)[::-1]
-        records["offset"] = size - behind
+        records["offset"] = len(data) - behind
         head = frame.position, frame.layout, frame.page, frame.ticks, frame.time
-        return cls(*head, frame.grids, records)
+        return cls(*head, frame.grids, records, data)
 
 
 @kernel
@@ -176,8 +177,8 @@ def _read_grids(
 ) -> int:
     for k in range(number):
         place = read_key(data, place, 0x85)
-        for field in range(4):
-            grids[k, field], place = read_head(data, place, 0)
+        for at in range(4):
+            grids[k, at], place = read_head(data, place, 0)
         coverages[k], place = read_real(data, place)
         delay, period, first_row, rows = grids[k]
         good = delay <= LONGEST_PERIOD and 1 <= period <= LONGEST_PERIOD
@@ -286,7 +287,7 @@ def _read_options(
         if columns & 7 and data[place - 1] >> (columns & 7):
             return 0, 0, NOWHERE
         most += 2 + size
-    return strides, most, place if number == has_strides + has_unshared else NOWHERE
+    return strides, most, place if 1 <= number == has_strides + has_unshared else NOWHERE
 
 
 @part

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eskin.errors import MessageError
-from eskin.wire.frames import Frame, FrameSummary, Grid, PatchSamples
-from eskin.wire.frames import frame_summary as module
+from eskin.wire.frames import EncodedFrame, Frame, Grid, PatchSamples
+from eskin.wire.frames import encoded_frame as module
 from eskin.wire.messages import Position
 from tests.unit.eskin.wire.frames.examples import FRAME, SMALL, head_fields
 from tests.unit.eskin.wire.frames.matrices import matrices, samplings
@@ -69,8 +69,8 @@ def frames(draw: st.DrawFn) -> Frame:
     )
 
 
-def compare(found: FrameSummary, data: bytes) -> None:
-    expected = FrameSummary.of(Frame.decode(data), len(data))
+def compare(found: EncodedFrame, data: bytes) -> None:
+    expected = EncodedFrame.of(Frame.decode(data), data)
     assert head_fields(found) == head_fields(expected)
     for name in module.PATCH_RECORD.names or ():
         assert found.records[name].tolist() == expected.records[name].tolist(), name
@@ -93,7 +93,7 @@ def only_fast(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_examples_are_found(frame: Frame, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patched:
         only_fast(patched)
-        found = FrameSummary.decode(frame.encode())
+        found = EncodedFrame.decode(frame.encode())
     compare(found, frame.encode())
 
 
@@ -106,7 +106,7 @@ def test_any_frame_is_found(data: st.DataObject) -> None:
         return
     with pytest.MonkeyPatch.context() as patched:
         only_fast(patched)
-        found = FrameSummary.decode(frame.encode())
+        found = EncodedFrame.decode(frame.encode())
     compare(found, frame.encode())
 
 
@@ -131,9 +131,9 @@ def test_changed_bytes_are_refused_as_by_the_slow_way(frame: Frame) -> None:
         expected = read(each)
         if expected is None:
             with pytest.raises(MessageError):
-                FrameSummary.decode(each)
+                EncodedFrame.decode(each)
         else:
-            compare(FrameSummary.decode(each), each)
+            compare(EncodedFrame.decode(each), each)
 
 
 @settings(deadline=None)
@@ -159,7 +159,17 @@ def test_frames_of_other_parts_are_refused_as_by_the_slow_way(data: st.DataObjec
     encoded = cbor2.dumps(fields)
     if (expected := read(encoded)) is None:
         with pytest.raises(MessageError):
-            FrameSummary.decode(encoded)
+            EncodedFrame.decode(encoded)
     else:
-        compare(FrameSummary.decode(encoded), encoded)
+        compare(EncodedFrame.decode(encoded), encoded)
         assert np.isfinite(len(expected.patches))
+
+
+def test_empty_options_are_refused() -> None:
+    fields = cbor2.loads(FRAME.encode())
+    for k in range(len(fields[9])):
+        patches = [[*row[:7], {}] if at == k else row for at, row in enumerate(fields[9])]
+        encoded = cbor2.dumps(fields | {9: patches})
+        for decode in (Frame.decode, EncodedFrame.decode):
+            with pytest.raises(MessageError):
+                decode(encoded)
