@@ -147,7 +147,7 @@ class MosquittoAgent:
         self._trust.revocations(kind, file.read_bytes())
 
     def _listed(self) -> set[tuple[str, str]]:
-        """Whom the broker refuses by the lists that it has: others could come back at once."""
+        """Certificates that the broker refuses by its lists; others could reconnect at once."""
         refused = revoked(self._folder)
         listed = {one for kind in KINDS for one in fetch_revoked(self._url, self._identity, kind)}
         return {(name, serial) for name, serial in listed if serial in refused}

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from eskin.runtime.http_server.rate_limit import RateLimit
     from eskin_cloud.alarms.evaluator import Evaluator
-    from eskin_cloud.commands import Notifier
+    from eskin_cloud.commands.command_queue import Notifier
     from eskin_cloud.ingest.gateway_contacts import GatewayContacts
     from eskin_cloud.ingest.gateway_trust import GatewayTrust
     from eskin_cloud.ingest.upload_budget import UploadBudget

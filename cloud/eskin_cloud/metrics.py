@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from eskin_cloud.commands import Notifier
+    from eskin_cloud.commands.command_queue import Notifier
     from eskin_cloud.live import Feed
     from eskin_cloud.store import Store
 

@@ -26,7 +26,7 @@ from eskin_cloud.alarms.evaluator import Evaluator
 from eskin_cloud.api.live import MOST_MESSAGE_BYTES
 from eskin_cloud.app import gateway_application, people_application
 from eskin_cloud.app_state import AppState
-from eskin_cloud.commands import Notifier
+from eskin_cloud.commands.command_queue import Notifier
 from eskin_cloud.ingest.gateway_contacts import GatewayContacts
 from eskin_cloud.ingest.gateway_trust import GatewayTrust
 from eskin_cloud.ingest.upload_budget import UploadBudget

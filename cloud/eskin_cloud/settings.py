@@ -122,8 +122,8 @@ class PeopleSection(Section):
     )
     proxies: list[IPv4Network | IPv6Network] = Field(
         default=[],
-        description="networks (CIDR) of reverse proxies, which are believed for whom they ask; "
-        "their connections have no bound of one address",
+        description="networks (CIDR) of reverse proxies, whose forwarded client addresses are "
+        "trusted; their connections have no bound of one address",
     )
     forwarded: Literal["x-forwarded-for", "forwarded"] = Field(
         default="x-forwarded-for",
@@ -148,7 +148,7 @@ class GatewaysSection(Section):
     host: Host = Field(default="127.0.0.1", description="address to listen on")
     port: int = Field(default=8443, ge=0, le=65535, description="port; 0 takes a free one")
     identity: Path = Field(
-        description="folder of the server's identity; its root.pem is whom gateways must lead to"
+        description="folder of the server's identity; gateway certificates lead to its root.pem"
     )
     revocations: Path | None = Field(
         default=None, description="the gateways' revocation list (PEM); read again when it changes"
@@ -242,7 +242,7 @@ class RetentionSection(Section):
     """How long channels are kept; what is older is removed, a little at a time, and counted."""
 
     days: float = Field(
-        default=0.0, ge=0, le=36_500, description="days that a channel is kept; 0: for ever"
+        default=0.0, ge=0, le=36_500, description="days that a channel is kept; 0: forever"
     )
     biometric_days: float = Field(
         default=0.0,
@@ -253,7 +253,7 @@ class RetentionSection(Section):
     channels: dict[str, float] = Field(
         default={},
         description='days by NODE/CHANNEL, such as `"hand/*" = 7`; the first that fits counts '
-        "before all others, and 0 is for ever",
+        "before all others, and 0 is forever",
     )
     every_s: float = Field(
         default=60.0, gt=0, le=86_400, description="seconds between two looks for what is too old"
@@ -293,7 +293,7 @@ class CompactionSection(Section):
 
 
 class AlarmsSection(Section):
-    """Whom alarms of monitors are sent to, beside the gateways, which publish them by MQTT."""
+    """Receivers of alarms, beside the gateways, which publish them by MQTT."""
 
     webhooks: dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9-]{1,63}$")], str] = Field(
         default={},

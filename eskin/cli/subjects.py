@@ -1,4 +1,4 @@
-"""``eskin subjects``: of whom biometric channels tell; only the site knows the names."""
+"""``eskin subjects``: the subjects of biometric channels; only the site knows their names."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class CertificateAuthority:
     def changing(self) -> AbstractContextManager[None]:
         """Lock this CA against other threads and processes.
 
-        What is decided by looking at the CA, such as to whom to issue, is decided and done in one.
+        A caller that looks at the CA and then issues a certificate holds the lock for both.
 
         Raises:
             LockedError: Another writer held the lock for too long.

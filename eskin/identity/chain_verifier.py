@@ -74,7 +74,7 @@ class ChainVerifier:
         """Load a kind's revocation list; from then on that kind requires one.
 
         Args:
-            kind: Whom it is about.
+            kind: The kind of its subject.
             data: PEM: certificates of issuing CAs, and for each the list that it signed.
 
         Raises:

@@ -83,7 +83,7 @@ class RevocationLists:
         return f"{certificate.serial_number:x}" in self._listed(kind)
 
     def is_due(self, kind: IdentityKind) -> bool:
-        """Whether a day has passed since the list was signed, or it lacks whom it should hold."""
+        """Whether a day has passed since the list was signed, or it lacks a revoked certificate."""
         standing = self._standing(kind)
         if standing is None or standing.next_update_utc is None or not self.is_complete(kind):
             return True

@@ -160,7 +160,7 @@ def _held(lock: Path) -> Iterator[None]:
 
 
 def _wait_for(descriptor: int, lock: Path) -> None:
-    """Lock a file; a process that is stopped while it holds the lock is not waited for for ever."""
+    """Lock a file; waiting for a process that was stopped with the lock ends."""
     begun, stated = time.monotonic(), False
     while True:
         with suppress(BlockingIOError):

@@ -59,7 +59,7 @@ class RenewalSection(Section):
 
 
 class KeysSection(Section):
-    """Where the keys of subjects are: of persons, of whom biometric channels tell."""
+    """Where the keys of subjects are: of persons with biometric channels."""
 
     directory: Path | None = Field(
         default=None,

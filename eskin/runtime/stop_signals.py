@@ -18,7 +18,7 @@ def stop_on_signals(stop: threading.Event) -> None:
     """Set an event on SIGTERM and SIGINT; call it in the main thread.
 
     A handler interrupts the main thread, which may hold the lock of the event that it waits for: it
-    would wait for that lock for ever. So a thread sets the event. A `SimpleQueue` may be put to in
+    would wait for that lock forever. So a thread sets the event. A `SimpleQueue` may be put to in
     a handler.
     """
     numbers: queue.SimpleQueue[int] = queue.SimpleQueue()

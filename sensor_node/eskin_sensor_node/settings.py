@@ -12,7 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind
 from eskin.runtime.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
-from eskin.wire.messages.command_schema import MOST_FORMULA
+from eskin.wire.messages.command import MOST_FORMULA
 from eskin_sensor_node.kinds.registry import Taxel
 from eskin_sensor_node.kinds.settings import Companion, TaxelSection
 from eskin_sensor_node.kinds.skin_section import SkinSection

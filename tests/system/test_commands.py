@@ -13,7 +13,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 from eskin.client import verify_release
 from eskin.identity import IdentityKind, client_context
 from eskin.identity.identity import ROOT_FILE
-from eskin.wire.messages.command_schema import KEY_PLACE
+from eskin.wire.messages.command import KEY_PLACE
 from eskin.wire.topics import Stream, node_topic
 from tests.support.processes import wait_until
 from tests.system.commands import Chain

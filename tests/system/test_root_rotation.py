@@ -112,7 +112,7 @@ class Site:
         return Party(identity, ports[identity.kind], root=root)
 
     def roots(self) -> dict[str, tuple[x509.Certificate, ...]]:
-        """Whom each party trusts."""
+        """The roots that each party trusts."""
         return {name: load_certificates(self.pki / name / ROOT_FILE) for name in PARTIES}
 
     def issuers(self) -> dict[str, x509.Certificate]:

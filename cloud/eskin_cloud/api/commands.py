@@ -14,7 +14,7 @@ from eskin.runtime.http_server.problems import documented
 from eskin.wire.envelope import sign
 from eskin.wire.messages import Command, CommandName
 from eskin.wire.messages.cbor_map import MOST_COUNT
-from eskin.wire.messages.command_schema import MOST_FORMULA, RANGES, check_arguments
+from eskin.wire.messages.command import MOST_FORMULA, RANGES, check_arguments
 from eskin.wire.timestamp import SECOND
 from eskin.wire.topics import Stream, node_topic
 from eskin_cloud.api.dependencies import Access, CloudState, Operator, Reader

@@ -53,7 +53,7 @@ class _WholeFile(FileResponse):
     """A file, whatever range is asked for: a server may ignore ranges (RFC 9110, section 14.2)."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer with all of it; Starlette would refuse a poor range in plain text."""
+        """Answer with all of it; Starlette would refuse an invalid range in plain text."""
         headers = [each for each in scope["headers"] if each[0] != b"range"]
         await super().__call__({**scope, "headers": headers}, receive, send)
 

@@ -8,7 +8,7 @@ from starlette.responses import Response
 
 from eskin.interval import Verdict
 from eskin.monitor import Formula
-from eskin.wire.messages.command_schema import MOST_FORMULA
+from eskin.wire.messages.command import MOST_FORMULA
 from eskin_cloud.api.dependencies import CloudState, Reader
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.verdict_answers import list_verdicts, total_time

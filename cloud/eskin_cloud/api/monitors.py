@@ -13,7 +13,7 @@ from eskin.errors import MonitorError, QueryError, shown
 from eskin.monitor import check
 from eskin.privacy import is_biometric
 from eskin.runtime.http_server.problems import documented
-from eskin.wire.messages.command_schema import MOST_FORMULA
+from eskin.wire.messages.command import MOST_FORMULA
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.alarms.live_monitor import MOST_KEPT
 from eskin_cloud.api.dependencies import Access, CloudState, Operator, Reader

@@ -1,4 +1,4 @@
-"""Subjects: of whom there is what, by pseudonym, and all that is held of one."""
+"""Subjects by pseudonym: how much is stored of each, and all data of one."""
 
 import asyncio
 from collections import Counter

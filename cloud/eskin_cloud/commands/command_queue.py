@@ -1,7 +1,8 @@
-"""What gateways are given: for each node its oldest command that is not answered yet."""
+"""Which commands a gateway receives: of each node the oldest one without an answer."""
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -18,6 +19,7 @@ from eskin_cloud.store.write.commands import find_command
 if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, Connection
 
+
 MOST_HELD: Final = 10_000
 MOST_GIVEN: Final = 500
 LONGEST_WAIT_S: Final = 60.0
@@ -25,12 +27,12 @@ LONGEST_WAIT_S: Final = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Holding:
-    """What a gateway says when it asks.
+    """A gateway's request for commands.
 
     Attributes:
-        held: ``(node, id)`` of the commands that it has.
+        held: ``(node, id)`` of the commands that the gateway has.
         sent: Those that it has handed to its broker.
-        wait_s: How long it would wait for a change.
+        wait_s: How long the gateway waits for a change.
         published: The number of the last change of an alarm that it has published; ``None`` where
             it has just started.
     """
@@ -66,11 +68,11 @@ class Holding:
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What a gateway must learn.
+    """The answer to a gateway.
 
     Attributes:
-        give: ``(node, id, signed command)`` that it has not.
-        drop: ``(node, id)`` that it should deliver no more.
+        give: ``(node, id, signed command)`` that the gateway must deliver.
+        drop: ``(node, id)`` that it must no longer deliver.
         alarms: ``(number, monitor, document)`` of changes of alarms that it should publish.
     """
 
@@ -112,14 +114,14 @@ def find_changes(connection: Connection, holding: Holding, *, site: str, now: in
 
 
 def find_unmarked(connection: Connection, holding: Holding, *, site: str) -> list[tuple[str, int]]:
-    """Which commands a gateway has handed on that are not known to be."""
+    """Commands that a gateway has published, and that are not recorded as published."""
     c = commands.c
     query = select(c.node, c.id).where(c.outcome.is_(None), c.delivered.is_(None), _is_of(site))
     return sorted(holding.sent & {(row[0], row[1]) for row in connection.execute(query)})
 
 
 def mark_delivered(connection: Connection, sent: list[tuple[str, int]], *, now: int) -> None:
-    """Note when commands were first handed to a broker."""
+    """Record when a gateway first published commands to its broker."""
     c = commands.c
     for node, number in sent:
         here = of_node(commands, node) & (c.id == number) & c.delivered.is_(None)
@@ -144,3 +146,43 @@ def _entry(value: object) -> tuple[str, int, bool]:
     if len(found) != 3 or not isinstance(found[0], str) or not isinstance(found[2], bool):
         raise MessageError("held is no array of [node, id, sent]")
     return found[0], integer(found[1], "held, id", 1, MOST_COUNT), found[2]
+
+
+class Notifier:
+    """Wakes the gateways that wait for commands; on the event loop only.
+
+    Attributes:
+        version: Grows with every change.
+        waiting: How many gateways wait.
+        closed: Whether waiting has ended.
+    """
+
+    def __init__(self) -> None:
+        self.version = 0
+        self.waiting = 0
+        self.closed = False
+        self._news = asyncio.Event()
+
+    def wake(self) -> None:
+        """Notify waiting gateways that a command was issued or answered."""
+        self.version += 1
+        self._news.set()
+        self._news = asyncio.Event()
+
+    def close(self) -> None:
+        """Wake all waiters and close."""
+        self.closed = True
+        self.wake()
+
+    async def wait(self, version: int, seconds: float) -> None:
+        """Wait until something changed after a version, or the time is over."""
+        news = self._news
+        if self.version != version or self.closed:
+            return
+        self.waiting += 1
+        try:
+            await asyncio.wait_for(news.wait(), seconds)
+        except TimeoutError:
+            return
+        finally:
+            self.waiting -= 1

@@ -1,11 +1,11 @@
-"""How a node should be set: what all commands since its last reset ask for."""
+"""The desired state of a node: the settings that all commands since its last reset ask for."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from eskin.wire.messages import CommandName
-from eskin.wire.messages.command_schema import (
+from eskin.wire.messages.command import (
     MONITOR_SETTINGS,
     NEVER,
     SETTINGS,
@@ -14,11 +14,11 @@ from eskin.wire.messages.command_schema import (
 )
 
 if TYPE_CHECKING:
-    from eskin.wire.messages.command_schema import Arguments, State, Value
+    from eskin.wire.messages.command import Arguments, State, Value
 
 
 def merge_desired_state(desired_state: State, name: CommandName, arguments: Arguments) -> State:
-    """The wish after one command more; what is asked of the whole node overrules its taxels'."""
+    """The desired state after a command; settings of the whole node replace those of its taxels."""
     if name is CommandName.RESET:
         return {}
     if name is CommandName.MONITOR:
@@ -45,7 +45,7 @@ def merge_desired_state(desired_state: State, name: CommandName, arguments: Argu
 
 
 def is_settled(desired_state: State, reported: State | None) -> bool:
-    """Whether a node reports all that is wished of it."""
+    """Whether the reported state of a node has all settings of its desired state."""
     return all(
         _reports(reported or {}, desired_state, place, field, value)
         for place, settings in desired_state.items()
@@ -61,7 +61,7 @@ def _reports(reported: State, desired_state: State, place: str, field: str, valu
     if place != WHOLE_NODE:
         return False
     taxels = {taxel: found[field] for taxel, found in reported.items() if field in found}
-    # What is wished of a taxel itself overrules what is wished of the whole node.
+    # A setting of a taxel overrides that of the whole node.
     return bool(taxels) and all(
         found == value
         for taxel, found in taxels.items()

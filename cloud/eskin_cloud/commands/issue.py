@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection, RowMapping
 
-    from eskin.wire.messages.command_schema import Arguments
+    from eskin.wire.messages.command import Arguments
 
 
 class BacklogError(EskinError):
@@ -39,10 +39,10 @@ class Order:
     """A command for a node.
 
     Attributes:
-        node: Whom.
-        name: What to do.
-        arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
-        lifetime: How long it may be done, ns.
+        node: The node.
+        name: The command's name.
+        arguments: As `eskin.wire.messages.command.check_arguments` allows.
+        lifetime: How long the node may carry it out, ns.
     """
 
     node: str
@@ -54,11 +54,11 @@ class Order:
 def issue(
     connection: Connection, order: Order, *, sign: Callable[[Command], bytes], now: int
 ) -> RowMapping:
-    """Keep a command, and what is desired of its node from now on.
+    """Store a command and the new desired state of its node.
 
     Args:
         connection: The writing thread's, in a transaction.
-        order: What is asked.
+        order: The command.
         sign: Signs a command for its node.
         now: UTC ns.
 
@@ -66,7 +66,7 @@ def issue(
         The command's row.
 
     Raises:
-        UnknownPlaceError: The node never said anything.
+        UnknownPlaceError: The node has sent no message yet.
         CommandError: The node has no such taxel or channel.
         BacklogError: Too many commands wait for the node's answer.
     """

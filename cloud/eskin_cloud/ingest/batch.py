@@ -22,7 +22,7 @@ _NO_ITEM: Final = "the item is no array of a node's name and bytes"
 
 
 def read_batch(body: bytes) -> Sequence[ParsedMessage]:
-    """Read a batch; a poor item harms none but itself.
+    """Read a batch; an invalid item does not affect the others.
 
     Raises:
         MalformedBatchError: It is no array of at most 10000 items.
@@ -41,7 +41,10 @@ def read_batch(body: bytes) -> Sequence[ParsedMessage]:
 
 
 def _read_item(value: object) -> ParsedMessage:
-    """Parse one item; else one that breaks its parser would be brought for ever."""
+    """Parse one item.
+
+    One that breaks its parser is rejected, else the gateway would retry it forever.
+    """
     if not isinstance(value, list) or len(value) != 2:
         return ParsedMessage.unreadable("", cbor2.dumps(value), _NO_ITEM)
     node, data = value

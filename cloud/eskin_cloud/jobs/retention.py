@@ -175,7 +175,7 @@ def _remove_rows(
 
 
 def kept_for(rules: RetentionSection, node: str, channel: str) -> float:
-    """Days that a channel is kept; 0: for ever."""
+    """Days that a channel is kept; 0: forever."""
     for place, days in rules.channels.items():
         if fnmatchcase(f"{node}/{channel}", place):
             return days
@@ -241,7 +241,7 @@ class _DueNode(NamedTuple):
         node: The node.
         pages: Pages whose frames may be too old.
         before: Damaged frames, and events of the node as a whole, that ended before it are
-            removed, UTC ns; ``None`` if a patch is kept for ever.
+            removed, UTC ns; ``None`` if a patch is kept forever.
         patches: What is removed of each patch.
     """
 

@@ -7,7 +7,7 @@ import orjson
 from pydantic import BaseModel
 from sqlalchemy import RowMapping
 
-from eskin.wire.messages.command_schema import MONITOR_PLACE, NEVER, ON, OUTPUTS
+from eskin.wire.messages.command import MONITOR_PLACE, NEVER, ON, OUTPUTS
 from eskin_cloud.schemas.alarms import VerdictName
 from eskin_cloud.schemas.base import Row, TimeDocument, time_span
 

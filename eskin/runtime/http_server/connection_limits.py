@@ -26,8 +26,8 @@ class CountedConnection:
 
     Attributes:
         bounds: What a client may take.
-        source: Whom it counts for: a caller that proved its name, else see `source_of`; ``None``
-            for a proxy, which asks for many.
+        source: Whose connections are counted: a caller that proved its name, else see
+            `source_of`; ``None`` for a proxy, which asks for many.
         authenticated: Whether the caller proved its name.
         named: Whether its source is final: a proxy, or a client certificate.
         idle_since: When it began, or was last answered; the event loop's time.
@@ -79,7 +79,7 @@ class CountedConnection:
 
 
 def source_name(kind: str, secret: str) -> str:
-    """Whom a connection counts for, with nothing in it that would be a secret."""
+    """Whose limit a connection counts towards; it contains no secret."""
     return f"{kind} {hashlib.sha256(secret.encode('utf-8', 'surrogatepass')).hexdigest()}"
 
 

@@ -1,6 +1,6 @@
 """HTTP/1.1 with bounds on what a client may take: time, bytes, connections.
 
-uvicorn waits for ever for the end of a head or a body, reads heads of any length, takes as many
+uvicorn waits forever for the end of a head or a body, reads heads of any length, takes as many
 connections as come, looks at no ``Host``, and shows no client certificate to the application. The
 rest of it, and the answers, are its own.
 """
@@ -75,7 +75,7 @@ class HttpLimits:
             network of 64 bit.
         hosts: Names that ``Host`` may have, beside addresses; ``None`` for any, where TLS has
             clients check the name.
-        proxies: Networks of reverse proxies, which are believed whom they ask for.
+        proxies: Networks of reverse proxies, whose forwarded client addresses are trusted.
         forwarded: Header in which they say it, by its name in lower case.
     """
 
@@ -275,7 +275,7 @@ class GuardedProtocol(CountedConnection, HttpToolsProtocol):
             self._stop(HTTPStatus.MISDIRECTED_REQUEST)
 
     def _forwarded_for(self, peer: str) -> str:
-        """For whom a proxy asks: of the hops that it names, the last one that is no proxy."""
+        """The client of a proxy: of the hops that it names, the last one that is no proxy."""
         wanted = self.bounds.forwarded.encode()
         said = b",".join(value for name, value in self.headers if name == wanted)
         last = peer

@@ -116,7 +116,7 @@ def _flood(scope: Scope, what: str, rate: RateLimit) -> Response:
 
 
 def source_of(address: str) -> str:
-    """Whom to count: an IPv4 address, or the network of 64 bit that one IPv6 user has at least."""
+    """The unit of a limit: an IPv4 address, or the /64 network that an IPv6 user has at least."""
     try:
         found = ip_address(address.partition("%")[0])
     except ValueError:

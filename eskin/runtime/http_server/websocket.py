@@ -1,7 +1,7 @@
 """WebSocket (RFC 6455) with bounds on what a client may take and send.
 
 uvicorn counts no WebSocket, reads messages as fast as they come, answers each ping whether or not
-the client reads the answers, and waits for ever where a client takes nothing.
+the client reads the answers, and waits forever where a client takes nothing.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class GuardedWebSocket(CountedConnection, WebSocketsSansIOProtocol):
 
     Args:
         upgraded: The HTTP connection.
-        client: Address and port of the client, or of the one for whom a proxy asks.
+        client: Address and port of the client, or of the one that a proxy names.
         others: As uvicorn gives them.
     """
 

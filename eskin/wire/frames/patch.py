@@ -24,7 +24,7 @@ from eskin.wire.messages.cbor_map import (
     real,
     text,
 )
-from eskin.wire.messages.command_schema import TAXEL
+from eskin.wire.messages.command import TAXEL
 from eskin.wire.messages.header import Kind
 
 if TYPE_CHECKING:

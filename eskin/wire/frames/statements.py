@@ -27,7 +27,7 @@ from eskin.wire.messages.cbor_map import (
     row,
     text,
 )
-from eskin.wire.messages.command_schema import TAXEL
+from eskin.wire.messages.command import TAXEL
 from eskin.wire.messages.header import Kind, Position, position_fields, read_position
 from eskin.wire.timestamp import MOST_MOMENT
 

@@ -20,7 +20,7 @@ from eskin.wire.timestamp import MOST_MOMENT
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from eskin.wire.messages.command_schema import Value
+    from eskin.wire.messages.command import Value
 
 MOST_BYTES: Final = 65_536
 """Size limit of one plaintext message."""

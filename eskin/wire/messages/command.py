@@ -1,18 +1,213 @@
-"""A command, cloud to node; it travels signed by the cloud (COSE_Sign1)."""
+"""Commands, cloud to node: names, arguments, and the message, signed by the cloud (COSE_Sign1).
+
+Names and values are those of robot skin (iCub's skinManager). A *place* is what a setting belongs
+to: a channel (``t01.capacitance``), a taxel (``t01``), or the whole node (``*``). A *state* holds
+the settings of each place.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Self
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final, Self, TypeAlias
 
 from eskin.errors import CommandError, IdentityError, MessageError
 from eskin.wire.messages.cbor_map import MOST_COUNT, dump, load, read_texts, sort_texts
-from eskin.wire.messages.command_schema import CommandName, check_arguments
-from eskin.wire.messages.header import Kind
+from eskin.wire.messages.header import CHANNEL, Kind
 from eskin.wire.timestamp import MOST_MOMENT
 
 if TYPE_CHECKING:
-    from eskin.wire.messages.command_schema import Arguments
+    from collections.abc import Mapping
+
+
+Value: TypeAlias = float | str
+Arguments: TypeAlias = dict[str, Value]
+State: TypeAlias = dict[str, dict[str, Value]]
+
+WHOLE_NODE: Final = "*"
+"""The place of what holds for all taxels."""
+TAXEL: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
+MONITOR_PLACE: Final = "monitor:"
+"""What a monitor's place begins with; its name follows."""
+KEY_PLACE: Final = "key:gesture"
+"""The place of a node's gesture key."""
+NONCE: Final = re.compile(r"[0-9a-f]{32}")
+"""A challenge's nonce: 16 bytes in hexadecimal."""
+MOST_FORMULA: Final = 1000
+"""Characters of a monitor's formula."""
+
+
+class CommandName(StrEnum):
+    """Commands."""
+
+    CALIBRATE = "calibrate"
+    SET = "set"
+    RESET = "reset"
+    MONITOR = "monitor"
+    CHALLENGE = "challenge"
+
+
+class Mode(StrEnum):
+    """What a node sends: every sample, peaks only, or as much as there is to tell."""
+
+    SAMPLES = "samples"
+    PEAKS = "peaks"
+    ADAPTIVE = "adaptive"
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """What a setting may be.
+
+    Attributes:
+        least: Least value.
+        most: Greatest value.
+        help: What it is, with its unit.
+    """
+
+    least: float
+    most: float
+    help: str
+
+    def check(self, field: str, value: object) -> float:
+        """Check a number.
+
+        Raises:
+            CommandError: It is none, or out of range.
+        """
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise CommandError(field, value, f"a number from {self.least:g} to {self.most:g}")
+        if not self.least <= value <= self.most:
+            raise CommandError(field, value, f"{self.least:g} to {self.most:g}")
+        return float(value)
+
+
+RANGES: Final = {
+    "threshold": Range(1e-30, 1e30, "least prominence of a peak, in the channel's unit"),
+    "gain": Range(1e-3, 1e3, "gain of the chain, as a factor"),
+    "smoothing": Range(0.0, 0.99, "weight of the past in each sample, 0 for none"),
+    "rate": Range(1e-3, 1e6, "samples in a second"),
+}
+"""Settings that are numbers; ``mode`` and ``adaptive`` are not."""
+SWITCH: Final = ("on", "off")
+SETTINGS: Final = (*RANGES, "mode", "adaptive")
+NEVER: Final = "never"
+ON: Final = ("possible", "certain", NEVER)
+"""With which verdict a monitor's output is on; one with `NEVER` does not run."""
+OUTPUTS: Final = ("none", "stop", "out1", "out2", "out3")
+"""What a monitor may drive."""
+MONITOR_SETTINGS: Final = ("formula", "on", "output")
+"""Settings of a monitor."""
+_CHOICES: Final = {"mode": tuple(Mode), "adaptive": SWITCH, "on": ON, "output": OUTPUTS}
+
+_ALLOWED: Final = {
+    CommandName.CALIBRATE: ("taxel",),
+    CommandName.SET: (*SETTINGS, "taxel", "channel"),
+    CommandName.RESET: (),
+    CommandName.MONITOR: ("monitor", *MONITOR_SETTINGS),
+    CommandName.CHALLENGE: ("nonce",),
+}
+
+
+def check_arguments(name: CommandName, arguments: Mapping[str, object]) -> Arguments:
+    """Check a command's arguments.
+
+    - ``calibrate``: a ``taxel``; none means all.
+    - ``set``: a ``threshold`` with its ``channel``; or any of ``gain``, ``smoothing``, ``rate``,
+      ``mode`` and ``adaptive``, of one ``taxel`` or of all.
+    - ``reset``: nothing.
+    - ``monitor``: a ``monitor``, and its ``formula``, with ``on`` (by default ``possible``) and
+      ``output`` (by default ``none``); without a formula, ``on`` is ``never``: it is removed.
+    - ``challenge``: a ``nonce``, which the node signs once its gesture key is entered.
+
+    Returns:
+        The arguments, their numbers as floats.
+
+    Raises:
+        CommandError: One is not allowed, or one is missing.
+    """
+    allowed = _ALLOWED[name]
+    for field, value in arguments.items():
+        if field not in allowed:
+            raise CommandError(field, value, f"{name} takes {', '.join(allowed) or 'nothing'}")
+    checked = {field: _check(field, value) for field, value in arguments.items()}
+    if name is CommandName.SET:
+        _require_fitting(checked)
+    if name is CommandName.CHALLENGE and not checked:
+        raise CommandError("nonce", None, "16 bytes in hexadecimal, new for each challenge")
+    if name is CommandName.MONITOR:
+        if "monitor" not in checked:
+            raise CommandError("monitor", None, "the name of a monitor, such as grip")
+        if "formula" in checked:
+            checked.setdefault("on", ON[0])
+            checked.setdefault("output", OUTPUTS[0])
+        elif set(checked) - {"monitor", "on"} or checked.get("on", NEVER) != NEVER:
+            raise CommandError("formula", None, "a formula; to remove the monitor, its name alone")
+        else:
+            checked["on"] = NEVER
+        if ("formula" in checked) is (checked["on"] == NEVER):
+            raise CommandError("on", NEVER, f"{NEVER} without a formula")
+    return checked
+
+
+def place_of(arguments: Mapping[str, Value]) -> str:
+    """The place that a command's arguments speak of."""
+    if "monitor" in arguments:
+        return f"{MONITOR_PLACE}{arguments['monitor']}"
+    return str(arguments.get("channel", arguments.get("taxel", WHOLE_NODE)))
+
+
+def is_place(text: str) -> bool:
+    """Whether a text is a place."""
+    if text.startswith(MONITOR_PLACE):
+        return TAXEL.fullmatch(text.removeprefix(MONITOR_PLACE)) is not None
+    return (
+        text in (WHOLE_NODE, KEY_PLACE)
+        or (TAXEL.fullmatch(text) or CHANNEL.fullmatch(text)) is not None
+    )
+
+
+def _check(field: str, value: object) -> Value:
+    if field in RANGES:
+        return RANGES[field].check(field, value)
+    if field in _CHOICES:
+        if value not in _CHOICES[field]:
+            raise CommandError(field, value, ", ".join(_CHOICES[field]))
+        return str(value)
+    if field == "nonce":
+        if not isinstance(value, str) or NONCE.fullmatch(value) is None:
+            raise CommandError(field, value, "16 bytes as 32 hexadecimal digits, a to f")
+        return value
+    if field == "formula":
+        if not isinstance(value, str) or not value.isprintable() or not value.strip():
+            raise CommandError(field, value, "a text on one line")
+        if len(value) > MOST_FORMULA:
+            raise CommandError(field, value[:40], f"at most {MOST_FORMULA} characters")
+        return value
+    pattern = CHANNEL if field == "channel" else TAXEL
+    if not isinstance(value, str) or pattern.fullmatch(value) is None:
+        example = {"channel": "t01.capacitance", "monitor": "grip"}.get(field, "t01")
+        raise CommandError(field, value, f"a {field} such as {example}")
+    return value
+
+
+def _require_fitting(arguments: Arguments) -> None:
+    """A threshold has its channel's unit; everything else belongs to a taxel as a whole."""
+    settings = [field for field in arguments if field in SETTINGS]
+    if not settings:
+        raise CommandError("arguments", None, f"set takes at least one of {', '.join(SETTINGS)}")
+    if "threshold" in arguments:
+        if "channel" not in arguments:
+            raise CommandError("channel", None, "a threshold needs its channel")
+        if set(arguments) != {"threshold", "channel"}:
+            others = ", ".join(sorted(set(arguments) - {"threshold", "channel"}))
+            raise CommandError(others, None, "a threshold comes with its channel alone")
+    elif "channel" in arguments:
+        raise CommandError(
+            "channel", arguments["channel"], f"{settings[0]} is of a taxel, or of the whole node"
+        )
+
 
 _FIELDS: Final = frozenset(range(1, 8))
 _MOST_ARGUMENTS: Final = 16
@@ -20,13 +215,13 @@ _MOST_ARGUMENTS: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What a node is asked to do, once.
+    """A request to a node, carried out at most once.
 
     Attributes:
         id: Greater than those of all commands before to the same node; from 1 on.
-        node: Who is asked.
+        node: The node.
         issued: When, by the cloud's clock, UTC ns.
-        expires: From when on it must not be done any more, UTC ns.
+        expires: From then on the node rejects it, UTC ns.
         name: What to do.
         arguments: As `check_arguments` allows.
     """
@@ -52,7 +247,7 @@ class Command:
         Raises:
             MessageError: It is none.
         """
-        # Cryptography comes with identities: not for who reads no command.
+        # Cryptography comes with identities; importing this module must not need it.
         from eskin.identity.identity_kind import IdentityKind  # noqa: PLC0415
 
         fields = load(data)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import MessageError
 from eskin.wire.messages.cbor_map import MOST_COUNT, dump, load, read_map, read_texts, sort_texts
-from eskin.wire.messages.command_schema import is_place
+from eskin.wire.messages.command import is_place
 from eskin.wire.messages.header import Kind, Position, position_fields, read_position
 
 if TYPE_CHECKING:
     from eskin.wire.messages.cbor_map import Fields
-    from eskin.wire.messages.command_schema import State
+    from eskin.wire.messages.command import State
 
 MOST_REASON: Final = 200
 _FIELDS: Final = frozenset(range(1, 9))

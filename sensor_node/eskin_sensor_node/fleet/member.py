@@ -9,7 +9,7 @@ from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
-    from eskin.wire.messages.command_schema import Arguments, State
+    from eskin.wire.messages.command import Arguments, State
     from eskin_sensor_node.fleet.connection import Connection
     from eskin_sensor_node.fleet.outbox import MemberOutbox
     from eskin_sensor_node.fleet.shard import Shard

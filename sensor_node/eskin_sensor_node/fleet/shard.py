@@ -28,7 +28,7 @@ from eskin_sensor_node.timebase import BILLION
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from eskin.wire.messages.command_schema import State
+    from eskin.wire.messages.command import State
     from eskin_sensor_node.fleet.taxel import FrameReport
     from eskin_sensor_node.machine.flash.file import FlashFile
     from eskin_sensor_node.node.ground_truth import GroundTruth

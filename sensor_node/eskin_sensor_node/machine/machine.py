@@ -50,7 +50,7 @@ class Timer:
 
     @property
     def place(self) -> tuple[int, int]:
-        """Before whom it fires: all with a greater place."""
+        """Its order of firing: it fires before all with a greater place."""
         return self.time, self._order
 
     def stop(self) -> None:

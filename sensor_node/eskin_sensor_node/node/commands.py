@@ -11,7 +11,7 @@ from eskin.identity import ChainVerifier, IdentityKind
 from eskin.identity.identity import ROOT_FILE
 from eskin.wire.envelope import Verifier
 from eskin.wire.messages import Outcome
-from eskin.wire.messages.command_schema import CommandName, check_arguments
+from eskin.wire.messages.command import CommandName, check_arguments
 from eskin.wire.timestamp import LATEST, SECOND
 from eskin.wire.topics import Stream, node_topic
 from eskin_sensor_node.firmware import commander
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from eskin.identity import Identity
-    from eskin.wire.messages.command_schema import Arguments, State
+    from eskin.wire.messages.command import Arguments, State
     from eskin_sensor_node.firmware.outbox import Outbox
 
 log = logging.getLogger(__name__)
@@ -36,7 +36,7 @@ class TypedControls(Protocol):
 
         Args:
             name: ``calibrate``, ``set``, ``reset``, ``monitor`` or ``challenge``.
-            arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
+            arguments: As `eskin.wire.messages.command.check_arguments` allows.
 
         Returns:
             The node's state: the settings of each place (channel, taxel, or ``*``).

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import CommandError
 from eskin.wire.frames.sample_codec import MOST_STRIDE
-from eskin.wire.messages.command_schema import WHOLE_NODE, Mode, place_of
+from eskin.wire.messages.command import WHOLE_NODE, Mode, place_of
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from eskin.wire.messages.command_schema import Arguments, State, Value
+    from eskin.wire.messages.command import Arguments, State, Value
     from eskin_sensor_node.node.node import Node
     from eskin_sensor_node.node.taxel import EmulatedTaxel
 
@@ -35,7 +35,7 @@ class NodeControls:
 
         Args:
             name: ``calibrate``, ``set``, ``reset``, ``monitor`` or ``challenge``.
-            arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
+            arguments: As `eskin.wire.messages.command.check_arguments` allows.
 
         Returns:
             The node's state.

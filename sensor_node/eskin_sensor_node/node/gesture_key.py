@@ -15,7 +15,7 @@ from eskin_sensor_node.timebase import BILLION
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from eskin.wire.messages.command_schema import Value
+    from eskin.wire.messages.command import Value
     from eskin_sensor_node.settings import GestureKeySection
 
 log = logging.getLogger(__name__)

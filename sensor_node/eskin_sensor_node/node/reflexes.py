@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 from eskin.errors import MonitorError, SettingsError
 from eskin.monitor.program import threshold
 from eskin.union_bound import union_coverage
-from eskin.wire.messages.command_schema import KEY_PLACE, MONITOR_PLACE, NEVER
+from eskin.wire.messages.command import KEY_PLACE, MONITOR_PLACE, NEVER
 from eskin_sensor_node.firmware import monitor as engine
 from eskin_sensor_node.firmware.expression import Comparison, Meter
 from eskin_sensor_node.firmware.reflex import Reflex, ReflexUnit, code_ranges
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from eskin.monitor import Atom
     from eskin.monitor.program import Threshold
-    from eskin.wire.messages.command_schema import Arguments, State, Value
+    from eskin.wire.messages.command import Arguments, State, Value
     from eskin_sensor_node.firmware.assembler import Assembler
     from eskin_sensor_node.firmware.clock import Clock
     from eskin_sensor_node.firmware.expression import Expression
@@ -240,7 +240,7 @@ class NodeReflexes:
         """Apply the command ``monitor``, whole or not at all.
 
         Args:
-            arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
+            arguments: As `eskin.wire.messages.command.check_arguments` allows.
 
         Raises:
             MonitorError: The monitor cannot be used, or there is none to remove.

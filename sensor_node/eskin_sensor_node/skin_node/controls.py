@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import CommandError
-from eskin.wire.messages.command_schema import WHOLE_NODE, Mode, place_of
+from eskin.wire.messages.command import WHOLE_NODE, Mode, place_of
 from eskin_sensor_node.firmware import states
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
-    from eskin.wire.messages.command_schema import Arguments, State, Value
+    from eskin.wire.messages.command import Arguments, State, Value
     from eskin_sensor_node.skin_node.node import SkinNode
 
 _SETTINGS: Final = ("rate", "mode")
@@ -40,7 +40,7 @@ class SkinControls:
 
         Args:
             name: ``calibrate``, ``set``, ``reset``, ``monitor`` or ``challenge``.
-            arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
+            arguments: As `eskin.wire.messages.command.check_arguments` allows.
 
         Returns:
             The node's state.

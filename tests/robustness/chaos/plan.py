@@ -1,4 +1,4 @@
-"""The plan: which fault befalls whom, when, and for how long; all of it from a seed."""
+"""The plan: which fault hits which part, when, and for how long; all of it from a seed."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Stroke:
 
     Attributes:
         fault: Its name.
-        part: Whom it befalls.
+        part: The part that it hits.
         begin: Seconds after the start.
         end: When it is over.
     """
@@ -64,7 +64,7 @@ class Blow:
 
     Attributes:
         fault: Its name.
-        part: Whom it befell.
+        part: The part that it hit.
         begin: UTC ns.
         end: When it had been taken back.
     """
@@ -86,7 +86,7 @@ def make_plan(seed: int, *, seconds: float, parts: Sequence[str]) -> list[Stroke
     Args:
         seed: Draws all.
         seconds: How long it lasts.
-        parts: Names of those whom faults can befall.
+        parts: Names of those that faults can hit.
     """
     draw = random.Random(seed)  # noqa: S311 - a plan, no secret
     strokes = []

@@ -239,10 +239,10 @@ class Scheduler:
                 if role in roles
             }
             waiting, stopped = running & held.keys(), self._gate.waiting().keys()
-            while True:  # whom a unit holds up that still runs may go on in a moment
+            while True:  # a session that a running unit blocks may go on in a moment
                 still = {name for name in waiting if not held[name] & (running - waiting)}
-                # So may whom sessions hold up that no unit directs: what a refused write left is
-                # rolled back after its unit has ended.
+                # So may one that is blocked by a session that no unit directs: what a refused write
+                # left is rolled back after its unit has ended.
                 still = {name for name in still if held[name] & (stopped | waiting)}
                 if still == waiting:
                     break

@@ -19,7 +19,7 @@ from tests.unit.cloud.messages import NODE, START
 if TYPE_CHECKING:
     import httpx
 
-    from eskin.wire.messages.command_schema import State
+    from eskin.wire.messages.command import State
     from tests.support.identities import Identities
     from tests.unit.cloud.clouds import Stand
 

@@ -1,4 +1,4 @@
-"""Commands: numbered, signed, given in order, answered once; what is wished and what is stated."""
+"""Commands: numbered, signed, given in order, answered once; desired and reported state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.unit.cloud.orders import SOON_S, fetch, opened, order, result, waitin
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
-    from eskin.wire.messages.command_schema import Arguments, State
+    from eskin.wire.messages.command import Arguments, State
     from tests.support.identities import Identities
 
 pytestmark = pytest.mark.anyio
@@ -154,7 +154,7 @@ async def test_unanswered_command_expires_and_lets_the_next_pass(known: Stand) -
     assert (await get(known, f"commands/{first}"))["state"] == "done"
 
 
-async def test_wish_and_report_are_kept_apart(known: Stand) -> None:
+async def test_desired_and_reported_state_are_kept_apart(known: Stand) -> None:
     nothing = await get(known, "state")
     assert (nothing["desired"], nothing["reported"], nothing["settled"]) == ({}, None, True)
     first = await issued(known)
@@ -222,7 +222,7 @@ BAD_ORDERS: tuple[tuple[Any, str], ...] = (
 )
 
 
-async def test_poor_order_is_refused_with_field_value_and_what_is_allowed(
+async def test_invalid_order_is_refused_with_field_value_and_what_is_allowed(
     known: Stand, subtests: pytest.Subtests
 ) -> None:
     put(known.cloud.store, stretch(1))
@@ -247,7 +247,7 @@ async def test_unknown_places_are_named(known: Stand) -> None:
     problem(await known.get(f"/api/v1/nodes/{NODE}/commands/0"), 422)
 
 
-POOR_REQUESTS: tuple[Any, ...] = (
+INVALID_REQUESTS: tuple[Any, ...] = (
     [],
     {"held": []},
     {"held": [], "wait_s": 61.0, "published": None},
@@ -262,10 +262,10 @@ POOR_REQUESTS: tuple[Any, ...] = (
 )
 
 
-async def test_poor_request_of_a_gateway_is_refused(
+async def test_invalid_request_of_a_gateway_is_refused(
     known: Stand, subtests: pytest.Subtests
 ) -> None:
-    for body in (b"", b"\xff", *map(cbor2.dumps, POOR_REQUESTS)):
+    for body in (b"", b"\xff", *map(cbor2.dumps, INVALID_REQUESTS)):
         with subtests.test(body.hex()):
             assert "docs/eskin.cddl" in problem(await fetch(known, body=body), 422)
 

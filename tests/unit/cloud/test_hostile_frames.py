@@ -183,7 +183,7 @@ async def test_description_goes_the_way_of_a_certificate(stand: Stand) -> None:
 
 
 @pytest.mark.anyio
-async def test_poor_description_harms_no_other(stand: Stand) -> None:
+async def test_invalid_description_harms_no_other(stand: Stand) -> None:
     body = cbor2.dumps([
         [NODE, b"\xa0"], [NODE, frame(0).encode()], [NODE], [NODE, "text"], ["No Node", b"\0"],
         [NODE, PALM.encode() + b"\0"], [NODE, bytes(MOST_BYTES + 1)], [NODE, HAND.encode()],

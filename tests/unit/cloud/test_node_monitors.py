@@ -19,7 +19,7 @@ from tests.unit.cloud.messages import DT, NODE, START, status, verdict
 from tests.unit.cloud.orders import order, result
 
 if TYPE_CHECKING:
-    from eskin.wire.messages.command_schema import State
+    from eskin.wire.messages.command import State
     from tests.unit.cloud.clouds import Stand
 
 pytestmark = pytest.mark.anyio

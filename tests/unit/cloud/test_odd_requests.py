@@ -77,7 +77,7 @@ async def test_odd_requests_are_no_fault_of_ours(stand: Stand) -> None:
     put(stand.cloud.store, status(0), stretch(1))
     hour = timedelta(hours=1)
     token = create_token(stand.cloud.store, scopes=list(Scope), name="all", lifetime=hour)
-    poor: list[tuple[str, int]] = []
+    broken: list[tuple[str, int]] = []
 
     async def ask(method: str, path: str, **options: Any) -> None:
         try:
@@ -87,7 +87,7 @@ async def test_odd_requests_are_no_fault_of_ours(stand: Stand) -> None:
             assert "/live" in path  # what is streamed does not end
         else:
             if not is_answered_well(answer):
-                poor.append((f"{method} {path[:80]} {str(options)[:120]}", answer.status_code))
+                broken.append((f"{method} {path[:80]} {str(options)[:120]}", answer.status_code))
 
     asked: list[tuple[str, str, dict[str, Any]]] = [
         *(
@@ -110,4 +110,4 @@ async def test_odd_requests_are_no_fault_of_ours(stand: Stand) -> None:
         for method, path, options in asked:
             sent = {"headers": {"content-type": "application/json"}, **options}
             await ask(method, f"/api/v1/{path}", **sent)
-    assert poor == []
+    assert broken == []

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.anyio
 DAY = 86_400 * SECOND
 RULES = RetentionSection(days=3, channels={"*/tip-*": 10, "*/warm-*": 0}, at_once=40)
-"""Page 0 has palm, for 3 days, and warm, for ever; page 1 has tip, for 10."""
+"""Page 0 has palm, for 3 days, and warm, forever; page 1 has tip, for 10."""
 
 
 def bring(stand: Stand, days: range, size: int = 30) -> None:

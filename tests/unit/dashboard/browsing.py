@@ -72,7 +72,7 @@ class Visit:
     Attributes:
         page: Playwright's page.
         troubles: Console errors, uncaught errors and violations of the content security policy.
-        hosts: Whom it sent requests to.
+        hosts: Those that it sent requests to.
         requests: The addresses of all its requests, in their order.
     """
 

@@ -23,7 +23,7 @@ from eskin.wire.messages import (
     decode_message,
 )
 from eskin.wire.messages.cbor_map import dump
-from eskin.wire.messages.command_schema import RANGES, check_arguments
+from eskin.wire.messages.command import RANGES, check_arguments
 
 NAMES = st.from_regex(r"[a-z0-9][a-z0-9_-]{0,30}", fullmatch=True)
 CHANNELS = st.from_regex(r"[a-z0-9][a-z0-9_-]{0,30}\.[a-z][a-z0-9_]{0,30}", fullmatch=True)
@@ -149,7 +149,7 @@ def test_what_is_not_allowed_is_named(name: str, arguments: dict[str, Any], says
         ({8: 1}, "field 8 is unknown"),
     ],
 )
-def test_poor_command_is_refused(change: dict[int, object], says: str) -> None:
+def test_invalid_command_is_refused(change: dict[int, object], says: str) -> None:
     good = cbor2.loads(command(CommandName.SET, {"rate": 5.0}).encode())
     with pytest.raises(MessageError, match=says):
         Command.decode(dump(good | change))
@@ -168,7 +168,7 @@ def test_poor_command_is_refused(change: dict[int, object], says: str) -> None:
         ({9: 1}, "field 9 is unknown"),
     ],
 )
-def test_poor_result_is_refused(change: dict[int, object], says: str) -> None:
+def test_invalid_result_is_refused(change: dict[int, object], says: str) -> None:
     good = Result(Position(1, 2), (1, 2), 3, Outcome.DONE, None, {"t01": {"rate": 5.0}})
     with pytest.raises(MessageError, match=says):
         decode_message(dump(cbor2.loads(good.encode()) | change))

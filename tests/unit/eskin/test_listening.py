@@ -293,7 +293,7 @@ PROXIES = (ip_network("127.0.0.0/8"), ip_network("10.0.0.0/8"))
         (b"Forwarded: for=192.0.2.1\r\n", "127.0.0.1"),
     ],
 )  # fmt: skip
-async def test_proxy_is_believed_for_whom_it_asks(header: bytes, client: str) -> None:
+async def test_client_is_the_one_that_a_trusted_proxy_names(header: bytes, client: str) -> None:
     assert await client_of(replace(PATIENT, proxies=PROXIES), header) == client
     assert await client_of(PATIENT, header) == "127.0.0.1", "no other client is"
 
@@ -313,7 +313,7 @@ async def test_forwarded_is_read_where_it_is_chosen(header: bytes, client: str) 
 
 
 async def client_of(bounds: HttpLimits, header: bytes) -> str:
-    """Whom an application is stated that a request comes from."""
+    """The client that an application sees."""
     clients: list[str] = []
 
     async def noting(scope: Scope, receive: Receive, send: Send) -> None:

@@ -103,7 +103,7 @@ def test_keys_of_all_wearers_reach_the_cloud_after_an_outage(
 
 
 def erase_late(site: Site) -> str:
-    """Erase a subject of whom data come after it; gives the pseudonym."""
+    """Erase a subject whose data come afterwards; gives the pseudonym."""
     ada = site.keystore.create("Ada")
     site.assignments.assign(NODE, ada, since=10)
     site.assignments.release(ada.pseudonym, since=20)

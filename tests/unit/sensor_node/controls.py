@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from eskin.errors import CommandError
-from eskin.wire.messages.command_schema import SETTINGS, WHOLE_NODE, place_of
+from eskin.wire.messages.command import SETTINGS, WHOLE_NODE, place_of
 
 if TYPE_CHECKING:
-    from eskin.wire.messages.command_schema import Arguments, State
+    from eskin.wire.messages.command import Arguments, State
 
 FASTEST = 1000.0
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin.identity import Identity
-    from eskin.wire.messages.command_schema import Arguments
+    from eskin.wire.messages.command import Arguments
     from tests.support.identities import Identities
 
 TOPIC = node_topic("fingertip", Stream.COMMANDS)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import insert, select, update
 
-from eskin.wire.messages.command_schema import MONITOR_PLACE
+from eskin.wire.messages.command import MONITOR_PLACE
 from eskin_cloud.store.notify import News, announce
 from eskin_cloud.store.row_digests import require_intact_row
 from eskin_cloud.store.schema.node_key import of_node
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
 
     from eskin.wire.messages import Result
-    from eskin.wire.messages.command_schema import State
+    from eskin.wire.messages.command import State
     from eskin_cloud.store.write.write_cache import Row
 
 

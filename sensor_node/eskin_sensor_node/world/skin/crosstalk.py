@@ -61,7 +61,7 @@ class LocalCrosstalk:
     """Crosstalk of some taxels.
 
     Attributes:
-        rows: The taxels themselves and all from whom they feel something, ascending.
+        rows: The taxels themselves and all whose force reaches them, ascending.
         places: Where the taxels are among these.
         around: Where their neighbours are; ``len(rows)`` where there is none.
         share: What each neighbour hands on to each taxel.

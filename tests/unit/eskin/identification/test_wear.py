@@ -41,7 +41,7 @@ def test_wear_is_certain_beyond_the_data_sheet(parameter: Interval, verdict: Ver
 def first_passage(
     start: float, limits: tuple[float, float], speeds: list[tuple[float, float]]
 ) -> Any:
-    """When a value first lies outside, drifting at rates for some times each, then for ever."""
+    """When a value first lies outside, drifting at rates for some times each, then forever."""
     low, high = (mpmath.log(x) if x else -mpmath.inf for x in map(mpmath.mpf, limits))
     value, time = mpmath.log(start), mpmath.mpf(0)
     if not low <= value <= high:
@@ -100,7 +100,7 @@ def test_bounds_of_the_remaining_time_are_reached(seed: int) -> None:
         if slow * fast > 0.0:
             assert float(found.sup) == pytest.approx(float(max(times)), rel=1e-9, abs=1e-9)
         else:
-            # A rate may be 0 for ever, unless all starts lie outside.
+            # A rate may be 0 forever, unless all starts lie outside.
             gone = hi < limits[0] or lo > limits[1]
             assert float(found.sup) == (0.0 if gone else math.inf)
 

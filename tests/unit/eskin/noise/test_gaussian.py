@@ -1,4 +1,4 @@
-"""Noise on a touch: drawn as often as wished, enclosed as often as promised."""
+"""Noise on a touch: drawn as often as asked, enclosed as often as promised."""
 
 from __future__ import annotations
 

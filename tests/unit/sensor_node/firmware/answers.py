@@ -9,7 +9,7 @@ from eskin_sensor_node.firmware.commander import Refusal
 from tests.unit.sensor_node.firmware.notation import described_settings
 
 if TYPE_CHECKING:
-    from eskin.wire.messages.command_schema import Arguments, State
+    from eskin.wire.messages.command import Arguments, State
 
 
 class Answers:

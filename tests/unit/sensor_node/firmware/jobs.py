@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.outbox import Outbox
     from eskin_sensor_node.firmware.schedule import Frame
 
-    from eskin.wire.messages.command_schema import State
+    from eskin.wire.messages.command import State
 
 T = TypeVar("T")
 _SCHEDULE = ("dt", "stretch", "most", "burst", "pause")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from eskin.wire.messages.command_schema import State
+    from eskin.wire.messages.command import State
 
 
 def described_settings(state: State) -> list[Any]:

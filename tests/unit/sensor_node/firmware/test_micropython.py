@@ -38,7 +38,7 @@ from tests.unit.sensor_node.firmware.jobs import Recorder
 from tests.unit.sensor_node.messages import decode, frames_of
 
 if TYPE_CHECKING:
-    from eskin.wire.messages.command_schema import Arguments
+    from eskin.wire.messages.command import Arguments
     from tests.support.identities import Identities
 
 ROOM = Path(eskin_sensor_node.__file__).parent

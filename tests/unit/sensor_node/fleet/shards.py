@@ -88,7 +88,7 @@ class Bench:
         return MemberControls(self.shard, row)
 
     def cohort(self, row: int) -> Cohort:
-        """With whom a member samples."""
+        """The members that sample with a member."""
         return next(cohort for cohort in self.shard.cohorts if row in cohort)
 
     def said(self, row: int) -> list[tuple[int, bytes]]:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from eskin.wire.messages.command_schema import Arguments
+    from eskin.wire.messages.command import Arguments
 
 MONITOR: Arguments = {
     "formula": "once[0,50ms] t01.capacitance > 50 pF",

@@ -17,7 +17,7 @@ from eskin.identity.identity import ROOT_FILE
 from eskin.wire.envelope import sign
 from eskin.wire.frames import Statements
 from eskin.wire.messages import ResetCause, Result
-from eskin.wire.messages.command_schema import KEY_PLACE
+from eskin.wire.messages.command import KEY_PLACE
 from eskin.wire.topics import Stream, node_topic
 from tests.unit.sensor_node.designs import Bench, settings, table
 from tests.unit.sensor_node.messages import decode
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from eskin.wire.messages.command_schema import Value
+    from eskin.wire.messages.command import Value
     from tests.support.identities import Identities
 
 TOPIC: Final = node_topic("fingertip", Stream.COMMANDS)

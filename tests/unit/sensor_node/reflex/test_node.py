@@ -19,7 +19,7 @@ from tests.unit.sensor_node.messages import decode, samples_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin.wire.messages.command_schema import Arguments
+    from eskin.wire.messages.command import Arguments
 
 CHANNEL = "t01.capacitance"
 FORMULA = f"{CHANNEL} > 50 pF"

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.settings import NodeSettings
     from numpy.typing import NDArray
 
-    from eskin.wire.messages.command_schema import Arguments
+    from eskin.wire.messages.command import Arguments
 
 MIDDLE = "t15"
 """Of five rows of six: the scenario presses there."""

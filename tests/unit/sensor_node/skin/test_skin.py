@@ -1,4 +1,4 @@
-"""Where taxels sit, and who is next to whom."""
+"""Where taxels sit, and which are neighbours."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin.wire.frames import Frame
-    from eskin.wire.messages.command_schema import Arguments
+    from eskin.wire.messages.command import Arguments
 
 SAMPLES = 4 * 5 + 1
 """Of a stretch."""
