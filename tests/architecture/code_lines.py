@@ -6,10 +6,10 @@ count. The packages of the tiers count, and ``eskin``; tests, benchmarks and scr
 
 from __future__ import annotations
 
+import argparse
 import ast
 import io
 import subprocess
-import sys
 import tokenize
 from collections import Counter
 from pathlib import Path
@@ -43,7 +43,11 @@ def count(source: str) -> int:
 
 def main() -> None:
     """Print the lines of each package, and their sum."""
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.architecture.code_lines", description=__doc__
+    )
+    parser.add_argument("folder", nargs="?", type=Path, default=Path(), help="of a git checkout")
+    folder: Path = parser.parse_args().folder
     listed = subprocess.run(
         ["git", "ls-files", "*.py"], cwd=folder, capture_output=True, text=True, check=True
     ).stdout.split()
