@@ -96,7 +96,11 @@ BACKGROUND_THREADS: Final = {
     "command": {"subject_sync", "health_server", "keyring", "control"},
 }
 """By window."""
-JOBS: Final = ("cloud/eskin_cloud/jobs/", "cloud/eskin_cloud/rollup/patch_tile_builder.py")
+JOBS: Final = (
+    "cloud/eskin_cloud/jobs/",
+    "cloud/eskin_cloud/rollup/patch_tile_builder.py",
+    "cloud/eskin_cloud/alarms/evaluator.py",
+)
 BACKGROUND_FILES: Final = {
     "sample": (*JOBS, "cloud/eskin_cloud/api/deliveries.py"),
     "command": JOBS,
