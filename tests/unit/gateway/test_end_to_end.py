@@ -148,7 +148,8 @@ def test_restarted_gateway_opens_frames_before_the_next_status(
     first.start()
     wait_until(lambda: first.broker.connected, "the gateway is connected")
     node.say(Stream.STATUS, status(0))
-    node.wait_for((1, 0))
+    node.say(Stream.FRAMES, frame(1))
+    node.wait_for((1, 0), (1, 1))  # so it has the layout, too
     first.stop()
     broker.stop()
     (broker.log.parent / "mosquitto.db").unlink()  # it shall have forgotten the kept status
@@ -157,9 +158,9 @@ def test_restarted_gateway_opens_frames_before_the_next_status(
     second.start()
     wait_until(lambda: second.broker.connected, "the second gateway is connected")
     wait_until(lambda: node.ready, "the node is back")
-    node.say(Stream.FRAMES, frame(1))
-    node.wait_for((1, 1))
-    wait_until(lambda: len(cloud.stored) == 2, "the cloud stored both")
+    node.say(Stream.FRAMES, frame(2))
+    node.wait_for((1, 2))
+    wait_until(lambda: len(cloud.stored) == 3, "the cloud stored all")
     second.stop()
 
 
