@@ -186,18 +186,18 @@ class _Sums:
         Args:
             numbers: Of the patches, ascending in no order, some of them several times.
             begins: Where the samples of each begin.
-            lo: Lower bounds of all samples.
+            lo: Lower bounds of all cells.
             hi: Upper bounds.
             truth: True values.
         """
         bounded = np.isfinite(lo) & np.isfinite(hi)
-        broken = ~((lo <= truth) & (truth <= hi))
+        # A cell without a sample has no truth: its column is sampled in fewer rows.
+        sampled = ~(np.isnan(truth) & np.isneginf(lo) & np.isposinf(hi))
+        broken = sampled & ~((lo <= truth) & (truth <= hi))
         width = np.where(bounded, hi, 0.0) - np.where(bounded, lo, 0.0)
         magnitude = np.where(bounded, np.abs(truth), 0.0)
-        sizes = np.diff(begins, append=len(lo))
-        sums = {"violations": broken, "unbounded": ~bounded}
+        sums = {"samples": sampled, "violations": broken, "unbounded": sampled & ~bounded}
         self.count("frames", numbers)
-        np.add.at(self.counts["samples"], numbers, sizes)
         for name, flags in sums.items():
             np.add.at(self.counts[name], numbers, np.add.reduceat(flags, begins, dtype=np.int64))
         for name, values in {"width": width, "magnitude": magnitude}.items():
@@ -440,7 +440,8 @@ class _Comparison:
 def _is_alike(frame: EncodedFrame, truth: TrueFrame) -> bool:
     """Whether a frame is the one that was made."""
     records = frame.records
-    sizes = np.stack([records["patch"], records["samples"]], axis=1)
+    rows = np.array([grid.rows for grid in frame.grids])[records["grid"]]
+    sizes = np.stack([records["patch"], rows * records["columns"]], axis=1)
     return (
         (frame.position, frame.layout) == (truth.position, truth.layout)
         and frame.ticks == truth.ticks

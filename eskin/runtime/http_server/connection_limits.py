@@ -65,6 +65,8 @@ class CountedConnection:
 
     def limit_unsent(self, ours: int, kernel: int) -> None:
         """Have an answer wait when so many bytes do, here or in the kernel."""
+        if self.transport.is_closing():  # the client has gone, and the socket with it
+            return
         self.transport.set_write_buffer_limits(ours)
         connection = self.transport.get_extra_info("socket")
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, kernel)

@@ -51,7 +51,7 @@ CREATE TABLE IF NOT EXISTS true_frame (
     lasting INTEGER NOT NULL, -- ns of the node's clock from then until its samples are complete
     time INTEGER NOT NULL,   -- true UTC of the first moment, ns since 1970
     "end" INTEGER NOT NULL,  -- true UTC when its samples are complete
-    sizes BLOB NOT NULL,     -- pairs of uint32, little endian: number and samples of each patch
+    sizes BLOB NOT NULL,     -- pairs of uint32, little endian: number and cells of each patch
     samples BLOB NOT NULL    -- float64, little endian, first all first bytes and so on; deflated
 ) STRICT;
 CREATE UNIQUE INDEX IF NOT EXISTS true_frame_position ON true_frame (boot, sequence, node);
@@ -86,7 +86,7 @@ class TrueFrame:
         lasting: From then until all of its samples are complete, by the node's clock, ns.
         time: True UTC of its first moment, ns.
         end: True UTC when all of its samples are complete, ns.
-        sizes: Number and samples of each patch, shape ``(patches, 2)``.
+        sizes: Number and cells (rows times columns) of each patch, shape ``(patches, 2)``.
         values: True values in the units of their patches, without noise: patch after patch as in
             the frame, row after row.
     """
