@@ -24,7 +24,7 @@ from eskin.errors import AuditError
 from eskin.interval import Interval
 from eskin.monitor import SharedError
 from eskin.privacy.sealed_message import name_place
-from eskin.wire.frames import EncodedFrame
+from eskin.wire.frames import EncodedFrame, Sampling
 from eskin.wire.frames.frame_scan import Part, scan_frames
 from eskin.wire.messages import Position
 from eskin.wire.slot import slot_of
@@ -374,8 +374,15 @@ class _Comparison:
     def _compare_runs(self, row: RowMapping, runs: Sequence[PatchRun]) -> None:
         """Compare one row of a patch."""
         truths = self._find([Position(run.boot, run.sequence) for run in runs])
-        samples = sum(run.lo.size for run in runs)
-        hull = min(float(run.lo.min()) for run in runs), max(float(run.hi.max()) for run in runs)
+        masks = [
+            Sampling(len(run.lo), run.lo.shape[1], run.first_row, run.strides).mask for run in runs
+        ]
+        samples = sum(int(mask.sum()) for mask in masks)
+        found = list(zip(runs, masks, strict=True))
+        hull = (
+            min(float(run.lo[mask].min()) for run, mask in found),
+            max(float(run.hi[mask].max()) for run, mask in found),
+        )
         coverage = min(run.coverage for run in runs)
         fits = (row["frames"], row["samples"], row["lo"], row["hi"], row["coverage"]) == (
             *(len(runs), samples), *hull, coverage

@@ -370,3 +370,11 @@ def test_overview_begins_with_the_largest_skin(visit: Visit) -> None:
     view(visit, "glove").wait_for(state="attached")
     shown = visit.page.locator(VIEW).evaluate_all("(all) => all.map((one) => one.dataset.node)")
     assert shown == ["hand", "glove"]
+
+
+@pytest.mark.usefixtures("skins")
+def test_no_contact_is_claimed_where_nothing_is_known(visit: Visit) -> None:
+    visit.open("hand?from=2020-01-01T00:00:00Z&to=2020-01-01T00:01:00Z", shows=VIEW)
+    total = visit.page.get_by_test_id("skin-total")
+    visit.page.get_by_text(re.compile(r"[1-9][\d,]* unknown")).first.wait_for()
+    assert total.inner_text() == "Contacts unknown"

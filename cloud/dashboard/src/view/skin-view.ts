@@ -555,6 +555,12 @@ export class SkinView {
     if (this.speech.due(at)) setText(this.spoken, this.say(position));
   }
 
+  /** Without a statement there is no contact, unless a taxel is unknown: it may be pressed. */
+  private knowsContacts(): boolean {
+    if (this.picture === null || Number.isNaN(this.picture.newest)) return false;
+    return this.shownContacts !== null || !this.canvas.verdicts.includes(UNKNOWN);
+  }
+
   private writeContacts(): void {
     if (!this.stated) {
       setText(this.total, this.judgedText());
@@ -563,7 +569,7 @@ export class SkinView {
     }
     const found = this.shownContacts;
     const total = found === null ? { lo: 0, hi: 0 } : totalOf(found);
-    const known = this.picture !== null && !Number.isNaN(this.picture.newest);
+    const known = this.knowsContacts();
     setText(this.total, known ? (total.hi === 0 ? "No contact" : `${formatCount(total)} contact${total.hi === 1 ? "" : "s"}`) : "Contacts unknown");
     const cores = known ? (found?.cores.slice(0, LISTED) ?? []) : [];
     while (this.list.children.length > cores.length) this.list.lastElementChild!.remove();
@@ -648,7 +654,7 @@ export class SkinView {
 
   private say(position: number | null): string {
     const taxel = this.pointed ?? this.selected[0] ?? null;
-    const contacts = position === null ? "Nothing is known of the skin." : this.stated ? describeContacts(this.shownContacts) : `${this.judgedText().replace("–", " to ")}.`;
+    const contacts = position === null ? "Nothing is known of the skin." : this.stated ? (this.knowsContacts() ? describeContacts(this.shownContacts) : "Contacts are unknown.") : `${this.judgedText().replace("–", " to ")}.`;
     return taxel === null ? contacts : `${contacts} ${this.describe(taxel).replace("–", " to ")}.`;
   }
 
