@@ -62,14 +62,14 @@ def test_audit_passes_while_the_demo_runs(demo: RunningDemo) -> None:
 def test_audit_passes_after_one_taxel_is_sampled_more_slowly(demo: RunningDemo) -> None:
     newest = "SELECT samples FROM frames WHERE node = 'fingertip' ORDER BY t DESC LIMIT 1"
     before = ask(demo.store, newest)
-    answer = httpx.post(
-        f"{demo.access['url']}/api/v1/nodes/fingertip/commands",
-        headers={"Authorization": f"Bearer {demo.access['token']}"},
-        json={"name": "set", "arguments": {"rate": 250, "taxel": "t01"}},
-    )
-    assert answer.is_success, answer.text
-    wait_until(lambda: ask(demo.store, newest) < before, "frames have fewer samples")
-    test_audit_passes_while_the_demo_runs(demo)
+    path = "/api/v1/nodes/fingertip/commands"
+    with demo.client() as client:
+        order = {"name": "set", "arguments": {"rate": 250, "taxel": "t01"}}
+        client.post(path, json=order).raise_for_status()
+        wait_until(lambda: ask(demo.store, newest) < before, "frames have fewer samples")
+        test_audit_passes_while_the_demo_runs(demo)
+        client.post(path, json={"name": "reset"}).raise_for_status()
+        wait_until(lambda: ask(demo.store, newest) >= before, "frames have all samples again")
 
 
 FRAMES = 12
