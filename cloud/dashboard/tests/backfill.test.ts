@@ -4,7 +4,7 @@ import { Backfill } from "../src/live/backfill";
 import { ChannelData } from "../src/live/channel-data";
 import { LiveEdge } from "../src/live/edge";
 import { Timeline } from "../src/time/timeline";
-import { channel, MS, ORIGIN, series } from "./channels";
+import { channel, iso, MS, ORIGIN, run, series } from "./channels";
 
 const SPAN = 1000 * MS;
 
@@ -27,6 +27,15 @@ function slowly(): { backfill: Backfill; said: string[]; answers: ((answer: Resp
   const data = new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: channel(1000), edge });
   const backfill = new Backfill({ data, edge, width: () => 100, onFilled: () => said.push("filled"), onFailure: () => said.push("failed") });
   return { backfill, said, answers };
+}
+
+/** The time range that each request asks for, in ms. */
+function asked(urls: readonly string[]): (readonly [number, number])[] {
+  return urls.map((url) => {
+    const query = new URL(url, "http://cloud").searchParams;
+    const [start, end] = ["start", "end"].map((name) => Number(BigInt(query.get(name)!) - ORIGIN) / MS);
+    return [start!, end!] as const;
+  });
 }
 
 function away(): Response {
@@ -65,5 +74,44 @@ describe("filling a live window", () => {
     await answers[0]!(away());
     await answers[1]!(Response.json(series(100, 200)));
     expect(said).toEqual([]);
+  });
+});
+
+describe("the live window of a biometric channel, whose end is known to the minute", () => {
+  const STORED = 70_000;
+  const STATED = 120_000;
+
+  function biometric(): { data: ChannelData; edge: LiveEdge; backfill: Backfill; urls: string[]; filled: Promise<void> } {
+    const urls: string[] = [];
+    const fetch = (url: string): Promise<Response> => {
+      urls.push(url);
+      return Promise.resolve(Response.json({ ...series(STORED - 5000, STORED), coverage: 1 }));
+    };
+    const client = new Client({ fetch: (url) => fetch(String(url)), onUnauthorised: () => undefined });
+    const edge = new LiveEdge();
+    const item = { ...channel(0), last: iso(STATED), dt: null, biometric: true };
+    const data = new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: item, edge });
+    let backfill!: Backfill;
+    const filled = new Promise<void>((resolve) => {
+      backfill = new Backfill({ data, edge, width: () => 100, onFilled: resolve, onFailure: () => undefined });
+    });
+    return { data, edge, backfill, urls, filled };
+  }
+
+  test("ends where its data end, not in the future", async () => {
+    const { data, edge, backfill, urls, filled } = biometric();
+    backfill.fillWindow(SPAN);
+    await filled;
+    expect(asked(urls)).toEqual([[STATED - 60_000 - SPAN / MS, STATED]]);
+    expect(edge.newest()).toBe((STORED - 1) * MS);
+    expect(data.end).toBe((STORED - 1) * MS);
+  });
+
+  test("asks for the rest of the minute once the stream goes on", () => {
+    const { data, edge } = biometric();
+    const { hole: missing } = data.take(run(75_000, 75_100), 0, 1);
+    expect(missing).toEqual(hole(STATED - 60_000, 75_000));
+    expect(edge.newest()).toBe(75_099 * MS);
+    expect(data.end).toBe(75_100 * MS);
   });
 });

@@ -99,7 +99,7 @@ def _as_samples(channel: Channel, window: Window, samples: Aggregates) -> Series
         t=np.insert(t, at + 1, t[at] + samples.dt[at]) - t0,
         lo=np.insert(samples.lo, at + 1, -np.inf),
         hi=np.insert(samples.hi, at + 1, np.inf),
-        dt=int(samples.dt.min()) if t.size else channel["dt"],
+        dt=int(samples.dt.min()) if t.size else max(channel["dt"], 1),
         time_error=int(samples.error.max(initial=0)),
     )
 

@@ -33,7 +33,7 @@ def read_few(
 ) -> Aggregates | None:
     """One entry for each sample in a window; ``None`` if there are more than ``most``."""
     found, count = [], 0
-    for some in _widening(window, (most + most // 4) * channel["dt"]):
+    for some in _widening(window, (most + most // 4) * max(channel["dt"], 1)):
         for part in split_column(connection, channel, some):
             found.append(read_samples(connection, channel, part))
             count += len(found[-1])

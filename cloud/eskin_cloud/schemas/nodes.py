@@ -121,7 +121,9 @@ class RemovedDocument(TypedDict):
 class ChannelDocument(TypedDict):
     """A channel: a column of the patch ``patch``.
 
-    ``first`` and ``last`` are those of all frames of its page.
+    ``first`` and ``last`` are those of all frames of its page; of a biometric channel, whole
+    minutes around the times that these frames state. ``dt`` is the period of the last samples, ns;
+    null if it is unknown, as of a biometric channel.
     """
 
     id: str
@@ -129,7 +131,7 @@ class ChannelDocument(TypedDict):
     quantity: str
     unit: str
     coverage: float
-    dt: int
+    dt: int | None
     first: Moment | None
     last: Moment | None
     biometric: bool
@@ -146,7 +148,7 @@ def describe_node(
     holes: Sequence[MissingSpan] = (),
     counted: bool = True,
 ) -> NodeDocument:
-    """A node; unless ``counted``, without what would tell when its sealed messages come."""
+    """A node; unless ``counted``, without what would disclose when its sealed messages come."""
     outbox: OutboxDocument = {
         "messages": row["messages"],
         "bytes": row["used"],
@@ -191,7 +193,7 @@ def describe_channel(
         "quantity": quantity,
         "unit": row["unit"],
         "coverage": row["coverage"],
-        "dt": row["dt"],
+        "dt": row["dt"] or None,
         "first": None if hidden else moment(row["t_first"]),
         "last": None if hidden else moment(row["t_last"]),
         "biometric": biometric,

@@ -22,7 +22,7 @@ from eskin_cloud.store.schema.tables import dead_letters, events
 from sqlalchemy import insert, select
 
 from eskin.wire.frames import EncodedFrame, Frame, Statements
-from eskin.wire.timestamp import SECOND
+from eskin.wire.timestamp import SECOND, parse_timestamp
 from tests.support.identities import SITE
 from tests.unit.cloud.clouds import batch, problem
 from tests.unit.cloud.messages import START
@@ -163,6 +163,24 @@ async def test_reader_without_the_scope_gets_nothing_of_it(stand: Stand, site: S
     (channel,) = [each for each in listed if each["id"] == CHANNEL]
     assert channel["biometric"]
     assert channel["first"] is channel["last"] is channel["removed"] is None
+
+
+async def test_times_of_a_listed_channel_are_whole_minutes(stand: Stand, site: Site) -> None:
+    await bring_both(stand, site, 1, 2)
+    token = physician(stand)
+    found = [
+        each
+        for node in (NODE, TWIN)
+        for each in (await ask(stand, token, f"/api/v1/nodes/{node}/channels")).json()["items"]
+        if each["id"] in {CHANNEL, PUBLIC_CHANNEL}
+    ]
+    sealed, plain = found
+    assert sealed["dt"] is None
+    assert plain["dt"] > 0
+    first, last = (parse_timestamp(sealed[name]) for name in ("first", "last"))
+    assert (first % (60 * SECOND), last % (60 * SECOND)) == (0, 0)
+    assert 0 <= parse_timestamp(plain["first"]) - first < 60 * SECOND
+    assert first < last  # of the frames: one column is sampled minutes later
 
 
 async def test_events_of_statements_are_those_of_the_twin_page_by_page(

@@ -57,7 +57,7 @@ export interface ChannelDocument {
   readonly quantity: string;
   readonly unit: string;
   readonly coverage: number;
-  readonly dt: number;
+  readonly dt: number | null;
   readonly first: string | null;
   readonly last: string | null;
   readonly biometric: boolean;

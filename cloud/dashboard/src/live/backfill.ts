@@ -20,14 +20,14 @@ export class Backfill {
 
   /** Fills a stretch, as far as a window of `span` ns shows it. */
   fillHole(stretch: Range, span: number): void {
-    if (!this.failed) this.load(stretch, span);
+    if (!this.failed) this.load({ x0: Math.max(stretch.x0, stretch.x1 - span), x1: stretch.x1 }, span);
   }
 
   /** Fills a whole window that ends with what is known. */
   fillWindow(span: number): void {
     this.stop();
-    const { end } = this.options.data;
-    if (end !== null) this.load({ x0: end - span, x1: end }, span);
+    const tail = this.options.data.tail(span);
+    if (tail !== null) this.load(tail, span);
   }
 
   /** Aborts running requests. */
@@ -37,14 +37,13 @@ export class Backfill {
     this.failed = false;
   }
 
-  private load(stretch: Range, span: number): void {
+  private load(range: Range, span: number): void {
     const { data, edge, width, onFilled } = this.options;
     const { signal } = this.asking;
-    const range = { x0: Math.max(stretch.x0, stretch.x1 - span), x1: stretch.x1 };
     const points = Math.max(2, Math.ceil((width() * (range.x1 - range.x0)) / span));
     data.backfill(range, points, signal).then(() => {
       if (signal.aborted) return;
-      edge.observe(range.x1, performance.now());
+      edge.observe(Math.min(range.x1, data.end ?? range.x1), performance.now());
       onFilled();
     }, (error: unknown) => {
       if (!signal.aborted) this.fail(error);

@@ -22,6 +22,8 @@ const PAUSE_SLACK = 1.5;
 const QUIET_SHARE = 0.9;
 /** An error of time of this share of a window makes its picture rough, if it is asked for around it in vain. */
 const ROUGH_SHARE = 0.25;
+/** The store gives the end of a biometric channel as the whole minute after it. */
+const MINUTE = 60e9;
 /** A node without data for so long is silent. */
 const STALE_MS = 4_000;
 /** So many pauses in a row whose lengths differ by no more than this share are those between bursts. */
@@ -77,6 +79,8 @@ export class ChannelData {
   private latest: ChannelItem;
   /** Up to here the store is complete; the live stream brings every sample after it. */
   private storeEnd: number | null;
+  /** By how much, at most, `storeEnd` is later than the end of the data, in ns. */
+  private endError: number;
   private readonly fillings = new Set<Filling>();
   /** The longest run of the stream, in ns. */
   private longest = 0;
@@ -91,6 +95,7 @@ export class ChannelData {
     const { channel } = options;
     this.latest = channel;
     this.storeEnd = this.storedEnd();
+    this.endError = channel.biometric && this.storeEnd !== null ? MINUTE : 0;
     this.facts = { unit: channel.unit, bursts: false };
   }
 
@@ -106,6 +111,12 @@ export class ChannelData {
   /** The end of the data from store and stream. */
   get end(): number | null {
     return this.storeEnd;
+  }
+
+  /** The last stretch of the data, of so many ns; longer where their end is known to the minute only. */
+  tail(span: number): Range | null {
+    const { storeEnd } = this;
+    return storeEnd === null ? null : { x0: storeEnd - this.endError - span, x1: storeEnd };
   }
 
   /** The hull of what is held, or null where nothing is. */
@@ -136,7 +147,7 @@ export class ChannelData {
     if (newest === null) return null;
     const end = Math.min(newest, this.storeEnd ?? newest);
     const patience = Math.max(STALE_MS, 4 * edge.rhythm());
-    const usual = Math.max(this.longest + 3 * this.latest.dt, this.usualPause);
+    const usual = Math.max(this.longest + 3 * (this.latest.dt ?? 0), this.usualPause);
     const silent = edge.silence(at) > patience || newest - end > edge.timeIn(patience) + usual;
     return silent ? end : null;
   }
@@ -160,7 +171,8 @@ export class ChannelData {
     if (end === null) return { taken: null, hole: null };
     const start = run.t[0]!;
     const spacing = leastSpacing(run);
-    const before = this.storeEnd ?? start;
+    const before = (this.storeEnd ?? start) - this.endError;
+    this.endError = 0;
     const silence = start - before;
     // What comes late lies in the middle of what was loaded.
     if (this.loaded && !apart(this.loaded, { x0: start, x1: end })) this.loaded = null;
@@ -204,11 +216,17 @@ export class ChannelData {
 
   private fill(range: Range, run: Entries): void {
     this.tube.replace({ x0: Math.floor(range.x0), x1: range.x1 }, run);
+    const { storeEnd, endError } = this;
+    const period = this.latest.dt ?? 0;
     const known = run.lo.findLastIndex((lo) => !Number.isNaN(lo));
-    const end = known < 0 ? range.x0 : run.t[known]! + Math.max(run.width[known]!, this.latest.dt);
+    const end = known < 0 ? range.x0 : run.t[known]! + Math.max(run.width[known]!, period);
+    if (storeEnd !== null && endError > 0 && range.x1 >= storeEnd) {
+      this.storeEnd = Math.min(Math.max(end, storeEnd - endError), storeEnd);
+      this.endError = 0;
+    }
     const silent = { x0: end, x1: Math.min(range.x1, this.storeEnd ?? range.x1) };
     const quiet = silent.x1 - silent.x0;
-    if (quiet > 2 * this.latest.dt) this.tube.replace(silent, nothingIn(silent));
+    if (quiet > 2 * period) this.tube.replace(silent, nothingIn(silent));
     if (this.facts.bursts && quiet > QUIET_SHARE * (range.x1 - range.x0)) this.pause = Math.min(this.pause, quiet);
   }
 
@@ -287,7 +305,7 @@ export class ChannelData {
 
   private storedEnd(): number | null {
     const { last, dt } = this.latest;
-    return last === null ? null : this.options.timeline.toX(parseInstant(last)) + dt;
+    return last === null ? null : this.options.timeline.toX(parseInstant(last)) + (dt ?? 0);
   }
 
   private ask(range: Range, points: number, signal: AbortSignal): Promise<SeriesAnswer> {

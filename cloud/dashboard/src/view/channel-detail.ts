@@ -24,13 +24,14 @@ export function crumbs(context: Context, node: string, channel: string): HTMLEle
   );
 }
 
-/** What the store knows of a channel. */
+/** What the store knows of a channel. Of a biometric one, times are known to the minute. */
 export function channelFacts(channel: ChannelItem): HTMLElement {
+  const [since, until] = channel.biometric ? ["not before ", "before "] : ["", ""];
   const facts: readonly (readonly [string, string])[] = [
-    ["sampled every", formatDuration(channel.dt)],
+    ["sampled every", channel.dt === null ? "unknown" : formatDuration(channel.dt)],
     ["coverage", formatCoverage(channel.coverage)],
-    ["first", formatTime(channel.first)],
-    ["last", formatTime(channel.last)],
+    ["first", channel.first === null ? formatTime(null) : `${since}${formatTime(channel.first)}`],
+    ["last", channel.last === null ? formatTime(null) : `${until}${formatTime(channel.last)}`],
   ];
   const list = element("dl", { class: "channel-facts", "data-testid": "channel-facts" });
   for (const [name, value] of facts) list.append(element("div", {}, element("dt", {}, name), element("dd", {}, value)));

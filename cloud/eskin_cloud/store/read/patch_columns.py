@@ -41,6 +41,7 @@ def describe_columns(connection: Connection, node: str, patch: Patch) -> list[di
 
     ``patch`` and ``column`` state where a channel stands. Times and ``longest`` are those of all
     that is stored together with it: of its page, and of its patch once its frames are compacted.
+    ``dt`` is the period of the last samples; 0 if no frame can be read, such as of encrypted ones.
 
     Raises:
         DamagedRowError: Totals of a page or of the patch are damaged, or all of its samples may be.
@@ -65,7 +66,7 @@ def describe_columns(connection: Connection, node: str, patch: Patch) -> list[di
         raise DamagedRowError(f"{node} {patch.patch_id}")
     found["coverage"] = 1.0 if last is None else last.coverage
     strides = (last.strides if last is not None else b"") or bytes(len(patch.taxels))
-    dt = 1 if last is None else last.dt
+    dt = 0 if last is None else last.dt
     return [
         found | {"channel": channel, "column": column, "dt": dt << strides[column]}
         for column, channel in enumerate(patch.channels)
