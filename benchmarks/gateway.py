@@ -49,7 +49,7 @@ def measure_gateway(folder: Path, *, frames: int) -> list[Row]:
     """CPU a frame, frames made durable a second, and p50 from publish to stored at 100/s.
 
     The gateway's CPU is all that it does for a frame: open, spool, acknowledge, publish its hull,
-    forward it to the cloud and hear its answer.
+    forward it to the cloud and receive its answer.
     """
     with RealStack(folder) as stack, Flood(stack.pki, stack.broker.node_port) as flood:
         stack.identities.make(IdentityKind.GATEWAY, NAME)

@@ -1,4 +1,4 @@
-"""How wide the packaged hand's pads tell what presses them: `python -m benchmarks.widths`.
+"""How wide the packaged hand's pads measure what presses them: `python -m benchmarks.widths`.
 
 Runs the node's firmware on the scenario as fast as it goes, and looks at the truth of every sample.
 """

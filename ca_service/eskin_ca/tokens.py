@@ -3,7 +3,7 @@
 A token binds to the first public key that it is used for. Using it again for the same key is
 allowed until it expires, so that an answer lost on the way can be asked for again. A fleet's token
 is good for each of its names once, and binds each of them in the same way. Once a name was revoked,
-it is enrolled by no token that was made before; the ledger's lines, not a clock, tell what was.
+it is enrolled by no token that was made before; the ledger's lines, not a clock, show what was.
 """
 
 from __future__ import annotations

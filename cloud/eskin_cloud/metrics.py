@@ -118,7 +118,7 @@ class Metrics:
         self._gauge("store_bytes", "What the store takes of the disk.", lambda: self._use.taken)
         self._gauge(
             "store_free_bytes",
-            "Of these, what is free for what comes next; 0 where the server does not tell.",
+            "Of these, what is free for what comes next; 0 where the server does not report it.",
             lambda: self._use.free,
         )
         self._gauge("samples", "Samples in the store.", lambda: self._use.samples)

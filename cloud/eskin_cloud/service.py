@@ -226,7 +226,7 @@ def _jobs(cloud: AppState, stopping: asyncio.Event) -> list[Coroutine[Any, Any, 
 
 @contextmanager
 def only_one(path: Path) -> Iterator[None]:
-    """Hold a file for this process: SQLite has no way to tell others what is new.
+    """Hold a file for this process: SQLite has no way to notify others of what is new.
 
     Raises:
         StoreError: Another process has it.

@@ -135,7 +135,7 @@ header. NaN, times that stand twice or run backwards, and a file that ends in mi
 replay there, with a line in the log that says file, place and reason; what stood before is
 replayed. A gap (more than 1.5 periods without a sample) is logged and travels as one: where
 nothing was recorded there is no sample, but a gap message, and no peak is joined across. A recorded
-interval travels unshrunk: both its ends are measured, and what the node tells encloses both; an
+interval travels unshrunk: both its ends are measured, and what the node states encloses both; an
 unbounded side stays unbounded.
 
 ## Stuck and dead taxels
@@ -143,7 +143,7 @@ unbounded side stays unbounded.
 A node looks for broken taxels in windows of 20 s: *dead* is certain where no sample of a window was
 bounded, *stuck* where a taxel stayed still while the four nearest of its kind moved by more than
 their uncertainty. It reports each as a gap event with the reason `t05 certainly stuck`. From then
-on the taxel still tells what its line carries (capacitance, current, frequency, inductance), but no
+on the taxel states what its line carries (capacitance, current, frequency, inductance), but no
 cause of it (distances, areas, pressure), and its neighbours do not believe it; a gap a window
 counts the samples that are left out. This ends with a window in which the fault is impossible.
 What is only *possible* is sent with the node's status: of each taxel, whether it is certainly,

@@ -95,7 +95,7 @@ class Client(Queries):
         self._pages.close()
 
     def nodes(self) -> list[dict[str, Any]]:
-        """All nodes, as ``GET /nodes`` tells them.
+        """All nodes, as ``GET /nodes`` lists them.
 
         Raises:
             CloudError: The cloud refused, or did not answer.
@@ -103,7 +103,7 @@ class Client(Queries):
         return list(self._pages.items(f"{API}/nodes"))
 
     def channels(self, node: str) -> list[dict[str, Any]]:
-        """A node's channels, as ``GET /nodes/{node}/channels`` tells them.
+        """A node's channels, as ``GET /nodes/{node}/channels`` lists them.
 
         Raises:
             CloudError: As `nodes`.

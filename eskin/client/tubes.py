@@ -71,7 +71,7 @@ class _Run:
         It continues it if it has the same period, unit and coverage, and begins a period later,
         half a period more or less. The clock may have been set meanwhile: then both know the run's
         time differently, and the hull of both encloses it as surely. Where that hull is wider by
-        more than a period than what any part knew, a tube of its own tells more.
+        more than a period than what any part knew, a tube of its own is narrower.
         """
         last = self._parts[-1]
         if (tube.dt, tube.unit, tube.coverage) != (last.dt, last.unit, last.coverage):

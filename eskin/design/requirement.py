@@ -100,7 +100,7 @@ class Narrower:
         for_every: Parameters that may take any value of their interval.
         pieces: Into how many pieces each of these is divided: more pieces leave less undecided.
         expression: The model is an expression that `eskin.design.Dual` runs through, such as those
-            of `eskin.models.formulas`. Its slopes then tell a box's own extent from the width, and
+            of `eskin.models.formulas`. Its slopes then separate a box's extent from the width, and
             few boxes and pieces are enough; for any other model that extent counts as width.
     """
 

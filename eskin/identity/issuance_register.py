@@ -160,7 +160,7 @@ class IssuanceRegister:
             log.warning("revocations that the ledger had forgotten are noted again: %s", names)
 
     def _with_key(self, entry: Issued) -> Issued:
-        """An older line tells no key, but the certificate issued last may be at hand."""
+        """An older line names no key, but the certificate issued last may be at hand."""
         latest = None if entry.key else self.latest(entry.name)
         if latest is not None and _serial(latest[0]) == entry.serial:
             # A revocation does without the key rather than not be.

@@ -100,7 +100,7 @@ def offered_roots(directory: Path) -> bytes:
 def retire_root(directory: Path) -> None:
     """Keep only the root that issues now, and delete the other's key.
 
-    What tells that there is something to end goes last.
+    The marker of an unfinished rotation is deleted last.
     """
     current = load_certificates(directory / ROOT_FILE)[0]
     write_whole(directory / ROOT_FILE, pem([current]))

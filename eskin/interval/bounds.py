@@ -139,7 +139,7 @@ class Bounds:
         """Check something of each interval.
 
         Raises:
-            IntervalError: It does not hold everywhere; tells where, and of which interval.
+            IntervalError: It does not hold everywhere; the message states where and of which.
         """
         if not np.all(holds):
             where = first_index(~np.asarray(holds))

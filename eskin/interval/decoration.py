@@ -34,7 +34,7 @@ class DomainWatch:
     def note(self, outside: NDArray[np.bool_]) -> None:
         """Note where arguments reach outside of a domain.
 
-        Shape ``(rows, m)`` tells the row; any other shape counts for all rows.
+        Shape ``(rows, m)`` names the row; any other shape counts for all rows.
         """
         if outside.ndim == 2 and len(outside) == len(self.undefined):
             self.undefined |= outside.any(axis=1)

@@ -31,7 +31,7 @@ def text_of(x: Bounds, spec: str) -> str:
     Args:
         x: The intervals; of many, numpy's print options say which are shown and where lines end.
         spec: ``.4g``, ``.3f`` or ``.2e``, as for floats. If empty, bounds have six digits, or as
-            many as show two digits of the width; a single number has as many as tell it from
+            many as show two digits of the width; a single number has as many as distinguish it from
             others.
 
     Raises:

@@ -99,7 +99,7 @@ def mul_down(a: float, b: float) -> float:
 def div_up(a: float, b: float) -> float:
     """Least float ``>= a/b`` for ``b != 0``.
 
-    The rest ``a - b·(a/b)`` tells the side, if it is not so small that it vanishes. Above
+    The rest ``a - b·(a/b)`` gives the side, if it is not so small that it vanishes. Above
     `EXACT_PRODUCT` it is zero or at least ``2**-107·|a|`` where the quotient is normal; else
     ``|b| > 2**60``, and it is a multiple of ``2**-1066``. Below, it is taken ``2**600`` times: zero
     or at least ``2**-582``, since ``|b| > 2**-54`` where the quotient is subnormal. Of an infinite

@@ -3,7 +3,7 @@
 In rad, ``x - k·π/2`` takes π/2 in four words (214 bits): each product is kept exactly, the first
 difference is exact (Sterbenz), and what is left is summed with its errors. No float comes nearer to
 a multiple of π/2 than ``2**-61`` (Muller, "Elementary Functions", 3rd ed., table 11.1), so the rest
-is right within ``2**-100`` of itself, and never zero but for ``x = 0``: its sign tells on which
+is right within ``2**-100`` of itself, and never zero but for ``x = 0``: its sign states on which
 side of the quarter turn the angle lies. In half turns nothing is rounded but the product with π.
 
 On the rest, ``|z| <= 0.83`` rad (``k`` may be off by rounding where the angle is great), Taylor

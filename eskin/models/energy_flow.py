@@ -176,7 +176,7 @@ def energy_flow(
     resistance it drives ``i = V/R·(1 - e^(-R t/L))`` into MagFES, and through a resistance it fills
     EcFES, ``u = V·(1 - e^(-t/(R C)))``. ``E_in = E_store + E_loss`` holds for every draw of the
     parameters, and each interval encloses its energy for all of them. After the switch opens,
-    `eskin.models.coil_energy.coil_energy` tells how the coil loses what it holds.
+    `eskin.models.coil_energy.coil_energy` computes how the coil loses what it holds.
 
     Bounds are exact but for rounding: every energy is monotone in each parameter, or has one
     maximum, which is found. The paper draws this flow and gives no equations beyond the balance.

@@ -20,7 +20,7 @@ def derive(key: bytes, salt: bytes, purpose: bytes) -> AESGCM:
     Args:
         key: The one that stays.
         salt: Drawn at the start.
-        purpose: Tells it from keys for other purposes.
+        purpose: Separates it from keys for other purposes.
     """
     return AESGCM(HKDF(SHA256(), KEY_BYTES, salt, purpose).derive(key))
 

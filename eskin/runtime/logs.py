@@ -30,7 +30,7 @@ class Source(NamedTuple):
     Attributes:
         file: Of the statement that logs.
         line: Of the statement.
-        key: What the statement tells apart, such as a gateway's name; mostly empty.
+        key: What the statement distinguishes, such as a gateway's name; mostly empty.
     """
 
     file: str
@@ -110,7 +110,7 @@ class LogFormatter(logging.Formatter):
 class ThrottledHandler(logging.StreamHandler[TextIO]):
     """Writes a few lines of each statement in each window, and how many it suppressed.
 
-    A statement tells sources apart by ``extra={"source": ...}``, such as a gateway's name, so that
+    A statement names its source by ``extra={"source": ...}``, such as a gateway's name, so that
     one peer's lines do not hide another's.
 
     Args:

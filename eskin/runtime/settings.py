@@ -211,7 +211,7 @@ def _refusal(error: ValidationError, path: Path | None) -> SettingsError:
     if first["type"] == "extra_forbidden":
         return SettingsError(name, f"no such setting{where}; check its spelling")
     why = first["msg"][:_LONGEST_REASON]
-    if first["type"] == "union_tag_invalid":  # which tells the whole tag
+    if first["type"] == "union_tag_invalid":  # which quotes the whole tag
         found = first["ctx"]
         why = f"{found['discriminator']} is one of {found['expected_tags']}"
     return SettingsError(name, f"{shown(first['input'])} is not allowed{where}: {why}")

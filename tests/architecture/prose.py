@@ -16,8 +16,8 @@ from typing import Final
 ROOT: Final = Path(__file__).parents[2]
 BASELINE: Final = Path(__file__).with_suffix(".json")
 _BANNED: Final = (
-    "whoever|somebody|nobody|anybody|strangers?|tells? of|told|heed(?:s|ed|ing)?|bury|buri(?:es|ed)"
-    "|burying|begrudg(?:e|es|ed|ing)|hearken(?:s|ed|ing)?|as it were"
+    "whoever|somebody|nobody|anybody|strangers?|tells|told|heed(?:s|ed|ing)?|bury|buri(?:es|ed)|burying"
+    "|begrudg(?:e|es|ed|ing)|hearken(?:s|ed|ing)?|as it were"
     "|whom|wish(?:es|ed)?|for ever(?!y)|poor(?:er)?"
 )
 # An underscore separates words, too: names of tests and functions are prose.

@@ -41,7 +41,7 @@ def run(*arguments: str, cwd: Path | None = None) -> CompletedProcess[str]:
 
 
 def run_before_people(*arguments: str) -> CompletedProcess[str]:
-    """The same with a terminal for what it tells people: what it wrote there is all of it."""
+    """The same with a terminal for what it shows people: what it wrote there is all of it."""
     with Terminal() as terminal:
         done = _run(arguments, None, terminal.descriptor, look=terminal.look)
         return CompletedProcess(done.args, done.returncode, done.stdout, terminal.look())

@@ -64,7 +64,7 @@ def test_node_signs_a_challenge_once_its_gestures_were_entered(
     assert events["items"] == []
 
 
-def test_command_is_done_and_the_state_tells(chain: Chain) -> None:
+def test_command_is_done_and_the_state_shows_it(chain: Chain) -> None:
     with chain.node() as node:
         chain.wait_for_node()
         number = chain.ask("set", rate=50)

@@ -210,7 +210,7 @@ def rotate(site: Site, old: x509.Certificate) -> None:
         "everybody has a certificate under the new root",
     )
     # What was sealed under the old one is through then, however slow the machine is.
-    wait_until(site.is_heard_anew, "the gateway hears the node under its new certificate")
+    wait_until(site.is_heard_anew, "the node's messages come under its new certificate")
     wait_until(lambda: site.pki_command("retire", "--root") == "", "everybody is renewed")
     wait_until(
         lambda: all(roots != (old,) and len(roots) == 1 for roots in site.roots().values()),

@@ -207,7 +207,7 @@ describe("history", () => {
 describe("marks", () => {
   const WINDOW = { x0: 0, x1: 5000 * MS };
 
-  test("what the stream tells does not push out the marks of a window of history", () => {
+  test("what the stream sends does not push out the marks of a window of history", () => {
     const data = dataOf(channel(1000), []);
     for (let ms = 0; ms < 2000; ms += 1) data.takeEvent(event(ms), WINDOW);
     for (let ms = 6000; ms < 11_000; ms += 1) data.takeEvent(event(ms), WINDOW);

@@ -6,7 +6,7 @@ import { Timeline } from "../src/time/timeline";
 import { hullWithin } from "../src/tube/entries";
 import { channel, MS, ORIGIN, run, series, SIGNAL } from "./channels";
 
-/** A channel whose moments may be wrong by 30 ms, and what its store was asked for; of over 500 ms it tells hulls. */
+/** A channel whose moments may be wrong by 30 ms, and what its store was asked for; of over 500 ms it answers with hulls. */
 function doubtful(): { readonly data: ChannelData; readonly asked: string[] } {
   const asked: string[] = [];
   const client = new Client({
@@ -41,7 +41,7 @@ describe("a window of the past of doubtful moments", () => {
     expect(asked).toEqual(["570 640"]);
   });
 
-  test("is asked for again where the stream tells the error while the store is asked", async () => {
+  test("is asked for again where the stream states the error while the store is asked", async () => {
     const { data, asked } = doubtful();
     const loading = data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);
     data.take(run(1000, 1050, { time_error: 30 * MS }), 0, null);

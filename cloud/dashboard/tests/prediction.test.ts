@@ -79,7 +79,7 @@ describe("the questions", () => {
     );
   });
 
-  test("a refusal tells what the cloud says", async () => {
+  test("a refusal shows the cloud's reason", async () => {
     const body = JSON.stringify({ title: "Unprocessable", detail: "parameter: distance is missing", status: 422 });
     const options = { status: 422, headers: { "content-type": "application/problem+json" } };
     const client = new Client({ fetch: () => Promise.resolve(new Response(body, options)), onUnauthorised: () => {} });

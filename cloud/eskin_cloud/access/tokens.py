@@ -77,7 +77,7 @@ def digest(secret: str) -> str:
     """The name under which a secret is kept.
 
     Secrets are 256 random bits, so that a plain hash serves: they cannot be guessed, and comparing
-    hashes tells nothing of them by its time.
+    hashes discloses nothing of them by its time.
     """
     return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 

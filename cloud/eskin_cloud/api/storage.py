@@ -16,7 +16,7 @@ router = APIRouter(tags=["nodes"])
 
 
 class StorageDocument(BaseModel):
-    """What the store takes; what is free in it (where the server tells) is for what comes next.
+    """What the store takes; what is free in it (if reported) is for what comes next.
 
     ``bytes_per_sample`` is all that is taken and not free, by the samples kept: frames, rows of
     patches, indices, tiles, events and all else. Without the scope `biometric`, where anything is

@@ -55,7 +55,7 @@ class Backpressure:
 
     @property
     def slow(self) -> bool:
-        """Whether it reads more slowly than there is to tell."""
+        """Whether it reads more slowly than there is to send."""
         return self.pause > 0
 
     def note(self, took: float) -> None:

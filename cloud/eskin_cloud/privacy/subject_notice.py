@@ -74,7 +74,7 @@ def note(
         connection: That of central rows.
         notice: Of nodes of the site.
         site: The gateway's.
-        gateway: Who tells.
+        gateway: The sender.
         now: UTC ns.
         conflicts: Subjects whose key is another one than the one that is kept.
     """

@@ -28,7 +28,7 @@ _DAY: Final = "(?:0[1-9]|1[0-2])-(?:0[1-9]|[12][0-9]|3[01])"
 _MINUTE: Final = "(?:[01][0-9]|2[0-3]):[0-5][0-9]"
 _RFC3339: Final = rf"{_YEAR}-{_DAY}T{_MINUTE}:[0-5][0-9](?:\.[0-9]{{1,9}})?(?:Z|[+-]{_MINUTE})"
 _NANOSECONDS: Final = "-?(?:[0-9]{1,18}|[0-8][0-9]{18}|9[01][0-9]{17})"
-# The description tells it and `eskin.wire.timestamp` checks it, whose refusals say what to do.
+# The description states it; `eskin.wire.timestamp` checks it, and its errors say what to do.
 Time = Annotated[
     str,
     Field(max_length=100, json_schema_extra={"pattern": f"^(?:{_RFC3339}|{_NANOSECONDS})$"}),

@@ -29,7 +29,7 @@ _PLACES: Final = text(
     " WHERE s.logicalrelid = 'feed'::regclass"
 )
 """Of one table: the shards of all tables with the same slots move together. The transaction that
-wrote a place (``xmin``) tells a shard that moved there and back."""
+wrote a place (``xmin``) reveals a shard that moved there and back."""
 _DISTRIBUTED: Final = "distributed"
 """Key in ``Connection.info``."""
 

@@ -1,6 +1,6 @@
 """The version of the schema: create the tables once, reject a store of another version.
 
-The cursor key is made with the tables, so it also tells one store from another.
+The cursor key is made with the tables, so it also distinguishes one store from another.
 
 A cloud creates the tables under the store's write lock, so that of several clouds that start at
 once, one creates them.

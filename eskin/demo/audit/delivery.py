@@ -209,7 +209,7 @@ def _position(body: bytes) -> Position:
 
 
 def _lost(node: str, connection: Connection) -> Sightings:
-    """What gaps tell as lost."""
+    """What gaps state as lost."""
     lost = Sightings()
     e, gaps = events.c, events.alias()
     # Of statements, the first row holds the message, whatever it is about.

@@ -116,7 +116,7 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
 
     Args:
         identity: The broker's own, of kind server.
-        doorkeeper: Tells who may come in.
+        doorkeeper: Decides which clients may connect.
         port: Where to listen.
     """
 

@@ -41,7 +41,7 @@ class ClientAuth:
                 ) from error
 
     def refresh(self) -> bool:
-        """Read the lists again; tells whether one changed. A bad list changes nothing."""
+        """Read the lists again. Returns whether one changed. A bad list changes nothing."""
         changed = False
         for kind, path in self._lists.items():
             try:

@@ -227,7 +227,7 @@ def _work_on_box(
 ) -> tuple[int, tuple[float, float, float]]:  # fmt: skip
     """Close a box, shrink it or halve it; returns how many are open, and the new state.
 
-    ``at`` tells where the box is and how many were before it; ``state`` is the bound, the greatest
+    ``at`` states where the box is and how many were before it; ``state`` is the bound, the greatest
     value and the sum of sizes so far; ``tau_ref`` the unit of τ. The rest is as in `supremum`.
     """
     bound, best, size = state

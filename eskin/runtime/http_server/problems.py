@@ -116,7 +116,7 @@ class Refusal:
     limited: bool = False
 
 
-_FAULT: Final = Refusal(500, "this is our fault; the server's log tells more", level=logging.ERROR)
+_FAULT: Final = Refusal(500, "this is our fault; the server's log has more", level=logging.ERROR)
 
 
 class Problems:

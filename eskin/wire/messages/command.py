@@ -49,7 +49,7 @@ class CommandName(StrEnum):
 
 
 class Mode(StrEnum):
-    """What a node sends: every sample, peaks only, or as much as there is to tell."""
+    """What a node sends: every sample, peaks only, or as much as the signal's change needs."""
 
     SAMPLES = "samples"
     PEAKS = "peaks"

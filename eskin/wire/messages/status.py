@@ -61,7 +61,7 @@ class Energy:
     shedding: Shedding
 
     def encode(self) -> list[float | int]:
-        """As a status tells it."""
+        """As a status states it."""
         return [*self.stored, *self.charge, int(self.verdict), int(self.shedding)]
 
 

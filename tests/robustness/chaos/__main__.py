@@ -138,7 +138,7 @@ def trace_faults(events: Sequence[Event], say: Callable[[str], None]) -> list[st
     window, at = result.last("window"), result.last("at")
     said = [f"{e.what} {e.gateway} {e.boot}:{e.sequence}" for e in found[window - 1][:at]]
     what = f"{result.broken} after {result.length} states"
-    # What came later tells whether something was missing or only late.
+    # What came later shows whether something was missing or only late.
     first = found[window - 1][0].time
     later = [
         f"{e.what} {e.gateway} {e.boot}:{e.sequence} at {e.time - first:.4f} s"

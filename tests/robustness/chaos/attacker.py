@@ -38,7 +38,7 @@ def main() -> None:
     if deed == "flood":
         _flood(client)
     else:
-        # noLocal: it does not hear itself.
+        # noLocal: it does not receive its own messages.
         client.subscribe(_SEALED, options=SubscribeOptions(qos=0, noLocal=True))
         _repeat(client, heard)
 

@@ -88,7 +88,7 @@ class Cut:
 
 
 class HalfOpen:
-    """It hears nothing, and is heard: one side of each connection believes that all is well."""
+    """It receives nothing, but sends: one side of each connection believes that all is well."""
 
     def begin(self, part: Part) -> None:
         """Make it deaf."""

@@ -103,7 +103,7 @@ class Verdict:
     Attributes:
         made: Frames that the nodes made.
         stored: Those in the store.
-        stated: Those that a gap tells as lost.
+        stated: Those that a gap states as lost.
         unborn: Those that never came to be in flash: killed between truth and commit.
         gaps: Reason to how many gaps.
         samples: Samples that were compared with the truth.

@@ -1,6 +1,6 @@
 """How many cycles an instruction takes: every one that is executed, priced by Arm's own table.
 
-Arm tells no cycles of the Cortex-M33. Those of the Cortex-M4, which has the same instructions and
+Arm gives no cycles of the Cortex-M33. Those of the Cortex-M4, which has the same instructions and
 as many stages, stand in its Technical Reference Manual (DDI 0439, table 3-1): one cycle, but 2 for
 a load or store of which neighbours may hide one, 1 + N for several, 1 + P where it branches, P
 being 1 to 3, and 2 to 12 for a division. Memory is assumed to have no wait states, as behind an

@@ -29,7 +29,7 @@ _LOOP: Final = (1, 1001, 100_001)
 _HEAD: Final = """\
 # What the firmware's inner operations take in C on a Cortex-M33 without binary64, at least and at
 # most over the cases of `tests.robustness.cortex_m33`, which writes this file (--write) and checks
-# it. Instructions are counted; an instruction's cycles are bounded. docs/node.md tells how.
+# it. Instructions are counted; an instruction's cycles are bounded. docs/node.md states how.
 """
 
 Prices = dict[str, tuple[int, int]]

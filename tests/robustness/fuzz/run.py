@@ -27,7 +27,7 @@ def run(target: Target, *, inputs: int, seed: int) -> None:
     """Try the seeds, then changes of them and of their changes.
 
     Raises:
-        BrokenError: An input broke the oracle; its cause tells how.
+        BrokenError: An input broke the oracle; its cause states how.
     """
     random = Random(seed)
     pool = list(target.seeds)

@@ -1,6 +1,6 @@
 """A gate before each statement, at which a unit waits until the scheduler lets it go on.
 
-A unit is one cloud that does one thing. It logs in to the server by a name of its own, which tells
+A unit is one cloud that does one thing. It logs in to the server by a name of its own, which states
 its connections from those of other units, here and in the server's views.
 """
 

@@ -18,7 +18,7 @@ class Subject(NamedTuple):
     """A store: what happens to it, and what must hold when the power has failed meanwhile.
 
     Attributes:
-        work: Works in a folder, and tells what it does.
+        work: Works in a folder, and prints what it does.
         check: Opens what a cut has left, given what was stated before; raises AssertionError.
     """
 

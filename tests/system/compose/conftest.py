@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session")
 def say(request: pytest.FixtureRequest) -> Callable[[str], None]:
-    """Tells at once how far the tests are, with the seconds since their start."""
+    """Shows at once how far the tests are, with the seconds since their start."""
     return teller(request.config)
 
 

@@ -1,4 +1,4 @@
-"""Tells how far a long start is, while pytest captures all output."""
+"""Shows how far a long start is, while pytest captures all output."""
 
 from __future__ import annotations
 

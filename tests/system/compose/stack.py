@@ -153,7 +153,7 @@ def brought_up(stack: Stack, say: Callable[[str], None]) -> Iterator[None]:
 
     Args:
         stack: What is started.
-        say: Tells how far it is.
+        say: Shows the progress.
     """
     healthy = False
     try:

@@ -33,7 +33,7 @@ SUFFIXES = {"counter": ["_total"], "gauge": [""], "histogram": ["_bucket", "_sum
 
 
 def ports(demo: RunningDemo) -> dict[str, int]:
-    """Where each part tells its figures."""
+    """Where each part publishes its metrics."""
     gateway = tomllib.loads((demo.data / "gateway" / "gateway.toml").read_text())
     return {"gateway": gateway["http"]["port"], "cloud": int(demo.access["url"].rpartition(":")[2])}
 

@@ -1,4 +1,4 @@
-"""The CA service answers so much of one address, and tells it when to come again."""
+"""The CA service answers so much of one address, and states when to retry."""
 
 from __future__ import annotations
 

@@ -178,7 +178,7 @@ def test_nodes_and_channels_are_listed(stand: Stand, way: Way) -> None:
     assert [channel["id"] for channel in client.channels(NODE)] == [CHANNEL]
 
 
-def test_refusal_tells_the_status_and_what_to_do(stand: Stand, way: Way) -> None:
+def test_refusal_states_the_status_and_the_remedy(stand: Stand, way: Way) -> None:
     with pytest.raises(CloudError, match="GET /api/v1/nodes lists all") as refused:
         connected(stand, way).series("palm", CHANNEL)
     assert refused.value.status == 404

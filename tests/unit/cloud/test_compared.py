@@ -33,7 +33,7 @@ def asked(**more: Any) -> dict[str, Any]:
 
 
 @pytest.mark.anyio
-async def test_comparison_tells_when_and_for_how_long(stand: Stand) -> None:
+async def test_comparison_states_when_and_for_how_long(stand: Stand) -> None:
     fill(stand)
     async with stand.client() as client:
         above = (await client.get(COMPARISON, params=asked())).json()

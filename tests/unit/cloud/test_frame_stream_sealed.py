@@ -59,7 +59,7 @@ async def bring(stand: Stand, site: Site, beats: int) -> None:
 
 
 async def received(stand: Stand, *, sealed: bool, backlog: int) -> list[Any]:
-    """What a stream tells until its first sign of life, cursors by the order of their appearance.
+    """What a stream sends until its first sign of life, cursors by the order of their appearance.
 
     Sequences, and times that follow the clock, are left out: what they say is as in the store.
     """

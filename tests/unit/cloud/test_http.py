@@ -85,7 +85,7 @@ async def test_formats_agree(stand: Stand) -> None:
         assert table.schema.metadata[b"unit"] == b"F"
 
 
-async def test_senml_tells_bounds_that_there_are_and_what_holds_for_all(stand: Stand) -> None:
+async def test_senml_states_known_bounds_and_what_holds_for_all(stand: Stand) -> None:
     lo, hi = [0.125, float("-inf"), float("-inf")], [0.25, 5.0, float("inf")]
     put(stand.cloud.store, stretch(0, lo, hi, time=(START - 4, START + 5)))
     async with stand.client() as client:

@@ -50,7 +50,7 @@ async def test_subscriber_hears_what_is_ingested_in_order(
     assert sorted(events, key=lambda e: e["id"]) == sorted(listed, key=lambda e: e["id"])
 
 
-async def test_frame_tells_when_it_was_stored(stand: Stand) -> None:
+async def test_frame_states_when_it_was_stored(stand: Stand) -> None:
     stored = []
     for number in range(3):
         stand.clock.turn(1.0)
@@ -249,7 +249,7 @@ async def test_heartbeat_comes_in_silence(stand: Stand) -> None:
     assert stand.cloud.feed.subscribers == 0
 
 
-async def test_stream_that_breaks_off_before_its_first_event_tells_where_to_go_on(
+async def test_stream_cut_before_its_first_event_states_where_to_go_on(
     stand: Stand,
 ) -> None:
     await stand.ingest(batch(stretch(0), stretch(1)))

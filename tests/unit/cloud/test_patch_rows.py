@@ -128,7 +128,7 @@ def test_a_column_that_is_not_there_is_refused(runs: list[PatchRun]) -> None:
 def test_other_bytes_are_refused_or_read_as_intervals(
     data: st.DataObject, runs: list[PatchRun]
 ) -> None:
-    """Digests tell a reader that a row is damaged; without them it must at least not break."""
+    """Digests show a reader that a row is damaged; without them it must at least not break."""
     good = bytearray(encode_runs(runs))
     for _ in range(data.draw(st.integers(1, 3))):
         good[data.draw(st.integers(0, len(good) - 1))] ^= data.draw(st.integers(1, 255))

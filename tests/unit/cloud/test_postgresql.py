@@ -240,7 +240,7 @@ def test_server_is_reached_by_tls_and_password(
     with Store(section.place) as store, store.read() as connection:
         words = "SELECT ssl FROM pg_stat_ssl WHERE pid = pg_backend_pid()"
         assert connection.execute(text(words)).scalar_one() is True
-        # It notices within 20 s that a cloud is gone which it does not hear of.
+        # It notices within 20 s that a cloud is gone, of whose end it is not notified.
         names = ("tcp_keepalives_idle", "tcp_keepalives_interval", "tcp_keepalives_count")
         shown = [connection.execute(text(f"SHOW {name}")).scalar_one() for name in names]
         assert shown == ["5", "5", "3"]

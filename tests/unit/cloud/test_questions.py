@@ -102,7 +102,7 @@ async def test_other_method_is_refused(stand: Stand, method: str) -> None:
     assert answer.headers["allow"] == "GET"
 
 
-async def test_fault_of_ours_tells_no_traceback(
+async def test_internal_error_shows_no_traceback(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(*_: object) -> None:

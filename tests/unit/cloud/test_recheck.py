@@ -113,7 +113,7 @@ async def session_of(stand: Stand) -> str:
     return session
 
 
-async def test_live_stream_of_a_revoked_session_tells_nothing_more(stand: Stand) -> None:
+async def test_live_stream_of_a_revoked_session_sends_nothing_more(stand: Stand) -> None:
     await stand.ingest(batch(status(0)))
     session = await session_of(stand)
     sent = await stream_of(stand, "/api/v1/live", session)

@@ -32,7 +32,7 @@ PERIOD: Final = 100_000_000
 LENGTH: Final = SAMPLES * PERIOD
 FEW: Final = 1000
 SETTLED: Final = parse("x > 9")
-"""Of a state that no sample is in: bounds tell it."""
+"""Of a state that no sample is in: bounds state it."""
 _TOUCHED: Final = text(
     "SELECT sum(pg_stat_get_xact_tuples_returned(oid)) FROM pg_class "
     "WHERE relnamespace = 'public'::regnamespace"
@@ -42,7 +42,7 @@ _TOUCHED: Final = text(
 class Rows:
     """Counts the rows that a transaction gets from a file, or that it touches on a server.
 
-    The server counts what it reads from tables and indexes for sums, too; a file tells only what
+    The server counts what it reads from tables and indexes for sums, too; a file counts only what
     it hands over.
     """
 

@@ -144,7 +144,7 @@ async def test_cloud_without_queries_destroys_its_copy_too_also_after_a_fault(
     assert not (keys_of(first).directory / "subjects" / site.ada.pseudonym).exists()
 
 
-async def test_live_stream_tells_nothing_sealed_where_erasures_are_not_heard_of(
+async def test_live_stream_sends_nothing_sealed_while_erasures_are_unknown(
     first: Stand, second: Stand, site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     await wear(first, site)

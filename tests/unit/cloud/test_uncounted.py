@@ -1,4 +1,4 @@
-"""Who lacks the scope cannot tell two clouds apart that differ in what is sealed alone."""
+"""A reader without the scope sees the same of two clouds that differ in sealed data alone."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def two(tmp_path: Path, identities: Identities, site: Site) -> Iterator[tuple[St
 async def live(
     stand: Stand, position: FeedPosition, *, sealed: bool, backlog: int = 10_000
 ) -> bytes:
-    """What a stream tells from a place on until its first sign of life."""
+    """What a stream sends from a place on until its first sign of life."""
     heard = b""
     pieces = stream(
         stand.cloud.feed,
@@ -165,7 +165,7 @@ def columns(text: str) -> list[list[str]]:
     return [line.split(",")[:-1] for line in text.splitlines()]
 
 
-async def test_live_stream_without_the_scope_tells_nothing_of_what_is_sealed(
+async def test_live_stream_without_the_scope_discloses_nothing_sealed(
     two: tuple[Stand, Stand], site: Site
 ) -> None:
     few, many = two

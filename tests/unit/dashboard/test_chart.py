@@ -68,7 +68,7 @@ def test_painted_pixels_enclose_the_samples(
     assert len(samples) >= 10
     assert [sample for sample in samples if not plot.encloses(*sample)] == []
     area = "".join(plot.columns)
-    assert area.count("1") < 0.95 * len(area), "a plot that is painted all over tells nothing"
+    assert area.count("1") < 0.95 * len(area), "a plot that is painted all over shows nothing"
 
 
 def test_live_chart_shows_no_break_where_the_stream_follows_the_store(visit: Visit) -> None:

@@ -19,7 +19,7 @@ MARKS = ("band-edge", "certain", "possible", "predicted-edge", "missing")
 APART = 12.0
 """Two colours are just noticeably different, side by side, from 1 to 2 on (CIEDE2000)."""
 SHAPES = 3.0
-"""WCAG 2.2, 1.4.11: parts of graphics, and what tells where a control is."""
+"""WCAG 2.2, 1.4.11: parts of graphics, and what shows where a control is."""
 TEXT = 4.5
 """WCAG 2.2, 1.4.3."""
 WRITTEN = [

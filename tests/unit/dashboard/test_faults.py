@@ -53,7 +53,7 @@ def test_session_that_ends_leads_to_the_login(
         visit.open("palm/t01.area?live=30s")
         visit.page.route("**/login", hold)
         visit.page.context.clear_cookies()
-        wait_until(lambda: refusals() >= 3, "several requests hear of the session's end")
+        wait_until(lambda: refusals() >= 3, "several requests are refused as the session ended")
         assert len(left) == 1
         visit.page.unroute_all()  # lets it go on
         visit.wait_for_path("/login")

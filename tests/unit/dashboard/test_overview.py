@@ -95,7 +95,7 @@ def test_gateway_and_store_are_shown_beside_all_nodes(replay: Replay, visit: Vis
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("options", [{"viewport": {"width": 1280, "height": 800}}, PHONE])
-def test_card_of_a_node_tells_its_battery_and_its_gaps(visit: Visit) -> None:
+def test_card_of_a_node_shows_its_battery_and_its_gaps(visit: Visit) -> None:
     def drain(route: Route) -> None:
         answer = route.fetch()
         items = answer.json()["items"]

@@ -1,4 +1,4 @@
-"""What a chart's pixels say: live samples, answers and gaps, as the API tells them."""
+"""What a chart's pixels say: live samples, answers and gaps, as the API answers."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_live_pixels_enclose_the_samples(
         # A gap may be hatched there: a node that is late states one before it goes on.
         assert not any(band.painted[plot.column(plot.newest) + EDGE :])
         area = "".join(plot.columns)
-        assert area.count("1") < 0.95 * len(area), "a plot that is painted all over tells nothing"
+        assert area.count("1") < 0.95 * len(area), "a plot that is painted all over shows nothing"
         return all(plot.encloses(*sample) for sample in samples)
 
     for _ in range(3):
@@ -140,7 +140,7 @@ def test_gap_is_painted_as_a_gap_and_never_as_band(
     last = parse_timestamp(channels["t01.capacitance"]["last"])
     gap = range(last - 3500 * MS, last - 1500 * MS)
     held: list[Route] = []
-    visit.page.route("**/api/v1/events*", lambda route: tell(route, gap, stated_by))
+    visit.page.route("**/api/v1/events*", lambda route: answer_gap(route, gap, stated_by))
     visit.page.route("**/api/v1/series/**", lambda route: cut(route, gap, stated_by))
     # Nothing follows what the store knows.
     visit.page.route("**/api/v1/live?*", lambda route: held.append(route))  # noqa: PLW0108 -- Playwright marks what it is given
@@ -191,7 +191,7 @@ def cut(route: Route, gap: range, stated_by: str) -> None:
     route.fulfill(response=answer, json={**series, "t": t, "lo": lo, "hi": hi})
 
 
-def tell(route: Route, gap: range, stated_by: str) -> None:
+def answer_gap(route: Route, gap: range, stated_by: str) -> None:
     """Answer with the gap as an event, and with no other events."""
     event = {
         "id": "gap",

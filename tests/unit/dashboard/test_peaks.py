@@ -153,11 +153,11 @@ def test_event_that_arrives_during_loading_stays_listed(visit: Visit) -> None:
     assert stored
     stated: set[str] = set()
 
-    def tells() -> bool:
+    def has_event() -> bool:
         stated.update(item["id"] for item in route.fetch().json()["items"])
         return not stated <= stored
 
-    wait_until(tells, "there is an event that was not stored yet")
+    wait_until(has_event, "there is an event that was not stored yet")
     # Blocks that were measured since are stated behind it.
     now = time.time_ns()
     wait_until(lambda: visit.newest() > now, "the stream has stated of it")

@@ -57,7 +57,7 @@ def test_painted_tube_encloses_what_is_predicted(live_visit: Visit, live_recorde
     predicted = zip(moments.tolist(), tube.inf.tolist(), tube.sup.tolist(), strict=True)
     assert [each for each in predicted if not plot.encloses(*each)] == []
     area = "".join(plot.columns)
-    assert area.count("1") < 0.8 * len(area), "a plot that is painted all over tells nothing"
+    assert area.count("1") < 0.8 * len(area), "a plot that is painted all over shows nothing"
 
 
 @pytest.mark.nightly

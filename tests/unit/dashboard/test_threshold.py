@@ -111,7 +111,7 @@ def test_complaint_stays_while_the_window_moves_and_goes_with_its_question(
 
 
 @pytest.mark.nightly
-def test_answer_tells_how_often_it_began(visit: Visit, recorded: int) -> None:
+def test_answer_states_how_often_it_began(visit: Visit, recorded: int) -> None:
     start, end = recorded - 3 * SECOND, recorded
     visit.open(history("palm/t01.energy", start, end))
     visit.wait_for_chart(mode="history")

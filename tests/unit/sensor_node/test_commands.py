@@ -119,7 +119,7 @@ def test_command_has_one_effect_however_often_it_comes_and_over_restarts(rig: Ri
     rig.commander.take(calibrate)
     assert rig.controls.calls == []
     assert rig.controls.state["t01"] == {"rate": 100.0, "baselines": 1.0}
-    # At its start the node tells its last result again, and how it is set.
+    # At its start the node states its last result again, and how it is set.
     assert [(r.command, r.state["t01"].get("baselines")) for r in rig.results()] == [
         (0, None),
         (7, 1.0),

@@ -239,7 +239,7 @@ def test_client_id_of_another_takes_no_session_over(
     thief = identities.make(kind, name)
     with Party(thief, port, root=root, client_id="fingertip") as party:
         gateway.publish("eskin/v1/nodes/fingertip/acks", b"for fingertip")
-        wait_until(lambda: bool(node.heard), "the node still hears")
+        wait_until(lambda: bool(node.heard), "the node still receives")
         assert node.connected
         assert party.connected
         assert party.heard == []

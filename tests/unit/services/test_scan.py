@@ -1,4 +1,4 @@
-"""`make scan` fails for what is known to be vulnerable, and tells where nothing could be asked."""
+"""`make scan` fails for what is known to be vulnerable, or where nothing could be asked."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ const DRIFT = 1e-3;
 const SLACK = 1e9;
 const MS = 1e6;
 
-/** Tells how old what comes is, by the cloud's clock: no frame comes before the cloud has received it. */
+/** Computes how old what comes is, by the cloud's clock: no frame comes before the cloud has received it. */
 export class CloudClock {
   /** What at least is added to the page's clock (ns) to give the cloud's, and by which time of the page's clock (ms). */
   private known: { readonly offset: number; readonly at: number } | null = null;

@@ -28,7 +28,7 @@ class GatewayStatus(NamedTuple):
         capacity: Most bytes.
         oldest: For how long the oldest has waited, ns; ``None`` where none waits.
         dead_letters: Messages that it could not use.
-        nodes: How many nodes it hears.
+        nodes: How many nodes it receives messages of.
     """
 
     messages: int

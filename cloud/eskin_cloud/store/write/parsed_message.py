@@ -35,7 +35,7 @@ class ParsedMessage(NamedTuple):
         data: Its bytes.
         message: The decoded message; ``None`` if it is rejected.
         reason: Why it is rejected.
-        digest: Digest of the bytes, or of what all sealings of the message share; it tells
+        digest: Digest of the bytes, or of what all sealings of the message share; it distinguishes
             duplicates from conflicts. Empty if there is none.
     """
 
@@ -108,7 +108,7 @@ def _decode(data: bytes) -> EncodedFrame | Statements | Status | Result:
 
 
 def _require_placed(message: SealedMessage) -> SealedMessage:
-    """Check that a sealed message is read by a layout, which tells whether it is biometric."""
+    """Check that a sealed message is read by a layout, which states whether it is biometric."""
     if message.layout is None:
         raise MessageError("only frames and statements are sealed")
     return message

@@ -29,7 +29,7 @@ ADDED = (*WORKERS, "cloud2", "cloud3", "gateway2")
 
 @pytest.fixture(scope="session")
 def say(request: pytest.FixtureRequest) -> Callable[[str], None]:
-    """Tells at once how far the tests are, with the seconds since their start."""
+    """Shows at once how far the tests are, with the seconds since their start."""
     return teller(request.config)
 
 

@@ -19,7 +19,7 @@ ASK: Final = (
     "import sys; from half import half; print(*(half(eval(x)) for x in sys.argv[1:]), flush=True)"
 )
 TELL: Final = f"{ASK}; print(sum(half.stats.cache_hits.values()))"
-"""Tells halves, and how many signatures were compiled before."""
+"""Prints halves, and how many signatures were compiled before."""
 SLOWEST_S: Final = 200
 """For an interpreter that starts, and compiles a kernel."""
 

@@ -1,4 +1,4 @@
-"""A threshold tells certain, possible and missed touches apart, and errs as normal noise does."""
+"""A threshold separates certain, possible and missed touches, and errs as normal noise does."""
 
 from __future__ import annotations
 

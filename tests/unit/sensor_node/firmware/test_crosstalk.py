@@ -45,7 +45,7 @@ def felt(seed: int, bound: float) -> tuple[Floats, Interval]:
 def separated(
     known: Interval, bound: float, doubtful: int, missing: tuple[int, ...] = ()
 ) -> Interval:
-    """The pressures that the firmware tells."""
+    """The pressures that the firmware states."""
     sheet = data_sheet(taxel("pad", pressure_max_Pa=MOST))
     sheet |= {"crosstalk": bound, "doubtful_neighbours": float(doubtful)}
     made, bounds = [], []

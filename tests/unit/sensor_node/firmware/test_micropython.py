@@ -70,7 +70,7 @@ def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.Monk
     world._least = world._most = world._least / 4.0
     bench.run_to(3.0)
     plate = bench.node.taxels[1].control_unit.adaptation.plate
-    # As if a self-test had found it: it tells no cause any more, and the status says so.
+    # As if a self-test had found it: it states no cause any more, and the status says so.
     bench.node.taxels[1].control_unit.broken = True
     bench.node._self_test.faults = [("t00", 0, 2), ("t01", 1, 0)]
     bench.node.record_status()

@@ -197,7 +197,7 @@ def test_status_of_a_cohort_s_member_equals_a_single_node_s(
     reported = decode(bench.shard.status(1, bench.ticks).body)
     assert isinstance(alone, Status)
     assert isinstance(reported, Status)
-    # It tells the present, which is the machine's own.
+    # It states the present, which is the machine's own.
     own = replace(reported, capacity=alone.capacity, time=alone.time, uptime=alone.uptime)
     assert own == alone
     single.close()
