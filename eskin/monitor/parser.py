@@ -135,7 +135,7 @@ def _tokens(text: str) -> list[_Token]:
         if match is None:
             at = place + len(text[place:]) - len(text[place:].lstrip(_BLANKS))
             raise MonitorError(
-                f"{shown(text[at])} has no meaning here; see the grammar of eskin.monitor.parser",
+                f"{shown(text[at])} has no meaning here; operators: {_OPERATORS} not",
                 column=at + 1,
                 value=text[at],
             )
@@ -160,6 +160,11 @@ _INFIX: Final = {
     "*": PRODUCT,
     "/": PRODUCT,
 } | dict.fromkeys(_COMPARISONS, COMPARE)
+_OPERATORS: Final = " ".join([*Comparison, "+", "-", "*", "/", *(w for w in _INFIX if w.isalpha())])
+"""Between two parts."""
+_CLOSING: Final = frozenset({")", "]", ","})
+_BEFORE: Final = sorted(KEYWORDS - _INFIX.keys() - {"inf"})
+"""Words that may stand before a parenthesis."""
 _SUMS: Final[dict[str, type[Add | Subtract | Multiply | Divide]]] = {
     "+": Add,
     "-": Subtract,
@@ -199,7 +204,7 @@ class _Parser:
             self._next += bool(text)
             return
         found = "the end" if token.kind == "end" else shown(token.text)
-        wanted = f"{text!r}" if text else "an operator or the end"
+        wanted = f"{text!r}" if text else f"an operator ({_OPERATORS}) or the end"
         raise MonitorError(f"expected {wanted}, not {found}", column=token.column, value=token.text)
 
     def _make(self, make: Callable[..., _Made], column: int, *parts: object) -> _Made:
@@ -210,6 +215,9 @@ class _Parser:
         found = self._parse(binding)
         if isinstance(found, Formula):
             return found
+        token = self._peek()
+        if token.kind != "end" and token.text not in _CLOSING:
+            self._expect("")  # no value ends here: what comes is no operator
         raise MonitorError(
             f"{found} is a value, where a statement is needed; compare it: {found} > 0",
             column=column,
@@ -296,6 +304,14 @@ class _Parser:
         if token.kind == "word":
             if token.text in KEYWORDS:
                 return self._keyword(token)
+            if self._is("(") or self._is("["):
+                known = _BEFORE if self._is("(") else WINDOWS
+                raise MonitorError(
+                    f"{shown(token.text)} is no operator; before {self._peek().text!r} stands one "
+                    f"of {', '.join(known)}",
+                    column=token.column,
+                    value=token.text,
+                )
             return self._make(Channel, token.column, token.text)
         if token.text == "(":
             found = self._parse(0)
@@ -477,7 +493,7 @@ class _Parser:
             return UNBOUNDED
         column = self._take().column
         first = self._time()
-        self._expect(",")
+        self._require_two_bounds()
         if self._is("inf"):
             self._take()
             last = None
@@ -486,6 +502,16 @@ class _Parser:
             last = self._time()
             self._expect("]")
         return self._window(first, last, column)
+
+    def _require_two_bounds(self) -> None:
+        token = self._peek()
+        if token.text == "]":
+            raise MonitorError(
+                "a window has two bounds, as in [0,50ms]; the last one is missing",
+                column=token.column,
+                value=token.text,
+            )
+        self._expect(",")
 
     def _time(self) -> _Token:
         token = self._take()
@@ -532,7 +558,7 @@ def _nanoseconds(token: _Token) -> int:
             f"a window's bound needs a unit of time ({', '.join(_NANOSECONDS)}), as in 50ms, not "
             f"{shown(token.unit or token.text)}",
             column=token.column,
-            value=token.unit,
+            value=token.unit or token.text,
         )
     time = number * _NANOSECONDS[token.unit]
     if time.denominator != 1:

@@ -104,6 +104,30 @@ def test_fault_names_its_column(text: str, column: int) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "column", "value", "remedy"),
+    [
+        ("G(a > 1)", 1, "G", "always"),
+        ("G[0,1s](a > 1)", 1, "G", "always"),
+        ("a > 1 and sometimes(b > 1)", 11, "sometimes", "eventually"),
+        ("always[50ms] a > 1", 12, "]", "[0,50ms]"),
+        ("always[0,5] a > 1", 10, "5", "50ms"),
+        ("a == 1", 3, "=", ">="),
+        ("(a > 1) xor b > 1", 9, "xor", "implies"),
+        ("a xor b", 3, "xor", "implies"),
+        ("evetually a > 1", 11, "a", "until"),
+        ("a > 1 && b > 1", 7, "&", "and"),
+    ],
+)
+def test_fault_names_column_value_and_remedy(
+    text: str, column: int, value: str, remedy: str
+) -> None:
+    with pytest.raises(MonitorError) as caught:
+        parse(text)
+    assert (caught.value.column, caught.value.value) == (column, value)
+    assert remedy in caught.value.reason
+
+
+@pytest.mark.parametrize(
     "text", ["not ", "(", "-", "always[0,1s] ", "a > 1 implies ", "rise(", "a+"]
 )
 def test_ten_thousand_nested_operators_are_refused(text: str) -> None:
