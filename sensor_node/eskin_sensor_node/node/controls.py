@@ -10,7 +10,7 @@ from eskin.wire.messages.command import WHOLE_NODE, Mode, place_of
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Sequence
 
     from eskin.wire.messages.command import Arguments, State, Value
     from eskin_sensor_node.node.node import Node
@@ -55,7 +55,7 @@ class NodeControls:
         if "rate" in arguments:
             for taxel in taxels:
                 _require_rate(taxel, arguments["rate"])
-            self._require_powers(dict.fromkeys(taxels, _period(arguments["rate"])))
+            self._require_powers(taxels, arguments["rate"])
         with self._node.between_frames():
             for taxel in taxels:
                 if name == "calibrate":
@@ -68,19 +68,20 @@ class NodeControls:
                 self._node.reflexes.reset()
         return self.state
 
-    def _require_powers(self, periods: Mapping[EmulatedTaxel, int]) -> None:
+    def _require_powers(self, taxels: Sequence[EmulatedTaxel], rate: Value) -> None:
         """Check that taxels of a patch can be sampled on one grid.
 
         Raises:
             CommandError: A period is no other one of its patch times a power of two.
         """
-        for taxel, dt in periods.items():
+        dt = _period(rate)
+        for taxel in taxels:
             for other in self._beside(taxel):
-                found = periods.get(other, other.control_unit.schedule.dt)
+                found = dt if other in taxels else other.control_unit.schedule.dt
                 if not _is_power(max(found, dt), min(found, dt)):
                     raise CommandError(
                         "rate",
-                        BILLION / dt,
+                        rate,
                         f"{BILLION / found:g}, at which {other.name} is sampled in one patch with "
                         f"{taxel.name}, times or divided by a power of two; or set all of them",
                     )
@@ -111,7 +112,7 @@ class NodeControls:
                     _restore(taxel, place, settings)
             for taxel in self._taxels.values():
                 try:
-                    self._require_powers({taxel: taxel.control_unit.schedule.dt})
+                    self._require_powers([taxel], BILLION / taxel.control_unit.schedule.dt)
                 except CommandError:
                     taxel.sample_every(taxel.control_unit.designed.dt)
         return self.state

@@ -95,8 +95,9 @@ def test_taxel_of_a_patch_at_no_power_of_two_is_refused(
     controls: NodeControls, rate: float
 ) -> None:
     before = controls.restore({})
-    with pytest.raises(CommandError, match="power of two"):
+    with pytest.raises(CommandError, match="power of two") as caught:
         controls.apply("set", {"rate": rate, "taxel": "t02"})
+    assert (caught.value.field, caught.value.value) == ("rate", rate)
     assert controls.restore({}) == before
     # All of them together have one rate, and a state that no more fits is left out.
     assert controls.apply("set", {"rate": 300.0})["t03"]["rate"] == pytest.approx(300.0, rel=1e-6)
