@@ -10,7 +10,7 @@ from starlette.types import Receive, Scope, Send
 
 from eskin.runtime.http_server.problems import ProblemError
 from eskin_cloud import access
-from eskin_cloud.api.dependencies import CloudState, MaybePrincipal
+from eskin_cloud.api.dependencies import CloudState, MaybePrincipal, Unproven
 
 router = APIRouter(include_in_schema=False)
 
@@ -32,10 +32,10 @@ The REST interface under <code>/api/v1</code> works without it.</p></main></body
 def get_file(cloud: CloudState, caller: MaybePrincipal, path: str) -> Response:
     """A file of the dashboard or of ``/docs``; browsers without a session go to the login page."""
     is_page = not path.startswith("api/")
-    if caller is None:
+    if isinstance(caller, Unproven):
         if is_page:
             return RedirectResponse("/login", 303, headers={"Cache-Control": "no-store"})
-        raise ProblemError(401, "a token is missing; send Authorization: Bearer TOKEN, or sign in")
+        raise caller.refusal
     if access.Scope.READ not in caller.holder.scopes:
         raise ProblemError(
             403, "this session lacks the scope read; ask for one that has it", kind="missing-scope"

@@ -5,6 +5,7 @@ What does not wait for the store is asynchronous, so that no thread is woken for
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import partial
 from typing import Annotated, Final
 from urllib.parse import urlsplit
@@ -33,6 +34,18 @@ _documented_cookie = APIKeyCookie(
     auto_error=False,
     description="a session, from /login; the name has a prefix over HTTPS, and ends in the port",
 )
+
+
+class Unproven(StrEnum):
+    """Why a caller is not known; its text says so."""
+
+    MISSING = "the request has neither a token nor a session"
+    UNKNOWN = "the token or session is not known here, or has ended"
+
+    @property
+    def refusal(self) -> ProblemError:
+        """How the caller is refused."""
+        return ProblemError(401, f"{self}; send Authorization: Bearer TOKEN, or sign in")
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,14 +127,14 @@ def find_access(
     request: Request,
     bearer: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
     session: SessionCookie,
-) -> Access | None:
-    """The caller, by bearer token or else by session; ``None`` without either."""
+) -> Access | Unproven:
+    """The caller, by bearer token or else by session."""
     return _find(cloud, request, None if bearer is None else bearer.credentials, session)
 
 
 def _find(
     cloud: AppState, request: HTTPConnection, token: str | None, session: str | None
-) -> Access | None:
+) -> Access | Unproven:
     def holder() -> Principal | None:
         if token is not None:
             return find_token(cloud.store, token[:_LONGEST_SECRET])
@@ -131,7 +144,7 @@ def _find(
 
     found = holder()
     if found is None:
-        return None
+        return Unproven.MISSING if token is None and session is None else Unproven.UNKNOWN
     opened: set[tuple[str, str]] = set()
     # The connection counts for its caller, and no more for an address that many may share.
     if caller := request.scope.get("extensions", {}).get(CALLER):
@@ -152,7 +165,7 @@ def _require_unerased(cloud: AppState, opened: set[tuple[str, str]]) -> None:
         cloud.key_access.require_unerased(connection, tuple(opened))
 
 
-MaybePrincipal = Annotated[Access | None, Depends(find_access)]
+MaybePrincipal = Annotated[Access | Unproven, Depends(find_access)]
 
 
 async def require_read(caller: MaybePrincipal) -> Access:
@@ -235,11 +248,9 @@ def _host_of(origin: str) -> str | None:
         return None
 
 
-def _require(caller: Access | None, scope: Scope) -> Access:
-    if caller is None:
-        raise ProblemError(
-            401, "missing or expired token; send Authorization: Bearer TOKEN, or sign in"
-        )
+def _require(caller: Access | Unproven, scope: Scope) -> Access:
+    if isinstance(caller, Unproven):
+        raise caller.refusal
     if scope not in caller.holder.scopes:
         raise ProblemError(
             403,

@@ -16,7 +16,7 @@ from eskin_cloud.access import (
     revoke_token,
     token_id,
 )
-from eskin_cloud.api.dependencies import cookie_name
+from eskin_cloud.api.dependencies import Unproven, cookie_name
 from eskin_cloud.settings import PeopleSection
 from eskin_cloud.store import Store
 from eskin_cloud.store.schema.tables import login_codes, sessions, tokens
@@ -52,7 +52,8 @@ async def test_caller_without_a_token_is_refused(stand: Stand, path: str) -> Non
     for token in ("", "eskin_wrong", "x" * 5000):
         async with stand.client(token=token) as client:
             answer = await client.get(path)
-        problem(answer, 401)
+        reason = Unproven.UNKNOWN if token else Unproven.MISSING
+        assert problem(answer, 401).startswith(reason)
         assert answer.headers["www-authenticate"] == "Bearer"
 
 
