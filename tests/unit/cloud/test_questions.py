@@ -24,6 +24,12 @@ TIME = f"{SERIES}/time"
 
 BAD_QUESTIONS: tuple[tuple[str, dict[str, Any], int, str], ...] = (
     (SERIES, {"start": "2027-01-02T00:00:00Z", "end": "2027-01-01T00:00:00Z"}, 422, "swap"),
+    (
+        SERIES,
+        {"start": 5, "end": "1970-01-01T00:00:00Z"},
+        422,
+        "start: 1970-01-01T00:00:00.000000005Z is after end, 1970-01-01T00:00:00.000000000Z",
+    ),
     (SERIES, {"start": "yesterday"}, 422, "RFC 3339"),
     (SERIES, {"start": "2027-13-01T00:00:00Z"}, 422, "start"),
     (SERIES, {"start": "2027-01-01T00:00:00"}, 422, "RFC 3339"),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from eskin.errors import QueryError
-from eskin.wire.timestamp import MOST_MOMENT, SECOND, parse_timestamp
+from eskin.wire.timestamp import MOST_MOMENT, SECOND, format_timestamp, parse_timestamp
 
 DEFAULT_SPAN: Final = 60 * SECOND
 _MAX_SPAN: Final = 2**62
@@ -87,7 +87,11 @@ def require_ordered(start: int | None, end: int | None) -> None:
         QueryError: ``start`` is after ``end``.
     """
     if start is not None and end is not None and start > end:
-        raise QueryError("start", "is after end; swap them")
+        raise QueryError(
+            "start",
+            f"{format_timestamp(start)} is after end, {format_timestamp(end)}; swap them, or leave "
+            "one out",
+        )
 
 
 def before(moment: int, span: int) -> int:
