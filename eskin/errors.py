@@ -53,6 +53,11 @@ def shown(value: object) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
+def unprefixed(message: str) -> str:
+    """What a validator of ours raised, without the prefix that pydantic puts before it."""
+    return message.replace("Value error, ", "")
+
+
 class EskinError(Exception):
     """Root of all errors that eskin raises on purpose."""
 
@@ -97,8 +102,8 @@ class CommandError(EskinError):
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
-        asked = "" if value is None else f" is {shown(value)}"
-        super().__init__(f"{field}{asked}; allowed: {allowed}")
+        asked = "missing" if value is None else shown(value)
+        super().__init__(f"{field} is {asked}; allowed: {allowed}")
         self.field = field
         self.value = value
         self.allowed = allowed

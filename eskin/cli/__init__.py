@@ -21,7 +21,7 @@ from eskin.cli.node import node
 from eskin.cli.pki import pki
 from eskin.cli.subjects import subjects
 from eskin.cli.warm import warm
-from eskin.errors import EskinError
+from eskin.errors import EskinError, unprefixed
 from eskin.runtime.printable import printable_lines
 
 if TYPE_CHECKING:
@@ -87,7 +87,8 @@ def _said(error: Exception) -> str:
     """One line; bad usage also says which value it was, and where help is."""
     if isinstance(error, EskinError):
         return str(error)
-    shown = getattr(error, "format_message", error.__str__)().rstrip(".")
+    shown = unprefixed(getattr(error, "format_message", error.__str__)()).rstrip(".")
+    shown = shown.replace("\n\t", " ")  # between the choices of an option that is missing
     given = _given(getattr(getattr(error, "param", None), "opts", []))
     if given is not None and repr(given) not in shown:
         shown += f", not {given!r}"

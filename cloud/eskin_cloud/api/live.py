@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.responses import Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
-from eskin.errors import EskinError, StoreError
+from eskin.errors import EskinError, StoreError, unprefixed
 from eskin.privacy import is_biometric
 from eskin.runtime.http_server.problems import ProblemError
 from eskin.runtime.http_server.protocol import PROMPT
@@ -211,7 +211,7 @@ async def _receive(websocket: WebSocket, frames: FrameStream) -> tuple[int, str]
         except ValidationError as error:
             fault = error.errors(include_url=False, include_input=False)[0]
             place = ".".join(map(str, fault["loc"])) or "message"
-            return _INVALID, f"{place}: {fault['msg']}"
+            return _INVALID, f"{place}: {unprefixed(fault['msg'])}"
         frames.selection = said.selection
 
 

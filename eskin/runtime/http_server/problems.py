@@ -22,7 +22,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 
-from eskin.errors import EskinError, shown
+from eskin.errors import EskinError, shown, unprefixed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -258,18 +258,26 @@ def _on_disconnect(request: Request, error: Exception) -> Response:
 
 def _on_validation(request: Request, error: Exception) -> Response:
     assert isinstance(error, ValidationException)  # noqa: S101 - what it is registered for
-    text = "; ".join(_fault_text(fault) for fault in error.errors())
+    kind = request.headers.get("content-type")
+    text = "; ".join(_fault_text(fault, kind) for fault in error.errors())
     return problem(request.scope, 422, text[:_LONGEST_DETAIL])
 
 
-def _fault_text(fault: dict[str, Any]) -> str:
+def _fault_text(fault: dict[str, Any], media_type: str | None) -> str:
+    if fault["type"] == "json_invalid":
+        reason = fault["ctx"]["error"]
+        return f"body: no JSON from position {fault['loc'][1]} on: {reason}; send all of a document"
+    if fault["loc"] == ("body",) and isinstance(fault.get("input"), bytes):
+        # The framework reads no body of another type.
+        found = "is missing" if media_type is None else f"is {shown(media_type)}"
+        return f"Content-Type {found}; send the body as application/json"
     name = ".".join(str(part) for part in fault["loc"][1:]) or "request"
     name = name[:_LONGEST_NAME].encode("ascii", "backslashreplace").decode()
     if fault["type"] == "extra_forbidden":
         return f"{name}: no such parameter; check its spelling"
     if fault["type"] == "missing":
-        return f"{name}: is missing"
-    return f"{name}: {shown(fault.get('input'))} is not allowed: {fault['msg']}"
+        return f"{name}: is missing; add it to the {fault['loc'][0]}"
+    return f"{name}: {shown(fault.get('input'))} is not allowed: {unprefixed(fault['msg'])}"
 
 
 def _title_of(kind: str) -> str:

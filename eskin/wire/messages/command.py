@@ -196,13 +196,15 @@ def _require_fitting(arguments: Arguments) -> None:
     """A threshold has its channel's unit; everything else belongs to a taxel as a whole."""
     settings = [field for field in arguments if field in SETTINGS]
     if not settings:
-        raise CommandError("arguments", None, f"set takes at least one of {', '.join(SETTINGS)}")
+        raise CommandError(
+            "arguments", arguments, f"set takes at least one of {', '.join(SETTINGS)}"
+        )
     if "threshold" in arguments:
         if "channel" not in arguments:
-            raise CommandError("channel", None, "a threshold needs its channel")
+            raise CommandError("channel", None, "the threshold's channel, such as t01.capacitance")
         if set(arguments) != {"threshold", "channel"}:
-            others = ", ".join(sorted(set(arguments) - {"threshold", "channel"}))
-            raise CommandError(others, None, "a threshold comes with its channel alone")
+            other = min(set(arguments) - {"threshold", "channel"})
+            raise CommandError(other, arguments[other], "a threshold comes with its channel alone")
     elif "channel" in arguments:
         raise CommandError(
             "channel", arguments["channel"], f"{settings[0]} is of a taxel, or of the whole node"

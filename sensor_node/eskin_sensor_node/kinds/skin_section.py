@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Self, TypeAlias, TypeVar
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from eskin.errors import ScenarioError, shown
+from eskin.errors import ScenarioError, shown, unprefixed
 from eskin.runtime.settings import Section
 from eskin_sensor_node.kinds.hygrometer import HygrometerSection
 from eskin_sensor_node.kinds.pad import PadSection
@@ -218,4 +218,6 @@ def _read(role: str, section: type[Sheet], given: Table, /, **own: object) -> Sh
             raise ValueError(f"{place} is missing; it has no default") from error
         if first["type"] == "extra_forbidden":
             raise ValueError(f"{place}: no such key; check its spelling") from error
-        raise ValueError(f"{place} = {shown(first['input'])}: {first['msg']}") from error
+        raise ValueError(
+            f"{place} = {shown(first['input'])}: {unprefixed(first['msg'])}"
+        ) from error

@@ -201,8 +201,9 @@ async def test_too_many_waiting_commands_are_refused(known: Stand) -> None:
 BAD_ORDERS: tuple[tuple[Any, str], ...] = (
     ({"name": "explode"}, "name: 'explode' is not allowed: Input should be 'calibrate', 'set'"),
     ({}, "name: is missing"),
+    ({"arguments": {}}, "name: is missing; add it to the body"),
     ([], "request: [] is not allowed"),
-    ({"name": "set"}, "arguments; allowed: set takes at least one of"),
+    ({"name": "set"}, "arguments is {}; allowed: set takes at least one of"),
     ({"name": "set", "arguments": {"rate": 2e6}}, "arguments.rate: 2000000.0 is not allowed"),
     ({"name": "set", "arguments": {"rate": 2e6}}, "less than or equal to 1000000"),
     ({"name": "set", "arguments": {"rate": "5"}}, "arguments.rate: '5' is not allowed"),
@@ -210,7 +211,7 @@ BAD_ORDERS: tuple[tuple[Any, str], ...] = (
     ({"name": "set", "arguments": {"smoothing": -1}}, "arguments.smoothing: -1 is not allowed"),
     ({"name": "set", "arguments": {"mode": "x"}}, "'samples', 'peaks' or 'adaptive'"),
     ({"name": "set", "arguments": {"volume": 1}}, "arguments.volume: no such parameter"),
-    ({"name": "set", "arguments": {"threshold": 1}}, "channel; allowed: a threshold needs its"),
+    ({"name": "set", "arguments": {"threshold": 1}}, "channel is missing; allowed:"),
     (
         {"name": "set", "arguments": {"threshold": 1, "channel": "t09.capacitance"}},
         "channel is 't09.capacitance'; allowed: what fingertip has: t01.capacitance",
@@ -230,6 +231,24 @@ async def test_invalid_order_is_refused_with_field_value_and_what_is_allowed(
         with subtests.test(str(body)):
             assert says in problem(await order(known, body), 422)
     assert cbor2.loads((await fetch(known)).content) == {"give": [], "drop": [], "alarms": []}
+
+
+async def test_body_that_ends_early_is_refused_by_its_position(known: Stand) -> None:
+    kind = {"Content-Type": "application/json"}
+    answer = await order(known, None, content=b'{"name": "set"', headers=kind)
+    assert problem(answer, 422).startswith("body: no JSON from position 14 on")
+
+
+@pytest.mark.parametrize("kind", ["application/x-www-form-urlencoded", None])
+async def test_body_of_another_type_is_refused_by_its_header(
+    known: Stand, kind: str | None
+) -> None:
+    headers = {} if kind is None else {"Content-Type": kind}
+    said = problem(await order(known, None, content=b'{"name": "reset"}', headers=headers), 422)
+    assert said.startswith("Content-Type")
+    assert "application/json" in said
+    assert ("missing" if kind is None else kind) in said
+    assert "reset" not in said
 
 
 async def test_only_operators_command_and_only_from_our_own_pages(known: Stand) -> None:

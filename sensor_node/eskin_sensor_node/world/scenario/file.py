@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pydantic import ValidationError
 
-from eskin.errors import ScenarioError, shown
+from eskin.errors import ScenarioError, shown, unprefixed
 from eskin_sensor_node.world.scenario.events import NoiseEvent
 from eskin_sensor_node.world.scenario.script import Script
 
@@ -148,7 +148,8 @@ def refusal(name: str, error: ValidationError, *, within: str = "") -> ScenarioE
         return ScenarioError(name, place, "no such key; check its spelling")
     if first["type"] == "value_error" and isinstance(first["input"], dict):
         return ScenarioError(name, place, str(first["ctx"]["error"]))
-    return ScenarioError(name, place, f"{shown(first['input'])} is not allowed: {first['msg']}")
+    reason = unprefixed(first["msg"])
+    return ScenarioError(name, place, f"{shown(first['input'])} is not allowed: {reason}")
 
 
 def _place(location: tuple[int | str, ...]) -> str:
