@@ -71,6 +71,18 @@ class Identity:
             IdentityError: A file is missing, is no PEM, or key and certificate do not belong
                 together.
         """
+        try:
+            return cls._read(directory)
+        except IdentityError as error:
+            if not isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
+                raise
+            raise IdentityError(
+                f"{error}; have `eskin pki issue` or `eskin pki enrol` make the identity there, "
+                "by --out"
+            ) from error
+
+    @classmethod
+    def _read(cls, directory: Path) -> Self:
         # A renewal replaces the key, then the chain, and keeps the new chain in NEXT meanwhile: one
         # of the three fits, whenever it is looked at, or whenever it was cut off.
         for chain_file in (CHAIN_FILE, f"{NEXT}/{CHAIN_FILE}", CHAIN_FILE):
@@ -138,7 +150,9 @@ def load_certificates(path: Path) -> tuple[x509.Certificate, ...]:
     """
     try:
         return _certificates(path.read_bytes())
-    except (OSError, IdentityError, *UNREADABLE) as error:
+    except OSError as error:
+        raise IdentityError(f"{path}: no certificate can be read: {error.strerror}") from error
+    except (IdentityError, *UNREADABLE) as error:
         raise IdentityError(f"{path}: no certificate can be read: {error}") from error
 
 
@@ -158,7 +172,9 @@ def load_key(path: Path) -> ec.EllipticCurvePrivateKey:
         if path.stat().st_mode & 0o077:
             raise IdentityError(f"{path}: others may read this private key; chmod 600 it")
         key = serialization.load_pem_private_key(path.read_bytes(), password=None)
-    except (OSError, *UNREADABLE) as error:
+    except OSError as error:
+        raise IdentityError(f"{path}: no private key can be read: {error.strerror}") from error
+    except UNREADABLE as error:
         raise IdentityError(f"{path}: no private key can be read: {error}") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey) or not isinstance(key.curve, ec.SECP256R1):
         raise IdentityError(f"{path}: the key is not on the curve P-256")

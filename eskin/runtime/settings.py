@@ -7,6 +7,7 @@ A setting ``port`` of section ``broker`` is written ``[broker] port = 8883`` in 
 from __future__ import annotations
 
 import json
+import os
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +24,7 @@ from pydantic_settings import (
     SettingsError as EnvironmentSettingsError,
 )
 
-from eskin.errors import SettingsError, shown
+from eskin.errors import SettingsError, shown, unprefixed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -131,9 +132,9 @@ class Settings(BaseSettings):
         try:
             return cls(**({} if path is None else _located(cls, _read(path), path.parent)))
         except ValidationError as error:
-            raise _refusal(error, path) from error
+            raise _refusal(cls, error, path) from error
         except (EnvironmentSettingsError, RecursionError) as error:
-            raise SettingsError("environment", str(error)) from error
+            raise _environment_refusal(error) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +154,7 @@ class Setting:
     @property
     def variable(self) -> str:
         """Its name in the environment."""
-        return ENVIRONMENT_PREFIX + self.name.replace(".", "_").upper()
+        return _variable(*self.name.split("."))
 
 
 def table(settings: type[Settings]) -> Iterator[Setting]:
@@ -202,16 +203,61 @@ def _located(settings: type[Settings], said: dict[str, Any], folder: Path) -> di
     return said
 
 
-def _refusal(error: ValidationError, path: Path | None) -> SettingsError:
+def _variable(*name: object) -> str:
+    """Name in the environment of a section, or of a setting in it."""
+    return ENVIRONMENT_PREFIX + "_".join(map(str, name[:2])).upper()
+
+
+def _places(loc: tuple[int | str, ...], path: Path | None) -> list[str]:
+    """Where a setting, or a section, may come from: environment variables, else also the file.
+
+    A variable that has all of a section as JSON adds to what the file says of it.
+    """
+    own, section = _variable(*loc), _variable(*loc[:1])
+    given = {name.upper(): name for name in os.environ}
+    if own in given:
+        return [f"environment variable {given[own]}"]
+    parts = f"{section}_" if len(loc) == 1 else None
+    found = [
+        f"environment variable {name}"
+        for upper, name in given.items()
+        if upper == section or (parts is not None and upper.startswith(parts))
+    ]
+    return found if path is None else [f"file {path}", *found]
+
+
+def _refusal(settings: type[Settings], error: ValidationError, path: Path | None) -> SettingsError:
     first = error.errors(include_url=False)[0]
     name = ".".join(str(part) for part in first["loc"])[:_LONGEST_NAME] or "settings"
-    where = "" if path is None else f" (file {path})"
+    places = ", ".join(_places(first["loc"], path))
+    where = f" ({places})" if places else ""
+    kind = settings.__name__.removesuffix("Settings").lower()
     if first["type"] == "missing":
-        return SettingsError(name, f"is missing{where}; it has no default")
+        return SettingsError(
+            name,
+            f"is missing{where}; it has no default: set it, or choose a file with {kind} settings",
+        )
     if first["type"] == "extra_forbidden":
-        return SettingsError(name, f"no such setting{where}; check its spelling")
-    why = first["msg"][:_LONGEST_REASON]
+        return SettingsError(
+            name, f"no such setting{where} among {kind} settings; check its spelling"
+        )
+    why = unprefixed(first["msg"])[:_LONGEST_REASON]
     if first["type"] == "union_tag_invalid":  # which quotes the whole tag
         found = first["ctx"]
         why = f"{found['discriminator']} is one of {found['expected_tags']}"
     return SettingsError(name, f"{shown(first['input'])} is not allowed{where}: {why}")
+
+
+def _environment_refusal(error: Exception) -> SettingsError:
+    fault = error.__cause__
+    if not isinstance(fault, json.JSONDecodeError):
+        return SettingsError("environment", str(error))
+    names = [
+        name
+        for name, value in os.environ.items()
+        if value == fault.doc and name.upper().startswith(ENVIRONMENT_PREFIX)
+    ]
+    return SettingsError(
+        " or ".join(names)[:_LONGEST_NAME],
+        f"{shown(fault.doc)} is no JSON: {fault}; write a list as [...], a section as {{...}}",
+    )

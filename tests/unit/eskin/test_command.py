@@ -71,7 +71,15 @@ def test_version_is_the_installed_one() -> None:
         (["demo", "--speed", "nan", "--bogus"], "bogus"),
         (["audit", "--data", "/nonexistent"], "/nonexistent"),
         (["gateway", "--config", "/nonexistent.toml"], "/nonexistent.toml cannot be read"),
-        (["pki", "issue", "--dir", "x", "--kind", "robot", "--name", "n", "--out", "o"], "robot"),
+        (
+            ["pki", "issue", "--dir", "x", "--kind", "robot", "--name", "n", "--out", "o"],
+            "'--kind': 'robot' is not one of 'node'",
+        ),
+        (
+            ["pki", "issue", "--dir", "x", "--name", "n", "--out", "o"],
+            "'--kind'. Choose from: node, ",
+        ),
+        (["warm", "nosuch"], "'parts': 'nosuch' is not one of 'notebook'"),
     ],
 )
 def test_bad_usage_is_one_line_and_status_2(arguments: list[str], words: str) -> None:
@@ -121,7 +129,9 @@ TAXEL = re.sub(r"capacitance_min_F = \S+", "capacitance_min_F = 1.0", _FINGERTIP
         ("gateway", GATEWAY + "[http]\nport = 70000\n", ["http.port", "70000"]),
         ("gateway", GATEWAY + '[http]\nhost = "0.0.0.0"\n', ["http.host", "loopback"]),
         ("gateway", GATEWAY + "[bogus]\nx = 1\n", ["bogus", "no such setting"]),
-        ("gateway", GATEWAY, ["x/key.pem"]),
+        ("gateway", GATEWAY, ["x/key.pem", "eskin pki issue"]),
+        ("gateway", NODE, ["spool", "is missing", "gateway settings"]),
+        ("subjects list", NODE, ["spool", "is missing", "gateway settings"]),
         ("cloud", CLOUD + "[people]\nport = 1.5\n", ["people.port", "1.5"]),
         ("cloud", CLOUD + '[people]\nhost = "0.0.0.0"\n', ["people", "loopback"]),
         ("cloud", "[store]\n", ["store.path", "is missing"]),
@@ -133,7 +143,7 @@ def test_bad_configuration_is_one_line_and_status_2(
 ) -> None:
     config = tmp_path / "config.toml"
     config.write_text(text)
-    done = run(process, "--config", str(config), cwd=tmp_path)
+    done = run(*process.split(), "--config", str(config), cwd=tmp_path)
     assert done.returncode == 2, done.stderr
     assert all(word in done.stderr for word in words), done.stderr
     assert len(done.stderr.splitlines()) == 1
@@ -248,6 +258,14 @@ def test_list_of_identities_is_whole_when_piped(identities: Identities) -> None:
             *(entry.name, entry.kind, entry.site or "-", entry.expires),
             *(entry.revoked or "-", entry.serial),
         ]
+
+
+def test_demo_says_which_port_is_taken(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        done = run("demo", "--port", port, "--data", str(tmp_path / "data"))
+    assert done.returncode == 2
+    assert all(word in done.stderr.splitlines()[0] for word in ["--port", port, "another"])
 
 
 def test_gateway_says_which_port_is_taken(tmp_path: Path, identities: Identities) -> None:

@@ -133,6 +133,18 @@ def test_key_that_others_may_read_is_refused(identities: Identities) -> None:
         Identity.load(careless.directory)
 
 
+@pytest.mark.parametrize("name", ["key.pem", "chain.pem", "root.pem"])
+def test_missing_file_is_named_once_with_the_command_that_makes_it(
+    identities: Identities, name: str
+) -> None:
+    folder = identities.make(IdentityKind.NODE, f"no-{name[:-4]}").directory
+    (folder / name).unlink()
+    with pytest.raises(IdentityError, match="eskin pki issue") as caught:
+        Identity.load(folder)
+    assert str(caught.value).startswith(f"{folder / name}: ")
+    assert str(caught.value).count(name) == 1
+
+
 def test_key_of_another_certificate_is_refused(identities: Identities) -> None:
     mixed = identities.make(IdentityKind.NODE, "mixed")
     (mixed.directory / "chain.pem").write_bytes(
