@@ -8,6 +8,7 @@ import numpy as np
 
 import eskin
 from eskin import Interval
+from eskin.errors import MissingExtraError
 
 resistance = Interval.relative(1e3, 0.001)  # 1 kΩ ± 0.1 %
 current = Interval(4.9e-3, 5.1e-3)
@@ -52,11 +53,14 @@ capacitance = eskin.models.capacitance(
 )
 print(f"plate: {capacitance:.3g} F")
 
-# %% To pandas and xarray and back, with nothing lost
-frame = tube.to_pandas()
-again = eskin.Tube.from_pandas(frame)
-print(frame.head(3))
-print("the same tube:", bool(np.all(again.values.equal(tube.values))), tube.to_xarray().sizes)
+# %% To pandas and xarray and back, with nothing lost; eskin installs neither
+try:
+    frame = tube.to_pandas()
+    print(frame.head(3))
+    again = eskin.Tube.from_pandas(frame)
+    print("the same tube:", bool(np.all(again.values.equal(tube.values))), tube.to_xarray().sizes)
+except MissingExtraError as error:
+    print(error)
 
 # %% A picture
 axes = tube.plot(peaks=peaks)
