@@ -98,7 +98,7 @@ export class ChannelBrowser {
 
   constructor(private readonly context: Context) {
     const body = element("div", { class: "channel-browser-body" }, this.input, this.list, this.none);
-    this.root = element("details", { class: "channel-browser", "aria-label": "channels", "data-testid": "channel-browser" }, element("summary", {}, this.title), body);
+    this.root = element("details", { class: "channel-browser", hidden: true, "aria-label": "channels", "data-testid": "channel-browser" }, element("summary", {}, this.title), body);
     this.root.addEventListener("toggle", () => this.filter());
     this.input.addEventListener("input", () => this.filter());
   }
@@ -108,6 +108,7 @@ export class ChannelBrowser {
     const quantities = [...new Set(layout.patches.map(({ quantity }) => quantity))];
     const groups = quantities.map((quantity) => taxelsOf(layout, quantity));
     const total = groups.reduce((sum, { taxels }) => sum + taxels.length, 0);
+    this.root.hidden = false;
     setText(this.title, `All ${total.toLocaleString("en")} channels`);
     this.groups = groups.map((group, index) => new ChannelGroup(this.context, group, total <= FEW || index === 0));
     this.list.classList.toggle("few", total <= FEW);

@@ -77,6 +77,10 @@ export class ChannelSection implements Section {
     // The channel is asked of the same cloud, and says what is wrong.
   }
 
+  showAbsence(): void {
+    // As above.
+  }
+
   takeFrame(data: Uint8Array, received: number, at: number): void {
     this.frames.takeFrame(data, received, at);
   }

@@ -1,10 +1,11 @@
+import type { EventQuery } from "../api/client";
 import type { EventItem } from "../api/contract";
 import { isAbort, messageOf } from "../api/error";
 import { formatCount, formatInterval } from "../interval/format";
 import { readInterval } from "../interval/interval";
-import { printRoute } from "../state/route";
+import { printRoute, type View } from "../state/route";
 import { formatDuration } from "../time/duration";
-import { parseInstant, printClock, printDay } from "../time/instant";
+import { type Instant, parseInstant, printClock, printDay } from "../time/instant";
 import { Throttle } from "../time/throttle";
 import type { Context } from "./context";
 import { button, element, icon, setText } from "./element";
@@ -100,7 +101,12 @@ const RETRY_MS = 5_000;
 /** New events move all rows: as often as can be read is enough. */
 const WRITE_MS = 1_000;
 
-/** The latest events of the view's scope, newest first, with filters. */
+/** The window whose events are listed; none while it is live: then the latest are. */
+function windowOf(view: View): { start?: Instant; end?: Instant } {
+  return view.kind === "history" ? { start: view.from, end: view.to } : {};
+}
+
+/** The events of the view's scope and window, newest first, with filters. */
 export class EventList {
   readonly root: HTMLElement;
   private readonly rows = element("ol", { class: "events", "data-testid": "events" });
@@ -115,6 +121,8 @@ export class EventList {
   private loading = new AbortController();
   /** Whether the rows are to be replaced: then what comes in waits, or it would be replaced, too. */
   private outdated = true;
+  /** What was asked for last. */
+  private window = windowOf({ kind: "live", span: 0 });
   private retry: ReturnType<typeof setTimeout> | null = null;
 
   constructor(
@@ -129,13 +137,13 @@ export class EventList {
     this.notices.show("loading", "Loading events…", "");
   }
 
-  /** Asks for the latest events. */
+  /** Asks for the events of the window that is shown. */
   async load(): Promise<void> {
     this.notices.show("loading", "Loading events…", "");
     await this.refresh();
   }
 
-  /** Asks for the latest events, without a word before the answer. */
+  /** Asks for events, without a word before the answer. */
   async refresh(): Promise<void> {
     if (this.retry !== null) clearTimeout(this.retry);
     this.retry = null;
@@ -145,7 +153,21 @@ export class EventList {
     this.waiting = [];
     this.cursor = null;
     this.outdated = true;
+    this.window = windowOf(this.context.route().view);
     await this.more();
+  }
+
+  /** Asks for other events, if another window is shown. */
+  async follow(): Promise<void> {
+    const { start, end } = windowOf(this.context.route().view);
+    if (start === this.window.start && end === this.window.end) return;
+    this.rows.setAttribute("aria-busy", "true");
+    await this.load();
+  }
+
+  /** Says that there is no such node, of which there can be no events. */
+  showAbsence(node: string): void {
+    this.notices.show("empty", `There is no node "${node}"`, "Choose one of the nodes above for its events.");
   }
 
   /** Puts those of the latest events on top that the live stream did not bring. */
@@ -153,7 +175,7 @@ export class EventList {
     if (this.outdated) return;
     const { signal } = this.loading;
     try {
-      const { items } = await this.context.client.events({ ...this.scopeQuery(), ...this.filter, limit: PAGE }, signal);
+      const { items } = await this.context.client.events({ ...this.query(), limit: PAGE }, signal);
       for (const event of items.toReversed()) this.take(event);
     } catch (error) {
       if (!isAbort(error)) this.fail(error);
@@ -208,6 +230,9 @@ export class EventList {
   private passes(event: EventItem): boolean {
     const { kind, verdict } = this.filter;
     const { node, channel } = this.scope;
+    const { start, end } = this.window;
+    if (start !== undefined && parseInstant(event.time.hi) < start) return false;
+    if (end !== undefined && parseInstant(event.time.lo) >= end) return false;
     if (node !== null && event.node !== node) return false;
     if (channel !== null && event.channel !== null && event.channel !== channel) return false;
     return (kind === "" || event.kind === kind) && (verdict === "" || event.verdict === verdict);
@@ -226,8 +251,8 @@ export class EventList {
     return printRoute({ node: event.node, channel: event.channel ?? this.scope.channel, view, question: null });
   }
 
-  private scopeQuery(): { node?: string | undefined; channel?: string | undefined } {
-    return { node: this.scope.node ?? undefined, channel: this.scope.channel ?? undefined };
+  private query(): EventQuery {
+    return { node: this.scope.node ?? undefined, channel: this.scope.channel ?? undefined, ...this.filter, ...this.window };
   }
 
   private trim(): void {
@@ -243,12 +268,12 @@ export class EventList {
   private async more(): Promise<void> {
     const { signal } = this.loading;
     const first = this.cursor === null;
-    const query = { ...this.scopeQuery(), ...this.filter, limit: PAGE, cursor: this.cursor ?? undefined };
+    const query = { ...this.query(), limit: PAGE, cursor: this.cursor ?? undefined };
     try {
       const page = await this.context.client.events(query, signal);
       const fresh = page.items.filter((event) => first || !this.known.has(event.id));
       const rows = fresh.map((event) => this.row(event));
-      if (first) this.rows.replaceChildren(...rows);
+      if (first) this.replace(rows);
       else this.rows.append(...rows);
       this.cursor = page.next;
       this.showFoot();
@@ -259,10 +284,19 @@ export class EventList {
     this.outdated = false;
   }
 
+  /** An event that has opened its own window keeps the focus. */
+  private replace(rows: readonly HTMLElement[]): void {
+    const focused = this.rows.contains(document.activeElement) ? document.activeElement?.parentElement?.dataset["id"] : undefined;
+    this.rows.replaceChildren(...rows);
+    this.rows.removeAttribute("aria-busy");
+    if (focused !== undefined) rows.find((row) => row.dataset["id"] === focused)?.querySelector("a")?.focus({ preventScroll: true });
+  }
+
   private showFoot(): void {
     if (this.rows.children.length === 0) {
       const filtered = this.filter.kind !== "" || this.filter.verdict !== "";
-      this.notices.show("empty", filtered ? "No event passes the filters" : "No events yet", "");
+      const nothing = this.window.start === undefined ? "No events yet" : "No events in this window";
+      this.notices.show("empty", filtered ? "No event passes the filters" : nothing, "");
       return;
     }
     this.notices.clear();

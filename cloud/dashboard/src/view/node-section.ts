@@ -114,6 +114,10 @@ export class NodeSection implements Section {
     if (this.frames.layout === null) this.notices.show("error", `${this.options.node} could not be loaded`, message);
   }
 
+  showAbsence(): void {
+    if (this.frames.layout === null) this.notices.show("error", `There is no node "${this.options.node}"`, "Check the name in the address, or choose one of the nodes above. A node appears there with its first message.");
+  }
+
   takeFrame(data: Uint8Array, received: number, at: number): void {
     // What is scrolled away needs no picture.
     if (this.visible || this.panels.size > 0 || this.browser?.open) this.frames.takeFrame(data, received, at);

@@ -93,10 +93,9 @@ export class Page {
     if (this.scope.node === null) this.showAll(nodes);
     else if (this.sections.size === 0) this.addFirst();
     for (const node of nodes) this.sections.get(node.id)?.showNode(node);
-    for (const [id, section] of this.sections) {
-      if (!nodes.some((node) => node.id === id)) section.showFailure(`No node has this name. The strip above has all of them.`);
-    }
     this.known = new Set(nodes.map(({ id }) => id));
+    for (const [id, section] of this.sections) if (!this.known.has(id)) section.showAbsence();
+    if (this.scope.node !== null && !this.known.has(this.scope.node)) this.list.showAbsence(this.scope.node);
     this.connect();
   }
 
@@ -119,8 +118,7 @@ export class Page {
   apply(route: Route): void {
     for (const section of this.sections.values()) section.apply(route.view);
     this.questions?.apply(route.question);
-    if (this.timer !== null) clearTimeout(this.timer);
-    this.timer = setTimeout(() => void this.loadEvents(), SETTLE_MS);
+    this.wantEvents();
   }
 
   frame(at: number): void {
@@ -130,7 +128,7 @@ export class Page {
     this.settings?.frame(at);
     if (this.texts.due(at)) this.remark();
     if ((this.partial || this.missed) && this.catchUp.due(at)) {
-      if (this.missed) void this.loadEvents();
+      if (this.missed) this.wantEvents();
       this.missed = false;
       void this.list.catchUp();
     }
@@ -222,7 +220,7 @@ export class Page {
   }
 
   private onPanels(section: Section, fresh: boolean): void {
-    if (fresh) void this.loadEvents();
+    if (fresh) this.wantEvents();
     const { node, channel } = this.scope;
     const panel = channel === null ? undefined : section.panels.get(channel);
     if (node === null || !panel) return;
@@ -283,7 +281,7 @@ export class Page {
     if (kind === "connecting" || this.asked === "well" || (kind !== "open" && this.asked === "early")) return;
     this.asked = kind === "open" ? "well" : "early";
     void this.list.load();
-    void this.loadEvents();
+    this.wantEvents();
   }
 
   private receive(message: LiveMessage): void {
@@ -311,11 +309,22 @@ export class Page {
     return extent && { x0: extent.x1 - 1.5 * view.span, x1: extent.x1 + view.span };
   }
 
-  /** Loads the peaks and gaps of the window, for the charts. */
+  /** Asks for events soon, once for all charts that open and for all steps of a gesture meanwhile. */
+  private wantEvents(): void {
+    if (this.timer !== null) clearTimeout(this.timer);
+    this.timer = setTimeout(() => {
+      // Before the stream is open it is too early: what comes until then would be missed.
+      if (this.feed !== null && this.asked === "never") return;
+      void this.loadEvents();
+      if (this.asked !== "never") void this.list.follow();
+    }, SETTLE_MS);
+  }
+
+  /** Loads the peaks and gaps of the window, for the charts that there are. */
   private async loadEvents(): Promise<void> {
     const { client, timeline } = this.options.context;
     const range = this.eventWindow();
-    if (range === null) return;
+    if (range === null || [...this.sections.values()].every(({ panels }) => panels.size === 0)) return;
     const window = { start: timeline.toInstant(range.x0), end: timeline.toInstant(Math.ceil(range.x1)) };
     const scope = { node: this.scope.node ?? undefined, channel: this.scope.channel ?? undefined };
     this.eventLoading.abort();

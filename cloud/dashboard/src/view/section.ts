@@ -15,6 +15,8 @@ export interface Section {
   showNode(node: NodeItem): void;
   /** Says why nothing is known of the node. */
   showFailure(message: string): void;
+  /** Says that the cloud knows no such node. */
+  showAbsence(): void;
   /** Takes a frame; `received` is when the cloud had it (UTC, ns), `at` when the page had it (ms of its clock). */
   takeFrame(data: Uint8Array, received: number, at: number): void;
   /** Takes what the cloud says of contacts. */
