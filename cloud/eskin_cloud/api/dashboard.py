@@ -11,12 +11,15 @@ from starlette.types import Receive, Scope, Send
 from eskin.runtime.http_server.problems import ProblemError
 from eskin_cloud import access
 from eskin_cloud.api.dependencies import CloudState, MaybePrincipal, Unproven
+from eskin_cloud.api.middleware.headers import CONTENT_POLICY
 
 router = APIRouter(include_in_schema=False)
 
 _IMMUTABLE: Final = "public, max-age=31536000, immutable"
 _DOCS_PAGE: Final = Path(str(files("eskin_cloud.api"))) / "docs_page"
 _SWAGGER_UI: Final = Path(str(files("fastapi_offline"))) / "static"
+_DOCS_POLICY: Final = f"{CONTENT_POLICY}; img-src 'self' data:"
+"""Swagger UI's style sheet holds its icons."""
 _NOT_BUILT: Final = b"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1"><title>eskin</title>
@@ -46,7 +49,9 @@ def get_file(cloud: CloudState, caller: MaybePrincipal, path: str) -> Response:
     if file is None:
         raise ProblemError(404, f"there is nothing at /{path}; /openapi.json lists what there is")
     caching = _IMMUTABLE if path.startswith("assets/") else "no-cache"
-    return _WholeFile(file, headers={"Cache-Control": caching})
+    policy = _DOCS_POLICY if path == "docs" else CONTENT_POLICY
+    headers = {"Cache-Control": caching, "Content-Security-Policy": policy}
+    return _WholeFile(file, headers=headers)
 
 
 class _WholeFile(FileResponse):

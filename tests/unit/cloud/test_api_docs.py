@@ -71,7 +71,11 @@ async def test_docs_page_and_its_assets_are_served_to_readers_alone(stand: Stand
         assert (await stand.get(asset)).status_code == 200
     assert "<script>" not in page.text
     assert "style=" not in page.text
-    assert page.headers["content-security-policy"].startswith("default-src 'self';")
+    policy = page.headers["content-security-policy"]
+    assert policy.startswith("default-src 'self';")
+    assert "img-src 'self' data:" in policy, "Swagger UI's style sheet holds its icons"
+    for other in ("/", *own, "/api/v1/nodes"):
+        assert "data:" not in (await stand.get(other)).headers["content-security-policy"]
     assert (await stand.get("/docs/../../api/problems.py")).status_code == 404
 
 

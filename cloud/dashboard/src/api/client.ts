@@ -1,6 +1,6 @@
 import type { Instant } from "../time/instant";
 import type {
-  AlarmItem, ChannelItem, ContactsItem, EventItem, FormulaTotalsAnswer, GatewayItem, GestureItem, LayoutItem, ModelItem, MonitorItem, NodeItem, NodeMonitorItem,
+  AlarmItem, ChannelItem, CommandItem, ContactsItem, EventItem, FormulaTotalsAnswer, GatewayItem, GestureItem, LayoutItem, ModelItem, MonitorItem, NodeItem, NodeMonitorItem,
   NodeState, Page, PredictionAnswer, SeriesAnswer, StorageAnswer, TotalsAnswer, VerdictItem,
 } from "./contract";
 import { ApiError, isAbort } from "./error";
@@ -136,6 +136,10 @@ export class Client {
   /** The monitors that run on a node, with their latest verdicts and outputs. */
   nodeMonitors(node: string, signal: AbortSignal): Promise<NodeMonitorItem[]> {
     return this.all<NodeMonitorItem>(`/nodes/${part(node)}/monitors`, {}, signal).then((list) => list.items);
+  }
+
+  command(node: string, id: number, signal: AbortSignal): Promise<CommandItem> {
+    return this.get(address(`/nodes/${part(node)}/commands/${id}`), signal);
   }
 
   state(node: string, signal: AbortSignal): Promise<NodeState> {

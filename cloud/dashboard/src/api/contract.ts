@@ -1,5 +1,5 @@
 import type {
-  AlarmDocument, ChannelDocument, ContactsDocument, CoreDocument, EnergyDocument, EventDocument, FaultDocument, FormulaTotalsDocument, GatewayDocument, GestureDocument,
+  AlarmDocument, ChannelDocument, CommandDocument, ContactsDocument, CoreDocument, EnergyDocument, EventDocument, FaultDocument, FormulaTotalsDocument, GatewayDocument, GestureDocument,
   LagDocument, LayoutDocument, ModelDocument, MonitorDocument, NodeDocument, NodeMonitorDocument, ParameterDocument, PredictionDocument, SeriesDocument, StateDocument, StorageDocument,
   TotalsDocument, VerdictDocument,
 } from "./schema";
@@ -20,6 +20,7 @@ export type ChannelItem = Pick<ChannelDocument, "id" | "taxel" | "quantity" | "u
 export type EventItem = EventDocument;
 export type ModelItem = ModelDocument;
 export type ModelParameter = ParameterDocument;
+export type CommandItem = CommandDocument;
 export type NodeState = StateDocument;
 export type PredictionAnswer = PredictionDocument;
 /** A series; the dashboard does not read its means. */

@@ -1,3 +1,6 @@
+import { decimalExponent } from "./decimal";
+import { choosePrefix, findUnit } from "./unit";
+
 const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
 
 /** Reads a typed number in multiples of 10^exponent; null where it is none. */
@@ -13,6 +16,13 @@ export function parseTyped(text: string, exponent: number): number | null {
 export function shortTyped(value: number, exponent: number, digits: number): { text: string; value: number } {
   const short = Number(value.toPrecision(digits));
   return { text: printTyped(short, exponent), value: short };
+}
+
+/** Writes a number with an SI prefix and its unit, so that it reads back as the very same number. */
+export function printQuantity(value: number, code: string): string {
+  const unit = findUnit(code);
+  const prefix = choosePrefix(unit, decimalExponent(value));
+  return `${printTyped(value, prefix.exponent)} ${prefix.symbol}${unit.symbol}`.trim();
 }
 
 /** Writes a number in multiples of 10^exponent, so that it reads back as the very same number. */

@@ -12,6 +12,11 @@ export class Timeline {
     return Number(instant - this.origin);
   }
 
+  /** The page's clock. */
+  now(): number {
+    return this.toX(BigInt(Date.now()) * 1_000_000n);
+  }
+
   /** How far a number at most may lie from the instant that it was read from, in ns: 0 near the origin. */
   slip(x: number): number {
     const bits = Math.floor(Math.log2(Math.max(1, Math.abs(x)))) - 52;

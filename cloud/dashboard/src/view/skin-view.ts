@@ -124,6 +124,8 @@ export class SkinView {
   private skipped: number | null = 0;
   private skippedAt = -Infinity;
   private visible = true;
+  /** Whether pictures of the past are on their way: until they are there, nothing is said to be unknown. */
+  private awaits = false;
 
   constructor(private readonly options: SkinViewOptions) {
     const { context, node } = options;
@@ -135,7 +137,7 @@ export class SkinView {
       onLoaded: () => this.loaded(),
       onFailure: (error) => this.fail(error),
       now: () => performance.now(),
-      present: () => this.options.frames.stretches.end ?? this.now(),
+      present: () => this.options.frames.stretches.end ?? context.timeline.now(),
     });
     this.canvas = new SkinCanvas({
       label: `Skin of ${node}`,
@@ -241,6 +243,8 @@ export class SkinView {
 
     const position = live ? this.moveLive(at) : this.movePast(at);
     this.movedAt = at;
+    this.awaits = !live && this.failure === "" && position !== null && this.reels.at(position) === null;
+    this.root.classList.toggle("awaits", this.awaits);
     this.wantGestures(position, at);
     this.draw(position, begin);
     this.film.showPosition(position, this.range(), texts);
@@ -366,7 +370,7 @@ export class SkinView {
   /** Goes on with the next window; at the newest data, live. */
   private turn(range: Range): void {
     const { context, frames } = this.options;
-    const left = (frames.stretches.end ?? this.now()) - range.x1;
+    const left = (frames.stretches.end ?? context.timeline.now()) - range.x1;
     if (left < LEAST_LEFT) context.go({ ...context.route(), view: { kind: "live", span: DEFAULT_SPAN } });
     else context.showRange(pan(range, Math.min(1, left / (range.x1 - range.x0))));
   }
@@ -384,11 +388,6 @@ export class SkinView {
     const rests = this.rest.position === position && at - this.rest.since > SETTLE_MS;
     if (range === null || this.film.held || !(rests || (this.playing && this.film.speed <= GESTURE_SPEED))) return;
     this.gestures.wantPast(askedOf(range, position), at);
-  }
-
-  /** The page's clock, in ns of the timeline. */
-  private now(): number {
-    return this.options.context.timeline.toX(BigInt(Date.now()) * 1_000_000n);
   }
 
   private wantFilm(range: Range): void {
@@ -551,7 +550,7 @@ export class SkinView {
     this.writeContacts();
     this.gestures?.write(position);
     this.writeTaxel();
-    this.writeState(position, at);
+    this.writeState(at);
     if (this.speech.due(at)) setText(this.spoken, this.say(position));
   }
 
@@ -562,6 +561,11 @@ export class SkinView {
   }
 
   private writeContacts(): void {
+    if (this.awaits) {
+      setText(this.total, "Loading…");
+      this.list.replaceChildren();
+      return;
+    }
     if (!this.stated) {
       setText(this.total, this.judgedText());
       this.list.replaceChildren();
@@ -620,15 +624,16 @@ export class SkinView {
     const interval = { lo: picture.lo[taxel]!, hi: picture.hi[taxel]! };
     const verdict = this.canvas.verdicts[taxel] ?? UNKNOWN;
     const words = verdict === CERTAIN ? ", certainly pressed" : verdict === POSSIBLE ? ", possibly pressed" : "";
-    const text = verdict === UNKNOWN ? "unknown" : formatInterval(interval, skin.unit);
+    const text = this.awaits ? "loading" : verdict === UNKNOWN ? "unknown" : formatInterval(interval, skin.unit);
     return `${skin.taxels[taxel]}: ${text}${words}`;
   }
 
-  private writeState(position: number | null, at: number): void {
+  private writeState(at: number): void {
     const counts = this.counted();
     const judged = this.skin?.threshold === null ? [] : [`${counts[CERTAIN]!.toLocaleString("en")} certain`, `${counts[POSSIBLE]!.toLocaleString("en")} possible`];
     const taxels = this.skin?.taxels.length ?? 0;
-    setText(this.counts, [`${taxels.toLocaleString("en")} taxels`, ...judged, `${counts[UNKNOWN]!.toLocaleString("en")} unknown`].join(" · "));
+    const known = this.awaits ? [] : [...judged, `${counts[UNKNOWN]!.toLocaleString("en")} unknown`];
+    setText(this.counts, [`${taxels.toLocaleString("en")} taxels`, ...known].join(" · "));
     if (this.skin === null) return;
     const { arrivedAt, late, isPast } = this.options.frames;
     const slow = this.view.kind === "live" && at - this.skippedAt < SKIPPED_MS;
@@ -641,7 +646,7 @@ export class SkinView {
     setText(this.warning, words.filter(Boolean).join(" "));
     if (this.view.kind === "history") {
       if (this.failure) this.notices.show("error", "The film could not be loaded", this.failure);
-      else if (position !== null && this.reels.at(position) === null) this.notices.show("loading", "Loading pictures…", "");
+      else if (this.awaits) this.notices.show("loading", "Loading pictures…", "");
       else this.notices.clear();
       return;
     }
@@ -653,6 +658,7 @@ export class SkinView {
   }
 
   private say(position: number | null): string {
+    if (this.awaits) return "Pictures are loading.";
     const taxel = this.pointed ?? this.selected[0] ?? null;
     const contacts = position === null ? "Nothing is known of the skin." : this.stated ? (this.knowsContacts() ? describeContacts(this.shownContacts) : "Contacts are unknown.") : `${this.judgedText().replace("–", " to ")}.`;
     return taxel === null ? contacts : `${contacts} ${this.describe(taxel).replace("–", " to ")}.`;
