@@ -39,8 +39,16 @@ def test_alarm_is_defined_shown_acknowledged_and_deleted(
     live_visit.wait_for_chart(mode="live")
     page.get_by_text("Ask with a formula").click()
     page.get_by_test_id("formula").fill(FORMULA)
-    page.get_by_test_id("watch-name").fill("Always on")
+    name, complaint = page.get_by_test_id("watch-name"), page.get_by_test_id("watch-complaint")
+    name.fill("Always on")
+    complaint.wait_for()
+    assert name.get_attribute("aria-invalid") == "true"
     watch, answer = page.get_by_test_id("watch"), page.get_by_test_id("watch-answer")
+    watch.click()
+    assert watch.inner_text() == "Raise an alarm", "nothing is asked with a bad name"
+    name.fill(NAME)
+    complaint.wait_for(state="hidden")
+    assert name.get_attribute("aria-invalid") == "false"
     watch.click()
     certain = page.get_by_test_id("checked-certain")
     certain.wait_for()
@@ -51,10 +59,6 @@ def test_alarm_is_defined_shown_acknowledged_and_deleted(
     assert watch.inner_text() == "Raise an alarm"
     watch.click()
     watch.get_by_text("Raise it").wait_for()
-    watch.click()
-    answer.get_by_text("is no name").wait_for()
-    live_visit.troubles.clear()  # the browser itself complains of the refusal
-    page.get_by_test_id("watch-name").fill(NAME)
     watch.click()
     alarm = page.locator(f'[data-testid="alarm"][data-monitor="{NAME}"]')
     alarm.wait_for()

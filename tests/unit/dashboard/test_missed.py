@@ -10,13 +10,13 @@ import pytest
 
 from eskin.wire.timestamp import parse_timestamp
 from tests.support.processes import wait_until
-from tests.unit.dashboard.browsing import history
+from tests.unit.dashboard.browsing import CHART, history
 from tests.unit.dashboard.frame_server import encode_message
 from tests.unit.dashboard.pixels import read_plot
 from tests.unit.dashboard.replay import STRETCH_NS
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Request, WebSocketRoute
+    from playwright.sync_api import Request, Route, WebSocketRoute
 
     from tests.unit.dashboard.browsing import Visit
     from tests.unit.dashboard.replay import Replay
@@ -81,6 +81,62 @@ def test_window_that_was_not_over_shows_all_of_it_in_the_end(
         return any(painted[-(len(painted) // 20) :])
 
     wait_until(is_whole, "the chart shows its end", seconds=20)
+
+
+TIMES = """
+() => [...document.querySelectorAll("[data-testid=event] a")].map(({ title }) =>
+  title.split("\\n")[1].split(" to "))
+"""
+
+
+def test_events_of_a_window_of_the_past_are_those_of_the_window(
+    visit: Visit, replay: Replay, recorded: int
+) -> None:
+    def listed() -> list[tuple[int, int]]:
+        return [(parse_timestamp(lo), parse_timestamp(hi)) for lo, hi in visit.evaluate(TIMES)]
+
+    def lie_in(start: int, end: int) -> bool:
+        busy = visit.page.get_by_test_id("events").get_attribute("aria-busy")
+        found = listed()
+        return busy is None and bool(found) and all(lo < end and hi >= start for lo, hi in found)
+
+    start = recorded - 8 * SECOND
+    visit.open(history("", start, recorded), shows="[data-testid=event]")
+    wait_until(lambda: lie_in(start, recorded), "its events are listed")
+    begin = newest(replay)
+    wait_until(lambda: newest(replay) > begin + 2 * SECOND, "more has come since")
+    assert lie_in(start, recorded)
+    visit.page.get_by_test_id("earlier").click()
+    wait_until(lambda: visit.window() == (start - 4 * SECOND, recorded - 4 * SECOND), "it moves")
+    wait_until(lambda: lie_in(start - 4 * SECOND, recorded - 4 * SECOND), "the list follows")
+    visit.page.get_by_test_id("go-live").click()
+    wait_until(lambda: max(lo for lo, _ in listed()) > recorded, "the latest are listed")
+
+
+def test_overview_asks_for_events_once_for_all_its_charts(visit: Visit) -> None:
+    held: list[Route] = []
+    aborted: list[str] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    def note(request: Request) -> None:
+        aborted.append(request.url)
+
+    visit.page.route("**/api/v1/nodes/*/channels?*", hold)
+    visit.page.on("requestfailed", note)
+    visit.open("?live=5s", shows="[data-testid=event]")
+    charts = 6
+    wait_until(lambda: bool(visit.evaluate("1")) and len(held) >= charts, "charts are wanted")
+    visit.page.unroute("**/api/v1/nodes/*/channels?*")  # lets them go on
+    wait_until(lambda: visit.page.locator(CHART).count() >= charts, "all charts are there")
+    wait_until(lambda: visit.asked("kind=peak") > 0, "peaks are asked for")
+    visit.wait_for_answers()
+    asked = [url for url in visit.requests if "/api/v1/events?" in url]
+    assert sorted(url.partition("kind=")[2].partition("&")[0] for url in asked) == [
+        "", "gap", "peak",
+    ]  # fmt: skip
+    assert not [url for url in aborted if "/events?" in url]
 
 
 @pytest.mark.nightly

@@ -36,11 +36,14 @@ WAITING: dict[str, Any] = {
 
 def test_what_is_desired_and_what_is_reported_stand_side_by_side(visit: Visit) -> None:
     state = dict(WAITING)
+    command: dict[str, Any] = {"state": "delivered", "arguments": {"rate": 50.0}, "reason": None}
 
     def answer(route: Route) -> None:
-        route.fulfill(body=json.dumps(state), content_type="application/json")
+        told = state if route.request.url.endswith("/state") else command
+        route.fulfill(body=json.dumps(told), content_type="application/json")
 
     visit.page.route("**/api/v1/nodes/fingertip/state", answer)
+    visit.page.route("**/api/v1/nodes/fingertip/commands/7", answer)
     visit.open("fingertip")
     settings = visit.page.locator("[data-testid=settings]")
     settings.wait_for()
@@ -50,13 +53,17 @@ def test_what_is_desired_and_what_is_reported_stand_side_by_side(visit: Visit) -
     assert settings.locator("table").is_visible()
     assert nameless(listen(visit)) == {}
     assert visit.evaluate(ROWS) == [
-        ["whole node", "rate", "50", "100not yet"],
+        ["whole node", "rate", "50 Hz", "100 Hznot yet"],
         ["t01", "mode", "–", "samples"],
-        ["t01", "rate", "50", "100not yet"],
-        ["t01.capacitance", "threshold", "1e-13", "–not yet"],
+        ["t01", "rate", "50 Hz", "100 Hznot yet"],
+        ["t01.capacitance", "threshold", "100 fF", "–not yet"],
     ]
     note = visit.page.locator("[data-testid=settings-note]")
     assert note.inner_text().endswith("It is not set as desired yet.")
+    command.update(state="refused", reason="rate is 50.0; allowed: at most 40")
+    failed = settings.locator("[data-failed=true]")
+    wait_until(lambda: failed.count() == 2, "the two rows of the command are marked")
+    assert command["reason"] in note.inner_text()
     state["reported"] = {"t01": {"rate": 50.0}, "t01.capacitance": {"threshold": 1e-13}}
     state["settled"] = True
     wait_until(lambda: note.inner_text().endswith("It is set as desired."), "it is shown")

@@ -167,6 +167,19 @@ def test_node_without_channels_and_unknown_channel_are_said(visit: Visit) -> Non
     said.get_by_text("palm has no channels yet").wait_for()
 
 
+def test_page_of_no_node_says_so_and_loads_nothing(visit: Visit) -> None:
+    problem = {"title": "Unknown", "status": 404, "detail": "There is no such node."}
+    visit.page.route(
+        "**/api/v1/nodes/nosuch/*", lambda route: route.fulfill(status=404, json=problem)
+    )
+    visit.open("nosuch?live=10s", shows=notice("error", ".grid >"))
+    visit.page.locator(notice("empty", ".side")).wait_for()
+    assert visit.page.locator(notice("loading")).count() == 0
+    assert visit.page.get_by_test_id("channel-browser").is_hidden()
+    assert all("404" in trouble for trouble in visit.troubles)
+    visit.troubles.clear()  # the browser itself complains of each refusal
+
+
 @pytest.mark.nightly
 def test_history_that_cannot_be_loaded_can_be_asked_for_again(visit: Visit, recorded: int) -> None:
     visit.page.route(SERIES, refuse)
@@ -214,6 +227,27 @@ def test_history_that_is_not_there_yet_is_loading(visit: Visit, recorded: int) -
     held[0].continue_()
     visit.page.locator(notice("loading", ".panel")).wait_for(state="detached")
     assert int(visit.wait_for_chart(mode="history")["entries"]) > 0
+
+
+def test_pictures_that_are_not_there_yet_are_loading_and_not_unknown(
+    visit: Visit, recorded: int
+) -> None:
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    visit.page.route("**/api/v1/nodes/fingertip/frames?*", hold)
+    skin = "[data-testid=skin-view]"
+    place = history("fingertip", recorded - SECOND, recorded)
+    visit.open(place, shows=f"{skin}.awaits {notice('loading')}")
+    said = [visit.page.get_by_test_id(part) for part in ("skin-total", "skin-summary")]
+    wait_until(lambda: all(part.inner_text() for part in said), "it says how the skin is")
+    assert not any("known" in part.inner_text() for part in said)
+    visit.page.unroute("**/api/v1/nodes/fingertip/frames?*")  # lets them go on
+    visit.page.locator(f"{skin}.awaits").wait_for(state="detached")
+    wait_until(lambda: any(map(str.isdigit, said[0].inner_text())), "its values are there")
+    assert visit.page.locator(notice("loading", skin)).count() == 0
 
 
 @pytest.mark.nightly

@@ -12,8 +12,8 @@ export interface SettingRow {
   readonly desired: string | null;
   readonly reported: string | null;
   readonly settled: boolean;
-  /** What became of the command that asked for what is desired, if the node will not do it. */
-  readonly failure: string | null;
+  /** What became of the command that asked for what is desired, if the node did not do it. */
+  readonly failure: "refused" | "expired" | null;
 }
 
 /** The UCUM units of channels. */
@@ -34,14 +34,13 @@ function shown(value: Setting | undefined, unit = ""): string | null {
   return typeof value === "number" && unit !== "" ? printQuantity(value, unit) : String(value);
 }
 
-/** Whether a command asked for what is desired of a target, and will not be done; then why. */
-function failureOf(command: CommandItem | null, state: NodeState, { target, name }: { target: string; name: string }): string | null {
+/** What became of a command that asked for what is desired of a target, if the node did not do it. */
+function failureOf(command: CommandItem | null, state: NodeState, { target, name }: { target: string; name: string }): SettingRow["failure"] {
   if (command === null || (command.state !== "refused" && command.state !== "expired")) return null;
   const { channel, taxel, monitor } = command.arguments;
   const place = channel ?? taxel ?? (monitor === undefined ? WHOLE_NODE : `monitor:${monitor}`);
   const desiredOf = state.desired[target]?.[name] === undefined ? WHOLE_NODE : target;
-  if (place !== desiredOf || command.arguments[name] === undefined) return null;
-  return [command.state, command.reason].filter(Boolean).join(": ");
+  return place === desiredOf && command.arguments[name] !== undefined ? command.state : null;
 }
 
 /** What a node reports of a setting that is desired for all its taxels. */
@@ -168,8 +167,8 @@ export class NodeSettings {
     this.body.replaceChildren(...rows.map((row) => tableRow(row)));
     const reported = state.reported_at === null ? null : parseInstant(state.reported_at.lo);
     const when = reported === null ? "The node has not reported yet." : `Reported ${printDay(reported)} ${printClock(reported, 0)}.`;
-    const failed = rows.some(({ failure }) => failure !== null);
-    const how = state.settled ? "It is set as desired." : failed ? "It is not set as desired: see which command failed." : "It is not set as desired yet.";
-    setText(this.note, `${when} ${how}`);
+    const failure = rows.find((row) => row.failure !== null)?.failure;
+    const why = failure ? `It is not set as desired: the last command is ${failure}, as ${command?.reason ?? "no reason was given"}.` : "It is not set as desired yet.";
+    setText(this.note, `${when} ${state.settled ? "It is set as desired." : why}`);
   }
 }
