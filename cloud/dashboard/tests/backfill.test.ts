@@ -105,10 +105,12 @@ describe("the live window of a biometric channel, whose end is known to the minu
     expect(asked(urls)).toEqual([[STATED - 60_000 - SPAN / MS, STATED]]);
     expect(edge.newest()).toBe((STORED - 1) * MS);
     expect(data.end).toBe((STORED - 1) * MS);
+    expect(data.extent?.x1).toBe((STORED - 1) * MS);
   });
 
   test("asks for the rest of the minute once the stream goes on", () => {
     const { data, edge } = biometric();
+    expect(data.extent?.x1).toBe(STATED * MS);
     const { hole: missing } = data.take(run(75_000, 75_100), 0, 1);
     expect(missing).toEqual(hole(STATED - 60_000, 75_000));
     expect(edge.newest()).toBe(75_099 * MS);

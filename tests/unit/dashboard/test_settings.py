@@ -39,8 +39,8 @@ def test_what_is_desired_and_what_is_reported_stand_side_by_side(visit: Visit) -
     command: dict[str, Any] = {"state": "delivered", "arguments": {"rate": 50.0}, "reason": None}
 
     def answer(route: Route) -> None:
-        told = state if route.request.url.endswith("/state") else command
-        route.fulfill(body=json.dumps(told), content_type="application/json")
+        found = state if route.request.url.endswith("/state") else command
+        route.fulfill(body=json.dumps(found), content_type="application/json")
 
     visit.page.route("**/api/v1/nodes/fingertip/state", answer)
     visit.page.route("**/api/v1/nodes/fingertip/commands/7", answer)

@@ -140,27 +140,6 @@ def test_last_is_meant_of_the_data_and_not_of_our_clock(
     assert end - start == length * HOUR
 
 
-def test_all_data_end_now_where_the_store_says_that_they_end_later(visit: Visit) -> None:
-    later: list[int] = []
-
-    def shift(route: Route) -> None:
-        answer = route.fetch()
-        items = [
-            {**item, "last": format_timestamp(parse_timestamp(item["last"]) + HOUR)}
-            for item in answer.json()["items"]
-        ]
-        later.extend(parse_timestamp(item["last"]) for item in items)
-        route.fulfill(response=answer, json={"items": items, "next": None})
-
-    visit.page.route("**/api/v1/nodes/palm/channels*", shift)
-    visit.open(f"{CHANNEL}?live=10s")
-    visit.wait_for_chart(mode="live")
-    visit.page.get_by_test_id("show-all").click()
-    start, end = visit.wait_for_window(None)
-    assert start < end <= visit.evaluate("Date.now()") * 1_000_000
-    assert end < min(later)
-
-
 @pytest.mark.nightly
 def test_last_hour_ends_with_the_newest_data(visit: Visit, recorded: int) -> None:
     visit.open("palm?live=10s")

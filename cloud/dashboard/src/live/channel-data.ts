@@ -157,7 +157,12 @@ export class ChannelData {
     const { timeline } = this.options;
     const stored = this.storedEnd();
     if (this.latest.first === null || stored === null) return null;
-    return { x0: timeline.toX(parseInstant(this.latest.first)), x1: Math.max(stored, this.storeEnd ?? stored) };
+    let end = Math.max(stored, this.storeEnd ?? stored);
+    if (this.latest.biometric) {
+      const exact = this.endError === 0 ? this.storeEnd : null;
+      end = exact ?? Math.min(stored, Math.max(stored - MINUTE, timeline.now()));
+    }
+    return { x0: timeline.toX(parseInstant(this.latest.first)), x1: end };
   }
 
   /**

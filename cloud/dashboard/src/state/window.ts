@@ -28,11 +28,6 @@ export function cut(range: Range, one: number, other: number): Range {
   return settle({ x0: low, x1: Math.max(low + SHORTEST, range.x0 + Math.max(one, other) * span) });
 }
 
-/** The part of a range that is over: what is stored may say that it ends later. */
-export function untilNow(range: Range, now: number): Range {
-  return range.x0 < now && range.x1 > now ? settle({ x0: range.x0, x1: now }) : range;
-}
-
 /** Rounds outward to whole nanoseconds, so that a window can be linked to exactly. */
 function settle(range: Range): Range {
   return { x0: Math.floor(range.x0), x1: Math.ceil(range.x1) };

@@ -11,7 +11,7 @@ import { Backfill } from "../live/backfill";
 import { ChannelData } from "../live/channel-data";
 import type { LiveEdge } from "../live/edge";
 import { printRoute, type View } from "../state/route";
-import { type Range, untilNow } from "../state/window";
+import type { Range } from "../state/window";
 import { Throttle, TEXT_MS } from "../time/throttle";
 import { type Entries, hullWithin } from "../tube/entries";
 import { ChannelNotices } from "./channel-notices";
@@ -337,12 +337,7 @@ export class ChannelPanel {
     const { extent } = this.data;
     if (hullWithin(this.data.history, range.x0, range.x1).count > 0) this.notices.shown();
     else if (extent === null) this.notices.noData(this.options.channel.id);
-    else this.notices.noSamples(() => this.showAll(extent));
-  }
-
-  private showAll(extent: Range): void {
-    const { context } = this.options;
-    context.showRange(untilNow(extent, context.timeline.now()));
+    else this.notices.noSamples(() => this.options.context.showRange(extent));
   }
 
   private touchesView(range: Range): boolean {

@@ -1,5 +1,5 @@
 import { SPANS, type View } from "../state/route";
-import { pan, type Range, untilNow, zoom } from "../state/window";
+import { pan, type Range, zoom } from "../state/window";
 import { formatDuration } from "../time/duration";
 import { decimalsFor, printClock, printDay } from "../time/instant";
 import { Throttle, TEXT_MS } from "../time/throttle";
@@ -47,7 +47,7 @@ export class Timebar {
         this.tool(ICONS.right, "Later", (range) => pan(range, 0.5)),
         this.tool(ICONS.plus, "Zoom in", (range) => zoom(range, 0.5, 0.5)),
         this.tool(ICONS.minus, "Zoom out", (range) => zoom(range, 0.5, 2)),
-        button("All", { "data-testid": "show-all", title: "Show all data" }, () => this.showAll()),
+        button("All", { "data-testid": "show-all", title: "Show all data" }, () => this.move(() => options.extent())),
         this.panMode,
       ),
       this.text,
@@ -91,12 +91,6 @@ export class Timebar {
     const range = this.options.range() ?? this.options.extent();
     const next = range && how(range);
     if (next) this.options.context.showRange(next);
-  }
-
-  private showAll(): void {
-    const { context, extent } = this.options;
-    const all = extent();
-    if (all !== null) context.showRange(untilNow(all, context.timeline.now()));
   }
 
   private goLive(): void {
