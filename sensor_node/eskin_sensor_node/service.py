@@ -17,8 +17,7 @@ from eskin_sensor_node.link.publisher import Publisher
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.node_layout import plan_layout
 from eskin_sensor_node.machine.radio import Radio
-from eskin_sensor_node.node.commands import CommandReceiver
-from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.commands import CommandReceiver, NodeControls
 from eskin_sensor_node.node.factory import build_node, build_outbox, open_flash
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.node.offline import warm_up

@@ -12,7 +12,7 @@ from eskin_cloud.schemas.node_monitors import NodeMonitorDocument, describe_node
 from eskin_cloud.schemas.nodes import judge_health
 from eskin_cloud.store.read.lookup import find_node
 from eskin_cloud.store.write.commands import find_state
-from eskin_cloud.store.write.node_verdicts import find_verdicts
+from eskin_cloud.store.write.events import find_verdicts
 
 router = APIRouter(tags=["monitors"])
 

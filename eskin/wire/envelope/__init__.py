@@ -19,9 +19,8 @@ External data: the topic.
 
 from __future__ import annotations
 
+from eskin.wire.envelope.encrypt0 import Opened, Opener, Sealer
 from eskin.wire.envelope.header import HELD, MOST_ENVELOPE, introduction
-from eskin.wire.envelope.opener import Opened, Opener
-from eskin.wire.envelope.sealer import Sealer
 from eskin.wire.envelope.signature import Verifier, sign, signer_chain
 
 __all__ = [

@@ -7,10 +7,9 @@ from typing import TypeAlias
 from eskin.errors import MessageError
 from eskin.wire.messages.acknowledgement import Acknowledgement
 from eskin.wire.messages.cbor_map import Fields, load
-from eskin.wire.messages.command import Command, CommandName, Mode
+from eskin.wire.messages.command import Command, CommandName, Mode, Outcome, Result
 from eskin.wire.messages.header import Kind, Position
 from eskin.wire.messages.release import Release
-from eskin.wire.messages.result import Outcome, Result
 from eskin.wire.messages.status import (
     Energy,
     ResetCause,

@@ -1,4 +1,4 @@
-"""Commands, cloud to node: names, arguments, and the message, signed by the cloud (COSE_Sign1).
+"""Commands, cloud to node, signed by the cloud (COSE_Sign1), and the results that answer them.
 
 Names and values are those of robot skin (iCub's skinManager). A *place* is what a setting belongs
 to: a channel (``t01.capacitance``), a taxel (``t01``), or the whole node (``*``). A *state* holds
@@ -9,22 +9,22 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 from typing import TYPE_CHECKING, Final, Self, TypeAlias
 
 from eskin.errors import CommandError, IdentityError, MessageError
-from eskin.wire.messages.cbor_map import MOST_COUNT, dump, load, read_texts, sort_texts
-from eskin.wire.messages.header import CHANNEL, Kind
+from eskin.wire.messages.cbor_map import MOST_COUNT, dump, load, read_map, read_texts, sort_texts
+from eskin.wire.messages.header import CHANNEL, Kind, Position, position_fields, read_position
 from eskin.wire.timestamp import MOST_MOMENT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from eskin.wire.messages.cbor_map import Fields
 
 Value: TypeAlias = float | str
 Arguments: TypeAlias = dict[str, Value]
 State: TypeAlias = dict[str, dict[str, Value]]
-
 WHOLE_NODE: Final = "*"
 """The place of what holds for all taxels."""
 TAXEL: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
@@ -36,6 +36,20 @@ NONCE: Final = re.compile(r"[0-9a-f]{32}")
 """A challenge's nonce: 16 bytes in hexadecimal."""
 MOST_FORMULA: Final = 1000
 """Characters of a monitor's formula."""
+SWITCH: Final = ("on", "off")
+NEVER: Final = "never"
+ON: Final = ("possible", "certain", NEVER)
+"""With which verdict a monitor's output is on; one with `NEVER` does not run."""
+OUTPUTS: Final = ("none", "stop", "out1", "out2", "out3")
+"""What a monitor may drive."""
+MONITOR_SETTINGS: Final = ("formula", "on", "output")
+"""Settings of a monitor."""
+_COMMAND_FIELDS: Final = frozenset(range(1, 8))
+_MOST_ARGUMENTS: Final = 16
+MOST_REASON: Final = 200
+_RESULT_FIELDS: Final = frozenset(range(1, 9))
+_MOST_PLACES: Final = 1000
+_MOST_SETTINGS: Final = 16
 
 
 class CommandName(StrEnum):
@@ -90,15 +104,9 @@ RANGES: Final = {
     "rate": Range(1e-3, 1e6, "samples in a second"),
 }
 """Settings that are numbers; ``mode`` and ``adaptive`` are not."""
-SWITCH: Final = ("on", "off")
+
 SETTINGS: Final = (*RANGES, "mode", "adaptive")
-NEVER: Final = "never"
-ON: Final = ("possible", "certain", NEVER)
-"""With which verdict a monitor's output is on; one with `NEVER` does not run."""
-OUTPUTS: Final = ("none", "stop", "out1", "out2", "out3")
-"""What a monitor may drive."""
-MONITOR_SETTINGS: Final = ("formula", "on", "output")
-"""Settings of a monitor."""
+
 _CHOICES: Final = {"mode": tuple(Mode), "adaptive": SWITCH, "on": ON, "output": OUTPUTS}
 
 _ALLOWED: Final = {
@@ -211,10 +219,6 @@ def _require_fitting(arguments: Arguments) -> None:
         )
 
 
-_FIELDS: Final = frozenset(range(1, 8))
-_MOST_ARGUMENTS: Final = 16
-
-
 @dataclass(frozen=True, slots=True)
 class Command:
     """A request to a node, carried out at most once.
@@ -253,7 +257,7 @@ class Command:
         from eskin.identity.identity_kind import IdentityKind  # noqa: PLC0415
 
         fields = load(data)
-        fields.only(_FIELDS)
+        fields.only(_COMMAND_FIELDS)
         kind = fields.integer(1, 0, 255)
         if kind != Kind.COMMAND:
             raise MessageError(f"field 1 is {kind}; expected a command ({Kind.COMMAND:d})")
@@ -277,3 +281,85 @@ def _name(text: str) -> CommandName:
     if text not in CommandName.__members__.values():
         raise MessageError(f"field 6 is {text!r}; allowed: {', '.join(CommandName)}")
     return CommandName(text)
+
+
+class Outcome(IntEnum):
+    """What became of a command."""
+
+    DONE = 0
+    REFUSED = 1
+    EXPIRED = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """A node's answer to a command. At each start it says the last one again, with its state.
+
+    Attributes:
+        position: Boot and sequence.
+        time: Enclosure of the moment, UTC ns.
+        command: Id of the last command that the node took; 0 if there never was one.
+        outcome: What became of it.
+        reason: Why it was not done; ``None`` if it was.
+        state: How the node is set now.
+    """
+
+    position: Position
+    time: tuple[int, int]
+    command: int
+    outcome: Outcome
+    reason: str | None
+    state: State
+
+    def encode(self) -> bytes:
+        """Write as CBOR."""
+        state = sort_texts({place: sort_texts(found) for place, found in self.state.items()})
+        said: dict[int, object] = {} if self.reason is None else {7: self.reason}
+        return dump(
+            position_fields(Kind.RESULT, self.position)
+            | {4: list(self.time), 5: self.command, 6: int(self.outcome), 8: state}
+            | said
+        )
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Read a result.
+
+        Raises:
+            MessageError: It is none.
+        """
+        return cls.read(load(data))
+
+    @classmethod
+    def read(cls, fields: Fields) -> Self:
+        """Read a result from its decoded fields."""
+        fields.only(_RESULT_FIELDS)
+        outcome = Outcome(fields.integer(6, 0, len(Outcome) - 1))
+        if fields.has(7) is (outcome is Outcome.DONE):
+            raise MessageError("field 7, the reason, stands where a command was not done")
+        return cls(
+            position=read_position(fields),
+            time=fields.moments(4),
+            command=fields.integer(5, 0, MOST_COUNT),
+            outcome=outcome,
+            reason=fields.text(7, MOST_REASON) if fields.has(7) else None,
+            state=read_state(fields.raw(8)),
+        )
+
+
+def read_state(value: object) -> State:
+    """Read the settings of each place.
+
+    Raises:
+        MessageError: It is no such map.
+    """
+    places = read_map(value, "field 8", _MOST_PLACES)
+    for place in places:
+        if not is_place(place):
+            raise MessageError(
+                f"field 8 speaks of {place!r}; expected a taxel, a channel, a monitor or *"
+            )
+    return {
+        place: read_texts(found, f"field 8, {place}", _MOST_SETTINGS)
+        for place, found in places.items()
+    }

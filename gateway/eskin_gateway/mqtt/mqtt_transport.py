@@ -1,7 +1,9 @@
 """The connection to the MQTT broker: paho's client in a thread of the gateway.
 
 paho's own thread wakes for each packet that another thread hands over. This thread sends a whole
-batch of PUBACKs and publications at once.
+batch of PUBACKs and publications at once. It writes these two packets itself (MQTT 3.1.1, sections
+3.3 and 3.4; version 5 adds a list of properties, which is empty here); paho writes all others, and
+reads all.
 """
 
 from __future__ import annotations
@@ -9,9 +11,11 @@ from __future__ import annotations
 import logging
 import select
 import socket
+import struct
 import time
 from collections import deque
 from contextlib import suppress
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 import paho.mqtt.client as paho
@@ -25,7 +29,6 @@ from eskin.runtime.supervised import Supervised
 from eskin.wire.envelope import MOST_ENVELOPE
 from eskin.wire.topics import ALARMS, Stream, alarm_topic, node_topic
 from eskin_gateway.mqtt.buffered_socket import BufferedSocket
-from eskin_gateway.mqtt.mqtt_packets import write_acknowledgements, write_publication
 from eskin_gateway.mqtt.transport import ReceivedMessage
 
 if TYPE_CHECKING:
@@ -39,9 +42,12 @@ if TYPE_CHECKING:
     from eskin_gateway.mqtt.transport import Publication
     from eskin_gateway.settings import BrokerSection
 
-
 log = logging.getLogger(__name__)
 
+_PUBLISH: Final = 0x30
+_PUBACK: Final = struct.Struct(">HH")
+_ACKNOWLEDGED: Final = 0x4002
+"""Type and remaining length of a PUBACK."""
 _PROTOCOLS: Final = {"3.1.1": MQTTProtocolVersion.MQTTv311, "5": MQTTProtocolVersion.MQTTv5}
 _TICK_S: Final = 0.5
 _READS: Final = 64
@@ -50,6 +56,39 @@ _DISCONNECT_S: Final = 1.0
 _ALARMS: Final = f"{ALARMS}/"
 _MAX_QUEUED: Final = 20_000
 _MAX_QUEUED_BYTES: Final = 33_554_432
+
+
+def write_publication(topic: str, payload: bytes, *, retain: bool, v5: bool) -> bytes:
+    """Write a PUBLISH at QoS 0."""
+    header = _variable_header(topic, v5=v5)
+    return b"%b%b%b" % (
+        _fixed_header(_PUBLISH | retain, len(header) + len(payload)),
+        header,
+        payload,
+    )
+
+
+@lru_cache(16_384)
+def _variable_header(topic: str, *, v5: bool) -> bytes:
+    """The variable header: topic and no properties."""
+    name = topic.encode()
+    return b"%b%b%b" % (len(name).to_bytes(2), name, bytes(v5))
+
+
+@lru_cache(4096)
+def _fixed_header(kind: int, length: int) -> bytes:
+    """The fixed header (section 2.2)."""
+    header = bytearray((kind,))
+    while length > 127:
+        header.append(length & 127 | 128)
+        length >>= 7
+    header.append(length)
+    return bytes(header)
+
+
+def write_acknowledgements(mids: Iterable[int]) -> bytes:
+    """Write a PUBACK for each identifier."""
+    return b"".join([_PUBACK.pack(_ACKNOWLEDGED, mid) for mid in mids])
 
 
 class SendQueue:

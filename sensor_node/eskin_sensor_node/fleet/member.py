@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from eskin_sensor_node.node.commands import CommandReceiver
-from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.commands import CommandReceiver, NodeControls
 from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
@@ -119,7 +118,7 @@ class MemberControls:
         self._row = row
 
     def apply(self, name: str, arguments: Arguments) -> State:
-        """As `eskin_sensor_node.node.controls.NodeControls.apply`."""
+        """As `eskin_sensor_node.node.commands.NodeControls.apply`."""
         node = self._shard.singles.get(self._row) or self._shard.make_single(self._row)
         state = NodeControls(node).apply(name, arguments)
         self._shard.part(self._row, node)

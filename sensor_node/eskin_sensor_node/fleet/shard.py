@@ -20,7 +20,7 @@ from eskin_sensor_node.fleet.roster import Roster, RosterEntry
 from eskin_sensor_node.fleet.single_node import SingleNode, reason_to_sample_alone
 from eskin_sensor_node.machine.flash.flash import Partition
 from eskin_sensor_node.machine.machine import NEVER
-from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.commands import NodeControls
 from eskin_sensor_node.node.factory import build_clock
 from eskin_sensor_node.node.ground_truth import TrueFrame
 from eskin_sensor_node.timebase import BILLION

@@ -17,7 +17,7 @@ from pycose.keys.symmetric import SymmetricKey
 from pycose.messages.enc0message import Enc0Message
 
 from eskin.wire.envelope import Sealer
-from eskin.wire.envelope.key_agreement import agree_key
+from eskin.wire.envelope.encrypt0 import agree_key
 from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples, Sampling, Statements
 from eskin.wire.messages import Acknowledgement, Position
 from tests.contract.frames.slow_decoder import Bound, decode_frame

@@ -20,7 +20,7 @@ from eskin.errors import (
 )
 from eskin.identity import IdentityKind, der
 from eskin.wire.envelope import HELD, Opener, Sealer, introduction
-from eskin.wire.envelope.key_agreement import agree_key
+from eskin.wire.envelope.encrypt0 import agree_key
 from eskin.wire.messages import Position
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import socket
 import struct
 from unittest.mock import Mock
 
-from eskin_gateway.mqtt.mqtt_packets import (
+from eskin_gateway.mqtt.mqtt_transport import (
     write_acknowledgements,
     write_publication,
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from eskin_sensor_node.firmware.adaptation import QUIET, Adaptation
 from eskin_sensor_node.machine.data_sheet import data_sheet
-from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.commands import NodeControls
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st

@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.commands import NodeControls
 
 from eskin.errors import CommandError
 from tests.unit.sensor_node.designs import SECOND, START, Bench

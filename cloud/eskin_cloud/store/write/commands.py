@@ -12,8 +12,7 @@ from eskin_cloud.store.notify import News, announce
 from eskin_cloud.store.row_digests import require_intact_row
 from eskin_cloud.store.schema.node_key import of_node
 from eskin_cloud.store.schema.tables import commands, states
-from eskin_cloud.store.write.events import event_row
-from eskin_cloud.store.write.node_verdicts import forget_verdicts
+from eskin_cloud.store.write.events import event_row, forget_verdicts
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping

@@ -30,14 +30,13 @@ from eskin_cloud.store.schema.tables import dead_letters, events
 from eskin_cloud.store.write.bulk_insert import bulk_insert
 from eskin_cloud.store.write.commands import store_result
 from eskin_cloud.store.write.duplicates import MAX_RANGES
-from eskin_cloud.store.write.events import event_row, statement_rows, status_row
+from eskin_cloud.store.write.events import event_row, statement_rows, status_row, store_verdicts
 from eskin_cloud.store.write.layouts import accept_layouts
 from eskin_cloud.store.write.missing_messages import (
     describe_flash_rollback,
     record_boot_ends,
     record_lost,
 )
-from eskin_cloud.store.write.node_verdicts import store_verdicts
 from eskin_cloud.store.write.pages import (
     add_frames,
     add_sealed_frame,

@@ -18,8 +18,7 @@ import pytest
 from eskin_sensor_node.firmware.charge import write_charge
 from eskin_sensor_node.firmware.gap_reasons import FAILED, FULL, TEXTS
 from eskin_sensor_node.firmware.message_writer import FRAME, STATEMENTS
-from eskin_sensor_node.node.commands import CommandReceiver
-from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.commands import CommandReceiver, NodeControls
 from eskin_sensor_node.world.scenario.file import scenario_text
 
 from eskin.identity import IdentityKind

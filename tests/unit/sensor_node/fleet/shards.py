@@ -9,7 +9,7 @@ from eskin_sensor_node.fleet.shard import Shard, member_seed
 from eskin_sensor_node.machine.flash.file import FlashFile
 from eskin_sensor_node.machine.flash.flash import Partition
 from eskin_sensor_node.machine.node_layout import plan_layout
-from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.commands import NodeControls
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 

@@ -10,7 +10,7 @@ from eskin_sensor_node.firmware.message_writer import FRAME, STATEMENTS
 from eskin_sensor_node.fleet.member import MemberControls
 from eskin_sensor_node.fleet.single_node import reason_to_sample_alone
 from eskin_sensor_node.machine.node_layout import plan_layout
-from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.commands import NodeControls
 from eskin_sensor_node.node.ground_truth import GroundTruth
 
 from eskin.errors import CommandError

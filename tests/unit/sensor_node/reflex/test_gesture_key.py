@@ -7,8 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
-from eskin_sensor_node.node.commands import CommandReceiver
-from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.commands import CommandReceiver, NodeControls
 from pydantic import ValidationError
 
 from eskin.client import verify_release

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.commands import NodeControls
 from eskin_sensor_node.node.reflexes import MOST_WORK_NS
 
 from eskin.errors import MonitorError, SettingsError

@@ -1,4 +1,4 @@
-"""Open messages.
+"""COSE_Encrypt0 with static keys (RFC 9052, section 5.2): `Sealer` encrypts, `Opener` decrypts.
 
 An envelope as nodes seal it is read without a general decoder, at a third of its cost. What is
 found so is what the general decoder finds; where anything is unusual, that one reads it.
@@ -6,21 +6,42 @@ found so is what the general decoder finds; where anything is unusual, that one 
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+import cbor2
 from cachetools import FIFOCache
 from cryptography.exceptions import InvalidTag
+from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
 from eskin.errors import (
     ForgedEnvelopeError,
     UnknownRecipientError,
     UnknownSenderError,
 )
-from eskin.identity.certificates import common_name
-from eskin.wire.envelope.header import Header, associated_data, read_iv, read_parts
-from eskin.wire.envelope.key_agreement import agree_key
+from eskin.identity.certificates import common_name, der, public_key, thumbprint
+from eskin.wire.envelope.header import (
+    A256GCM,
+    ALG,
+    CHAIN,
+    ENCRYPT0,
+    HELD,
+    IV,
+    IV_BYTES,
+    RECIPIENT,
+    SALT,
+    SALT_BYTES,
+    SENDER,
+    SHA256_ID,
+    Header,
+    associated_data,
+    read_iv,
+    read_parts,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -29,6 +50,89 @@ if TYPE_CHECKING:
 
     from eskin.identity.identity import Identity
     from eskin.wire.messages.header import Position
+
+
+def agree_key(
+    private: ec.EllipticCurvePrivateKey,
+    peer: x509.Certificate,
+    sender: x509.Certificate,
+    recipient: x509.Certificate,
+    salt: bytes,
+) -> bytes:
+    """ECDH of P-256, then HKDF-SHA-256 with a COSE_KDF_Context (RFC 9053, sections 5.1, 5.2, 6.3).
+
+    Args:
+        private: The own key.
+        peer: The other party's certificate.
+        sender: The sealer's certificate.
+        recipient: The opener's certificate.
+        salt: The sender's.
+
+    Returns:
+        32 bytes.
+    """
+    secret = private.exchange(ec.ECDH(), public_key(peer))
+    parties = [
+        [common_name(party).encode(), None, thumbprint(party)] for party in (sender, recipient)
+    ]
+    context = cbor2.dumps([A256GCM, *parties, [256, b"", b"eskin/v1"]])
+    return HKDF(algorithm=SHA256(), length=32, salt=salt, info=context).derive(secret)
+
+
+class Sealer:
+    """Seals messages from one identity to one certificate. Not for several threads at once.
+
+    Args:
+        own: The sender.
+        peer: The recipient's certificate.
+        random: Source of the salt.
+    """
+
+    def __init__(
+        self,
+        own: Identity,
+        peer: x509.Certificate,
+        *,
+        random: Callable[[int], bytes] = os.urandom,
+    ) -> None:
+        self._salt = random(SALT_BYTES)
+        self._own = own
+        self._header: dict[int, object] = {
+            ALG: A256GCM,
+            SALT: self._salt,
+            SENDER: [SHA256_ID, own.thumbprint],
+            RECIPIENT: [SHA256_ID, thumbprint(peer)],
+        }
+        self._cipher = AESGCM(agree_key(own.key, peer, own.certificate, peer, self._salt))
+        self._count = 0
+
+    def seal(
+        self,
+        plaintext: bytes,
+        *,
+        topic: str,
+        held: Position | None = None,
+        introduce: bool = False,
+    ) -> bytes:
+        """Seal a message.
+
+        Args:
+            plaintext: The message.
+            topic: Where it will be published; it opens under no other.
+            held: The lowest position still held, authenticated.
+            introduce: Whether to add the certificate chain, so that a new recipient can open it.
+        """
+        header = self._header
+        if held is not None:
+            header = header | {HELD: [held.boot, held.sequence]}
+        protected = cbor2.dumps(header)
+        iv = self._count.to_bytes(IV_BYTES)
+        self._count += 1
+        unprotected: dict[int, object] = {IV: iv}
+        if introduce:
+            unprotected[CHAIN] = [der(certificate) for certificate in self._own.chain]
+        sealed = self._cipher.encrypt(iv, plaintext, associated_data(protected, topic))
+        return cbor2.dumps(cbor2.CBORTag(ENCRYPT0, [protected, unprotected, sealed]))
 
 
 class Opened(NamedTuple):
