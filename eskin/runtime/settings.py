@@ -258,6 +258,6 @@ def _environment_refusal(error: Exception) -> SettingsError:
         if value == fault.doc and name.upper().startswith(ENVIRONMENT_PREFIX)
     ]
     return SettingsError(
-        " or ".join(names)[:_LONGEST_NAME],
+        " or ".join(names)[:_LONGEST_NAME] or "environment",
         f"{shown(fault.doc)} is no JSON: {fault}; write a list as [...], a section as {{...}}",
     )
