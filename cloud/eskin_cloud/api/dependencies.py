@@ -40,7 +40,7 @@ class Unproven(StrEnum):
     """Why a caller is not known; its text says so."""
 
     MISSING = "the request has neither a token nor a session"
-    UNKNOWN = "the token or session is not known here, or has ended"
+    UNKNOWN = "the token or session is not known here, or has expired"
 
     @property
     def refusal(self) -> ProblemError:
