@@ -168,7 +168,8 @@ export class NodeSettings {
     const reported = state.reported_at === null ? null : parseInstant(state.reported_at.lo);
     const when = reported === null ? "The node has not reported yet." : `Reported ${printDay(reported)} ${printClock(reported, 0)}.`;
     const failure = rows.find((row) => row.failure !== null)?.failure;
-    const why = failure ? `It is not set as desired: the last command is ${failure}, as ${command?.reason ?? "no reason was given"}.` : "It is not set as desired yet.";
+    const what = failure === "refused" ? "the node refused the last command" : "the last command expired";
+    const why = failure ? `It is not set as desired, for ${what}: ${command?.reason ?? "it gave no reason"}.` : "It is not set as desired yet.";
     setText(this.note, `${when} ${state.settled ? "It is set as desired." : why}`);
   }
 }
