@@ -46,10 +46,10 @@ def parts(hertz: float) -> dict[str, float]:
     settings = _settings(hertz)
     columns, skin = _columns(settings), settings.skin
     stage = Stage(read_scenario(skin.scenario), columns.columns)
-    moments = skin.period * np.arange(skin.rows)
+    instants = skin.period * np.arange(skin.rows)
     everything = _seconds(_advance(_columns(settings)))
-    scenario = _seconds(lambda k: stage.stimulus(np.asarray((moments + k * skin.stretch) / 1e9)))
-    sensed = _seconds(lambda k: columns.sense(moments + k * skin.stretch))
+    scenario = _seconds(lambda k: stage.stimulus(np.asarray((instants + k * skin.stretch) / 1e9)))
+    sensed = _seconds(lambda k: columns.sense(instants + k * skin.stretch))
     stretches = list(columns.advance(20 * 10**9))
     coded = _seconds(lambda k: _pack(columns, stretches[k]))
     found = {

@@ -37,7 +37,7 @@ class Library:
         exp: Its exponential.
         sqrt: Its square root.
         whole: Whether it takes whole arrays.
-        elements: How many elements it is given, so that a run takes a moment.
+        elements: How many elements it is given, so that a run takes an instant.
         rounding: The processor's mode that it relies on.
     """
 

@@ -105,13 +105,13 @@ def _frame(layout: Layout, patch: Patch, at: int, stretch: int) -> Frame:
     seconds = at / 1000 + np.arange(rows) / _RATE
     noise = np.random.default_rng(at).normal(size=(rows, CHANNELS))
     lo = 1000.0 * np.maximum(np.sin(np.pi * seconds), 0.0)[:, None] + 10.0 * noise
-    moment = START + at * 1_000_000
+    instant = START + at * 1_000_000
     grid = Grid(0, period, at * _RATE // 1000, rows, 1.0)
     packed = PatchSamples.pack(
         Interval(lo, lo + 20.0), patch.least_width, patch=0, grid=0, first_row=grid.first_row
     )
     return Frame(
-        *(Position(1, at), layout.content_hash, 0, at * 1_000_000, (moment, moment + 1000)),
+        *(Position(1, at), layout.content_hash, 0, at * 1_000_000, (instant, instant + 1000)),
         (grid,),
         (packed,),
     )

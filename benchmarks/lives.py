@@ -5,7 +5,7 @@ minute through the emulated chain, thermometer and hygrometer, and identifies C0
 these state (docs/wear.md). Exit status 1 if a statement was wrong.
 
 A life has days of touches, nights at rest, and a known load each morning. Its C0 and its E do not
-drift, drift steadily, from some moment on, or at rates that change; within the stated bound. Noise
+drift, drift steadily, from some instant on, or at rates that change; within the stated bound. Noise
 is Gaussian and exceeds its reach in 0.27 % of samples; there are spikes, water films, loads that
 were not noticed at night, hysteresis, and traces that are broken for a while or for good.
 """
@@ -310,10 +310,10 @@ class Emulated:
         measured: dict[str, list[Interval]] = {}
         true: Floats = np.empty(0)
         for begin in range(0, world.minutes, _BLOCK):
-            moments = np.arange(begin, min(begin + _BLOCK, world.minutes)) * MINUTE
+            instants = np.arange(begin, min(begin + _BLOCK, world.minutes)) * MINUTE
             for chain, sensed in chains:
                 part_of = {k: v[None, begin : begin + _BLOCK] for k, v in sensed.items()}
-                truth, intervals = chain.measure(part_of, moments)
+                truth, intervals = chain.measure(part_of, instants)
                 for name, found in intervals.items():
                     measured.setdefault(name, []).append(found[0])
                 if not begin:

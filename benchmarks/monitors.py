@@ -84,15 +84,15 @@ def _signal(count: int) -> Floats:
 
 
 def _online_us(values: Floats, stretch: int) -> float:
-    moments = np.arange(values.size, dtype=np.int64) * _PERIOD
-    latest, lo, hi = moments + 1000, values - 0.01, values + 0.01
+    instants = np.arange(values.size, dtype=np.int64) * _PERIOD
+    latest, lo, hi = instants + 1000, values - 0.01, values + 0.01
     monitor = Monitor(parse(FORMULA), _UNITS)
     begun = 0.0
     for at in range(0, values.size, stretch):
         if at == _WARM // stretch * stretch:
             begun = time.perf_counter()
         part = slice(at, at + stretch)
-        monitor.extend("p", moments[part], latest[part], lo[part], hi[part], _PERIOD)
+        monitor.extend("p", instants[part], latest[part], lo[part], hi[part], _PERIOD)
         monitor.take()
     return (time.perf_counter() - begun) / _SAMPLES * 1e6
 
@@ -100,15 +100,15 @@ def _online_us(values: Floats, stretch: int) -> float:
 def _many_seconds(values: Floats) -> float:
     """Seconds of work for one second of samples of many monitors, when their windows are full."""
     stretch, formula = 50, parse(FORMULA)
-    moments = np.arange(values.size, dtype=np.int64) * _PERIOD
-    latest, lo, hi = moments + 1000, values - 0.01, values + 0.01
+    instants = np.arange(values.size, dtype=np.int64) * _PERIOD
+    latest, lo, hi = instants + 1000, values - 0.01, values + 0.01
     monitors = [Monitor(formula, _UNITS) for _ in range(_MONITORS)]
     spent = 0.0
     for at in range(0, 6 * stretch, stretch):
         part = slice(at, at + stretch)
         begun = time.perf_counter()
         for monitor in monitors:
-            monitor.extend("p", moments[part], latest[part], lo[part], hi[part], _PERIOD)
+            monitor.extend("p", instants[part], latest[part], lo[part], hi[part], _PERIOD)
             monitor.take()
         spent = time.perf_counter() - begun
     return spent

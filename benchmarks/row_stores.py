@@ -76,8 +76,8 @@ class Columns:
         self._batches = []
         for begin in range(first, first + self.samples, BATCH):
             lo = random.random(BATCH)
-            moments = np.arange(begin, begin + BATCH)
-            self._batches.append(([_CHANNEL] * BATCH, moments, lo, lo + 1e-3))
+            instants = np.arange(begin, begin + BATCH)
+            self._batches.append(([_CHANNEL] * BATCH, instants, lo, lo + 1e-3))
 
     def rows(self) -> Iterator[Iterator[tuple[str, int, float, float]]]:
         """Each batch as rows."""

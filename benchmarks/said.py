@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 NODE: Final = "fingertip"
 START: Final = 1_790_000_000_000_000_000
-"""First moment of boot 0, UTC ns."""
+"""First instant of boot 0, UTC ns."""
 _LEAST_WIDTH: Final = 64.0
 _ERROR: Final = 4000
 _SHAPES: Final = 64
@@ -65,7 +65,7 @@ def frame(case: Case, position: Position, first: int) -> bytes:
     Args:
         case: Its size.
         position: Boot and sequence.
-        first: Its first moment, UTC ns.
+        first: Its first instant, UTC ns.
     """
     _, layout = _skin(case)
     samples = _shapes(case)[position.sequence % _SHAPES]

@@ -44,16 +44,16 @@ def measure_shared_errors(formulas: int = FORMULAS) -> list[Row]:
         counts = dict.fromkeys(signals, 0)
         wrong = asked = 0
         draw = np.random.default_rng(1)
-        moments = signals[True].earliest[400::7]
+        instants = signals[True].earliest[400::7]
         for number in range(formulas):
-            text, holds = _drawn(draw, number, truth, moments, signals[True])
+            text, holds = _drawn(draw, number, truth, instants, signals[True])
             formula = parse(text)
             for shared, signal in signals.items():
-                codes = evaluate(formula, {"p": signal}).codes_at(moments)
+                codes = evaluate(formula, {"p": signal}).codes_at(instants)
                 counts[shared] += int((codes == int(Verdict.POSSIBLE)).sum())
                 decided = codes != int(Verdict.POSSIBLE)
                 wrong += int((holds != (codes == int(Verdict.CERTAIN)))[decided].sum())
-            asked += moments.size
+            asked += instants.size
         name = f"{formulas} differences of {title}"
         rows += [
             Row(f"{name}: possible, of {asked}", counts[True], "verdicts"),
@@ -92,17 +92,17 @@ def _recorded(
     hi = np.concatenate([each.tube.values.sup for each in found])
     truth = np.concatenate([each.truth for each in found])
     dt = found[0].tube.dt
-    moments = np.arange(lo.size, dtype=np.int64) * dt
+    instants = np.arange(lo.size, dtype=np.int64) * dt
     error = SharedError(patch.alpha[0], patch.beta[0])
     signals = {
         shared: Signal(
-            moments,
-            moments,
+            instants,
+            instants,
             lo,
             hi,
             dt,
             unit="F",
-            until=int(moments[-1]) + dt,
+            until=int(instants[-1]) + dt,
             shared=error if shared else None,
         )
         for shared in (False, True)
@@ -114,14 +114,14 @@ def _drawn(
     draw: np.random.Generator,
     number: int,
     truth: NDArray[np.float64],
-    moments: NDArray[np.int64],
+    instants: NDArray[np.int64],
     signal: Signal,
 ) -> tuple[str, NDArray[np.bool_]]:
     """A formula, and where it is true."""
     form = _FORMS[number % len(_FORMS)]
     d, e = (int(each) for each in draw.choice(_DELAYS_MS, 2))
     dt = int(signal.period[0])
-    at = moments // dt
+    at = instants // dt
     now, then, before = (truth[at - each * 1_000_000 // dt] for each in (0, d, e))
     value = {0: now - then, 1: then - now, 2: -np.abs(now - then), 3: now - (then + before) / 2}[
         number % len(_FORMS)

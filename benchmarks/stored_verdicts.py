@@ -61,8 +61,8 @@ def _fill(store: Store, samples: int) -> None:
     random = np.random.default_rng(3)
     lo = np.full(_TOUCH, 1.8)
     lo[:_SURE] = 2.0
-    for number, moment in enumerate(random.integers(0, samples * DT, _TOUCHES).tolist()):
-        time_ = START + moment, START + moment
+    for number, instant in enumerate(random.integers(0, samples * DT, _TOUCHES).tolist()):
+        time_ = START + instant, START + instant
         put(store, stretch(number, lo, lo + 0.2, boot=2, time=time_, dt=DT))
     compact_all(store)
     LongStore(store, Progress()).build()

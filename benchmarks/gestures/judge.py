@@ -40,23 +40,23 @@ class Answer(NamedTuple):
 
 
 def truth_of(record: Record) -> Truth:
-    """What the oracle finds in a record's noise-free pressures, at its true moments."""
+    """What the oracle finds in a record's noise-free pressures, at its true instants."""
     pressed = [frozenset(np.flatnonzero(row > THRESHOLD).tolist()) for row in record.pressure]
-    return Truth(record.skin, record.moments.tolist(), pressed, _TEMPLATES)
+    return Truth(record.skin, record.instants.tolist(), pressed, _TEMPLATES)
 
 
 def judge(record: Record) -> Answer:
     """Recognise a record and compare with its truth."""
-    moments, truth = record.moments.tolist(), truth_of(record)
+    instants, truth = record.instants.tolist(), truth_of(record)
     found = find_gestures(record.lo, record.hi, record.times, record.skin, THRESHOLD)
     label, wanted = label_of(truth)
     certain = list(found.certain)
-    wrong = sum(not any(_fits(each, true, moments) for true in truth.gestures) for each in certain)
+    wrong = sum(not any(_fits(each, true, instants) for true in truth.gestures) for each in certain)
     if not wanted:
         own = [each for each in found if each.contacts]
         verdict = Verdict.POSSIBLE if own else Verdict.CERTAIN
     else:
-        verdict = min(_best(found, true, moments) for true in wanted)
+        verdict = min(_best(found, true, instants) for true in wanted)
     return Answer(label, verdict, len(certain), wrong)
 
 
@@ -71,17 +71,17 @@ def label_of(truth: Truth) -> tuple[str, list[Found]]:
     return (SEVERAL if truth.touches else NONE), truth.gestures
 
 
-def _best(found: Gestures, true: Found, moments: list[int]) -> Verdict:
-    own = [each.verdict for each in found if _fits(each, true, moments)]
+def _best(found: Gestures, true: Found, instants: list[int]) -> Verdict:
+    own = [each.verdict for each in found if _fits(each, true, instants)]
     return max(own, default=Verdict.IMPOSSIBLE)
 
 
-def _fits(answer: Gesture, true: Found, moments: list[int]) -> bool:
+def _fits(answer: Gesture, true: Found, instants: list[int]) -> bool:
     """Whether an answer is about a gesture of the truth, with all its bounds."""
     return (
         answer.kind == true.kind
-        and within(moments[true.first], answer.begin)
-        and within(moments[true.last], answer.end)
+        and within(instants[true.first], answer.begin)
+        and within(instants[true.last], answer.end)
         and angle_within(true.direction, answer.direction)
         and angle_within(true.angle, answer.angle)
         and scale_within(true.scale, answer.scale)

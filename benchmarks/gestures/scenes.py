@@ -76,16 +76,16 @@ class Record(NamedTuple):
         script: What the scenario means to do.
         skin: The taxels.
         pressure: The true pressures in Pa, samples × taxels.
-        moments: The true moments, ns.
+        instants: The true instants, ns.
         lo: Lower bounds that the node states.
         hi: Upper bounds.
-        times: Enclosures of the moments that it states.
+        times: Enclosures of the instants that it states.
     """
 
     script: str
     skin: Skin
     pressure: Floats
-    moments: NDArray[np.int64]
+    instants: NDArray[np.int64]
     lo: Floats
     hi: Floats
     times: NDArray[np.int64]
@@ -215,9 +215,9 @@ def _run(
     )
     generator = ColumnGenerator(seed, np.arange(len(names)))
     sensing.world = PadWorld(section.taxel, generator, names, stage=stage)
-    moments = _PERIOD * np.arange(math.ceil(at * 1e9 / _PERIOD), dtype=np.int64)
-    true = moments + random.integers(-_TIME_ERROR, _TIME_ERROR + 1, moments.size)
-    sensed = sensing.sense(0, moments, np.maximum(true, 0)[None] / 1e9)
+    instants = _PERIOD * np.arange(math.ceil(at * 1e9 / _PERIOD), dtype=np.int64)
+    true = instants + random.integers(-_TIME_ERROR, _TIME_ERROR + 1, instants.size)
+    sensed = sensing.sense(0, instants, np.maximum(true, 0)[None] / 1e9)
     broken = random.random(len(names)) < condition.broken
     inversion = PadColumnsInversion(section.taxel, section.companions)
     inversion.measure(sensed.readings[0].codes)
@@ -226,7 +226,7 @@ def _run(
     lo[broken], hi[broken] = -np.inf, np.inf
     pressure = sensed.truth["pressure"]
     assert np.all((lo <= pressure) & (pressure <= hi)), "an interval without its truth"
-    times = np.stack([moments - _TIME_ERROR, moments + _TIME_ERROR], axis=1)
+    times = np.stack([instants - _TIME_ERROR, instants + _TIME_ERROR], axis=1)
     for name, begin, end in windows:
         own_ = slice(*(math.ceil(each * 1e9 / _PERIOD) for each in (begin, end)))
         yield Record(

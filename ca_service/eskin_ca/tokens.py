@@ -255,7 +255,7 @@ def _require_made_since(revoked: Revocation | None, enrolment: Enrolment, name: 
     if revoked is None or _is_newer(enrolment, revoked):
         return
     raise IdentityError(
-        f"{name[:100]} was revoked on {revoked.moment}, and this token of {enrolment.name} was "
+        f"{name[:100]} was revoked on {revoked.instant}, and this token of {enrolment.name} was "
         "made before; ask the CA for another"
     )
 
@@ -264,7 +264,7 @@ def _is_newer(enrolment: Enrolment, revoked: Revocation) -> bool:
     if enrolment.lines is not None:
         return revoked.line <= enrolment.lines
     made = enrolment.created
-    return bool(made) and datetime.fromisoformat(made) > revoked.moment
+    return bool(made) and datetime.fromisoformat(made) > revoked.instant
 
 
 def _digest(data: bytes) -> str:

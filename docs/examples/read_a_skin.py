@@ -1,6 +1,6 @@
 # %% [markdown]
 # # Reading a skin
-# Start `eskin demo`, wait a moment, and run this file cell by cell (Jupyter, VS Code, Spyder), or as a whole:
+# Start `eskin demo`, wait an instant, and run this file cell by cell (Jupyter, VS Code, Spyder), or as a whole:
 # `python docs/examples/read_a_skin.py eskin-data/access.json`.
 
 # %% Connect

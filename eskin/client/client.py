@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from eskin.client.frames import Frames
 from eskin.client.http import API, HttpClient
-from eskin.client.queries import Queries, written_moments
+from eskin.client.queries import Queries, written_instants
 from eskin.client.tubes import joined, read_tubes
 from eskin.errors import QueryError
 from eskin.identity import client_context
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from eskin.client.queries import Moment
+    from eskin.client.queries import Instant
     from eskin.gestures import Kind
     from eskin.tube import Tube
 
@@ -128,8 +128,8 @@ class Client(Queries):
         self,
         node: str,
         *,
-        start: Moment | None = None,
-        end: Moment | None = None,
+        start: Instant | None = None,
+        end: Instant | None = None,
         points: int = 100,
         quantity: str | None = None,
         own: bool = False,
@@ -147,10 +147,10 @@ class Client(Queries):
             own: Whether only the node's own taxels are read, of a skin that several nodes share.
 
         Raises:
-            QueryError: A moment without a time zone.
+            QueryError: An instant without a time zone.
             CloudError: As `nodes`; also where the window has too many frames for one answer.
         """
-        params: dict[str, Any] = written_moments(start=start, end=end) | {"points": points}
+        params: dict[str, Any] = written_instants(start=start, end=end) | {"points": points}
         params |= {} if quantity is None else {"quantity": quantity}
         params |= {"own": "true"} if own else {}
         answer = self._pages.get(f"{API}/nodes/{node}/frames", params, accept=_ARROW)
@@ -162,8 +162,8 @@ class Client(Queries):
         *,
         kind: Kind | None = None,
         verdict: Literal["possible", "certain"] | None = None,
-        start: Moment | None = None,
-        end: Moment | None = None,
+        start: Instant | None = None,
+        end: Instant | None = None,
     ) -> list[dict[str, Any]]:
         """Gestures on a node's skin that are certain or possible, in the order of their ends.
 
@@ -177,11 +177,11 @@ class Client(Queries):
             end: Excluded.
 
         Raises:
-            QueryError: A moment without a time zone.
+            QueryError: An instant without a time zone.
             CloudError: As `nodes`; also where the window is too long, or the node samples no whole
                 skin with contacts on one grid.
         """
-        params: dict[str, Any] = written_moments(start=start, end=end)
+        params: dict[str, Any] = written_instants(start=start, end=end)
         params |= {} if kind is None else {"kind": kind}
         params |= {} if verdict is None else {"verdict": verdict}
         return list(self._pages.items(f"{API}/nodes/{node}/gestures", params))
@@ -191,8 +191,8 @@ class Client(Queries):
         node: str,
         channel: str,
         *,
-        start: Moment | None = None,
-        end: Moment | None = None,
+        start: Instant | None = None,
+        end: Instant | None = None,
         progress: bool | None = None,
     ) -> list[Tube]:
         """All samples of a channel in a window, a tube for each stretch without a gap.
@@ -206,7 +206,7 @@ class Client(Queries):
                 terminal or in a notebook.
 
         Raises:
-            QueryError: A moment without a time zone.
+            QueryError: An instant without a time zone.
             CloudError: As `nodes`.
         """
         with _bar(f"{node}/{channel}", wanted=progress) as advance:
@@ -217,8 +217,8 @@ class Client(Queries):
         node: str,
         channel: str,
         *,
-        start: Moment | None = None,
-        end: Moment | None = None,
+        start: Instant | None = None,
+        end: Instant | None = None,
     ) -> Iterator[Tube]:
         """As `series`, but frame by frame while they come: for what does not fit into memory.
 
@@ -232,11 +232,11 @@ class Client(Queries):
         self,
         node: str,
         channel: str,
-        start: Moment | None,
-        end: Moment | None,
+        start: Instant | None,
+        end: Instant | None,
         advance: Callable[[int, int], None],
     ) -> Iterator[Tube]:
-        params: dict[str, Any] = written_moments(start=start, end=end)
+        params: dict[str, Any] = written_instants(start=start, end=end)
         params |= {"channel": f"{node}/{channel}", "limit": self._page}
         total = 0
         for answer in self._pages.following(f"{API}/export", params, accept=_ARROW):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 API: Final = "/api/v1"
 _TRIES: Final = 6
 _PASSING: Final = frozenset({429, 502, 503, 504})
-"""Statuses that may be better a moment later."""
+"""Statuses that may be better an instant later."""
 _LONGEST_S: Final = 30.0
 
 

@@ -17,26 +17,26 @@ if TYPE_CHECKING:
 
 _EPOCH: Final = datetime.fromisoformat("1970-01-01T00:00:00+00:00")
 
-Moment = datetime | int | str
-"""A moment: with a time zone, as UTC ns since 1970, or in RFC 3339."""
+Instant = datetime | int | str
+"""An instant: with a time zone, as UTC ns since 1970, or in RFC 3339."""
 
 
-def written_moments(**moments: Moment | None) -> dict[str, str]:
+def written_instants(**instants: Instant | None) -> dict[str, str]:
     """Parameters of a question, by name; what is ``None`` is left out.
 
     Raises:
-        QueryError: A moment has no time zone.
+        QueryError: An instant has no time zone.
     """
-    given = {name: moment for name, moment in moments.items() if moment is not None}
-    return {name: _written(name, moment) for name, moment in given.items()}
+    given = {name: instant for name, instant in instants.items() if instant is not None}
+    return {name: _written(name, instant) for name, instant in given.items()}
 
 
-def _written(parameter: str, moment: Moment) -> str:
-    if not isinstance(moment, datetime):
-        return str(moment)
-    if moment.tzinfo is None:
-        raise QueryError(parameter, f"{moment} has no time zone; give it one, such as UTC")
-    return str((moment - _EPOCH) // timedelta(microseconds=1) * 1000)
+def _written(parameter: str, instant: Instant) -> str:
+    if not isinstance(instant, datetime):
+        return str(instant)
+    if instant.tzinfo is None:
+        raise QueryError(parameter, f"{instant} has no time zone; give it one, such as UTC")
+    return str((instant - _EPOCH) // timedelta(microseconds=1) * 1000)
 
 
 _JSON = "application/json"
@@ -59,8 +59,8 @@ class Queries:
         other: str,
         *,
         state: Literal["above", "below"] = "above",
-        start: Moment | None = None,
-        end: Moment | None = None,
+        start: Instant | None = None,
+        end: Instant | None = None,
     ) -> list[dict[str, Any]]:
         """When a channel is above or below another, ``certain`` or ``possible``, in order of time.
 
@@ -73,10 +73,10 @@ class Queries:
             end: Excluded.
 
         Raises:
-            QueryError: A moment without a time zone.
+            QueryError: An instant without a time zone.
             CloudError: The cloud refused, or did not answer.
         """
-        params = written_moments(start=start, end=end) | {"other": other, "state": state}
+        params = written_instants(start=start, end=end) | {"other": other, "state": state}
         return list(self._pages.items(_path(node, channel, "comparison"), params))
 
     def comparison_time(
@@ -86,11 +86,11 @@ class Queries:
         other: str,
         *,
         state: Literal["above", "below"] = "above",
-        start: Moment | None = None,
-        end: Moment | None = None,
+        start: Instant | None = None,
+        end: Instant | None = None,
     ) -> dict[str, Any]:
         """For how long (s) and how often: intervals; arguments and errors as `comparison`."""
-        params = written_moments(start=start, end=end) | {"other": other, "state": state}
+        params = written_instants(start=start, end=end) | {"other": other, "state": state}
         return self._ask(_path(node, channel, "comparison/time"), params)
 
     def verdicts(
@@ -99,8 +99,8 @@ class Queries:
         *,
         node: str | None = None,
         verdict: Literal["impossible", "possible", "certain"] | None = None,
-        start: Moment | None = None,
-        end: Moment | None = None,
+        start: Instant | None = None,
+        end: Instant | None = None,
     ) -> list[dict[str, Any]]:
         """When a formula over stored channels has which verdict, in order of time.
 
@@ -113,10 +113,10 @@ class Queries:
             end: Excluded.
 
         Raises:
-            QueryError: A moment without a time zone.
+            QueryError: An instant without a time zone.
             CloudError: The cloud refused, or did not answer.
         """
-        params = written_moments(start=start, end=end) | {"formula": formula}
+        params = written_instants(start=start, end=end) | {"formula": formula}
         params |= {} if node is None else {"node": node}
         params |= {} if verdict is None else {"verdict": verdict}
         return list(self._pages.items(f"{API}/monitors/evaluation", params))
@@ -126,11 +126,11 @@ class Queries:
         formula: str,
         *,
         node: str | None = None,
-        start: Moment | None = None,
-        end: Moment | None = None,
+        start: Instant | None = None,
+        end: Instant | None = None,
     ) -> dict[str, Any]:
         """For how long (s) and how often a formula holds: intervals; arguments as `verdicts`."""
-        params = written_moments(start=start, end=end) | {"formula": formula}
+        params = written_instants(start=start, end=end) | {"formula": formula}
         params |= {} if node is None else {"node": node}
         return self._ask(f"{API}/monitors/evaluation/time", params)
 
@@ -204,9 +204,9 @@ class Queries:
         model: str,
         parameters: Mapping[str, Interval | float],
         *,
-        origin: Moment | None = None,
-        start: Moment | None = None,
-        end: Moment | None = None,
+        origin: Instant | None = None,
+        start: Instant | None = None,
+        end: Instant | None = None,
     ) -> list[dict[str, Any]]:
         """When a channel is not as a model predicts, ``certain`` or ``possible``, in order of time.
 
@@ -220,10 +220,10 @@ class Queries:
             end: Excluded.
 
         Raises:
-            QueryError: A moment without a time zone.
+            QueryError: An instant without a time zone.
             CloudError: The cloud refused, or did not answer.
         """
-        params = written_moments(origin=origin, start=start, end=end) | _model(model, parameters)
+        params = written_instants(origin=origin, start=start, end=end) | _model(model, parameters)
         return list(self._pages.items(_path(node, channel, "anomalies"), params))
 
     def anomalies_time(
@@ -233,12 +233,12 @@ class Queries:
         model: str,
         parameters: Mapping[str, Interval | float],
         *,
-        origin: Moment | None = None,
-        start: Moment | None = None,
-        end: Moment | None = None,
+        origin: Instant | None = None,
+        start: Instant | None = None,
+        end: Instant | None = None,
     ) -> dict[str, Any]:
         """For how long (s) and how often: intervals; arguments and errors as `anomalies`."""
-        params = written_moments(origin=origin, start=start, end=end) | _model(model, parameters)
+        params = written_instants(origin=origin, start=start, end=end) | _model(model, parameters)
         return self._ask(_path(node, channel, "anomalies/time"), params)
 
     def prediction(
@@ -248,13 +248,13 @@ class Queries:
         model: str,
         parameters: Mapping[str, Interval | float],
         *,
-        origin: Moment | None = None,
-        start: Moment | None = None,
-        end: Moment | None = None,
+        origin: Instant | None = None,
+        start: Instant | None = None,
+        end: Instant | None = None,
         points: int = 1000,
     ) -> dict[str, Any]:
         """What a model predicts, as hulls over at most ``points`` buckets; else as `anomalies`."""
-        params = written_moments(origin=origin, start=start, end=end) | _model(model, parameters)
+        params = written_instants(origin=origin, start=start, end=end) | _model(model, parameters)
         return self._ask(_path(node, channel, "prediction"), params | {"points": points})
 
     def _ask(self, path: str, params: Mapping[str, Any]) -> dict[str, Any]:

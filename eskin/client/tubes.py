@@ -76,7 +76,7 @@ class _Run:
         last = self._parts[-1]
         if (tube.dt, tube.unit, tube.coverage) != (last.dt, last.unit, last.coverage):
             return False
-        if abs(tube.first_moment - last.first_moment - len(last) * last.dt) > last.dt // 2:
+        if abs(tube.first_instant - last.first_instant - len(last) * last.dt) > last.dt // 2:
             return False
         behind = self._count * tube.dt
         time = min(self._time[0], tube.time[0] - behind), max(self._time[1], tube.time[1] - behind)

@@ -94,7 +94,7 @@ def bound_centroids(
     heights = np.empty(taxels.size)
     height = np.empty(coordinates.size)
     weights = area[taxels]
-    moments = np.empty(taxels.size)
+    instants = np.empty(taxels.size)
     wanted = np.zeros(regions, np.bool_)
     wanted[region_of_core] = True
     for region in range(regions):
@@ -105,9 +105,9 @@ def bound_centroids(
         for k in range(first, last):
             above = sub_up(sign * coordinates[taxels[k]], lowest)
             height[taxels[k]] = heights[k] = above
-            moments[k] = mul_up(area[taxels[k]], above)
+            instants[k] = mul_up(area[taxels[k]], above)
         running_sums_up(weights[first:last], -1.0, weights[first:last])
-        running_sums_up(moments[first:last], 1.0, moments[first:last])
+        running_sums_up(instants[first:last], 1.0, instants[first:last])
     room = np.empty(core_taxels.size)
     for core in range(region_of_core.size):
         region = region_of_core[core]
@@ -116,7 +116,7 @@ def bound_centroids(
         bound = _highest_centroid(
             heights[first:last],
             weights[first:last],
-            moments[first:last],
+            instants[first:last],
             height[own],
             area[own],
             room[core_starts[core] : core_starts[core + 1]],
@@ -127,27 +127,27 @@ def bound_centroids(
 
 @part
 def _highest_centroid(
-    heights: Floats, weights: Floats, moments: Floats, own: Floats, areas: Floats, room: Floats
+    heights: Floats, weights: Floats, instants: Floats, own: Floats, areas: Floats, room: Floats
 ) -> float:
     """A bound on the centroid of all sets between a core and its region.
 
     Args:
         heights: Coordinates of the region above its lowest, falling, rounded up.
         weights: Area of the taxels up to each, rounded down.
-        moments: Sum of area times height of the taxels up to each, rounded up.
+        instants: Sum of area times height of the taxels up to each, rounded up.
         own: Heights of the core's taxels.
         areas: Their areas.
         room: Buffer as long as these.
     """
-    bound = _mean(math.inf, heights, weights, moments, own, areas)
+    bound = _mean(math.inf, heights, weights, instants, own, areas)
     for _ in range(_MOST_STEPS):
-        higher = _mean(bound, heights, weights, moments, own, areas)
+        higher = _mean(bound, heights, weights, instants, own, areas)
         if not higher > bound:
             break
         bound = higher
     step = 2.0**-52 * heights[0]
     for _ in range(_MOST_STEPS):
-        if not _may_exceed(bound, heights, weights, moments, own, areas, room):
+        if not _may_exceed(bound, heights, weights, instants, own, areas, room):
             return lesser(bound, heights[0])
         bound += step
         step *= 2.0
@@ -156,17 +156,17 @@ def _highest_centroid(
 
 @part
 def _mean(
-    bound: float, heights: Floats, weights: Floats, moments: Floats, own: Floats, areas: Floats
+    bound: float, heights: Floats, weights: Floats, instants: Floats, own: Floats, areas: Floats
 ) -> float:
     """The centroid of the core and all taxels above a bound, to nearest or so."""
     above = _count_above(bound, heights)
-    moment = moments[above - 1] if above else 0.0
+    instant = instants[above - 1] if above else 0.0
     weight = weights[above - 1] if above else 0.0
     for k in range(own.size):
         if own[k] <= bound:
-            moment += areas[k] * own[k]
+            instant += areas[k] * own[k]
             weight += areas[k]
-    return float(moment / weight)
+    return float(instant / weight)
 
 
 @part
@@ -174,7 +174,7 @@ def _may_exceed(
     bound: float,
     heights: Floats,
     weights: Floats,
-    moments: Floats,
+    instants: Floats,
     own: Floats,
     areas: Floats,
     room: Floats,
@@ -183,7 +183,7 @@ def _may_exceed(
     above = _count_above(bound, heights)
     gain = 0.0
     if above:
-        gain = add_up(moments[above - 1], -mul_down(bound, weights[above - 1]))
+        gain = add_up(instants[above - 1], -mul_down(bound, weights[above - 1]))
     for k in range(own.size):
         below = sub_down(bound, own[k])
         room[k] = mul_down(areas[k], below) if below > 0.0 else 0.0

@@ -69,7 +69,7 @@ class ContactStream:
             lo: Lower bounds of the pressures in Pa, shape ``(samples, n)``; ``-inf`` or NaN where
                 unknown.
             hi: Upper bounds in Pa; ``inf`` or NaN where unknown.
-            times: Enclosure of each sample's moment, shape ``(samples, 2)``, whole ns (UTC): its
+            times: Enclosure of each sample's instant, shape ``(samples, 2)``, whole ns (UTC): its
                 earliest and its latest.
 
         Returns:
@@ -81,25 +81,25 @@ class ContactStream:
             IntervalError: Bounds are no intervals, or shapes do not fit. The stream stays as it
                 was.
         """
-        moments = require_times(times, self._time)
-        lows, highs = pressures_of(lo, hi, (len(moments), len(self._skin)))
+        enclosures = require_times(times, self._time)
+        lows, highs = pressures_of(lo, hi, (len(enclosures), len(self._skin)))
         steps = [
-            self._step(low, high, moment)
-            for low, high, moment in zip(lows, highs, moments, strict=True)
+            self._step(low, high, instant)
+            for low, high, instant in zip(lows, highs, enclosures, strict=True)
         ]
         ended, cores, instants = zip(*steps, strict=True) if steps else ((), (), ())
         return _collected(self._skin, ended, cores, instants)
 
-    def follow(self, lo: Floats, hi: Floats, moment: tuple[int, int]) -> Contacts:
+    def follow(self, lo: Floats, hi: Floats, instant: tuple[int, int]) -> Contacts:
         """Take one sample, checked as `feed` does, where only its contacts and labels are needed.
 
         Args:
             lo: Lower bounds of the pressures in Pa, shape ``(n,)``.
             hi: Upper bounds in Pa.
-            moment: Enclosure of its moment, ns.
+            instant: Enclosure of its instant, ns.
         """
         found = search(lo, hi, self._skin, self._threshold)
-        self._take(found, moment)
+        self._take(found, instant)
         return found
 
     def finish(self) -> ContactTracks:
@@ -121,37 +121,37 @@ class ContactStream:
         self._possible_since = self._certain_since = _NO_INDICES
 
     def _step(
-        self, lo: Floats, hi: Floats, moment: tuple[int, int]
+        self, lo: Floats, hi: Floats, instant: tuple[int, int]
     ) -> tuple[list[_Row], NDArray[np.void], tuple[Any, ...]]:
         """Take one sample; gives rows of tracks, of cores, and one of instants."""
         found = search(lo, hi, self._skin, self._threshold)
-        ended = self._take(found, moment)
+        ended = self._take(found, instant)
         core_rows = np.empty(len(found), _sample_type(self._skin))
         core_rows["sample"] = self._sample - 1
         core_rows["track"] = [track.id for track in self._holders]
         for name in found.table.dtype.names or ():
             core_rows[name] = found.table[name]
         regions = found.regions
-        instant = (
+        row = (
             self._sample - 1, len(found), len(regions.possible), *regions.total,
             bool(regions.table["exact"].all()),
         )  # fmt: skip
-        return ended, core_rows, instant
+        return ended, core_rows, row
 
-    def _take(self, found: Contacts, moment: tuple[int, int]) -> list[_Row]:
+    def _take(self, found: Contacts, instant: tuple[int, int]) -> list[_Row]:
         """Go on to the contacts of the next sample; gives the rows of tracks that ended."""
         links = None if self._found is None else link_contacts(self._found, found)
-        self._bound_begins(found, links, moment)
-        ended = self._hand_on(found, links, moment)
-        self._found, self._time = found, moment
+        self._bound_begins(found, links, instant)
+        ended = self._hand_on(found, links, instant)
+        self._found, self._time = found, instant
         self._sample += 1
         return ended
 
-    def _bound_begins(self, found: Contacts, links: Links | None, moment: tuple[int, int]) -> None:
+    def _bound_begins(self, found: Contacts, links: Links | None, instant: tuple[int, int]) -> None:
         """Earliest begin of any contact in each region, and latest of the contact of each core."""
         earliest = BEFORE_ALL if links is None else self._time[0]
         possible = np.full(len(found.regions), earliest)
-        certain = np.full(len(found), moment[1])
+        certain = np.full(len(found), instant[1])
         if links is not None:
             for since, before, pairs in (
                 (possible, self._possible_since, links.regions),
@@ -160,7 +160,9 @@ class ContactStream:
                 np.minimum.at(since, pairs[:, 1], before[pairs[:, 0]])
         self._possible_since, self._certain_since = possible, certain
 
-    def _hand_on(self, found: Contacts, links: Links | None, moment: tuple[int, int]) -> list[_Row]:
+    def _hand_on(
+        self, found: Contacts, links: Links | None, instant: tuple[int, int]
+    ) -> list[_Row]:
         """Give each core a track; gives the rows of tracks that ended."""
         holders: list[_Track | None] = [None] * len(found)
         waiting = self._waiting
@@ -169,8 +171,8 @@ class ContactStream:
             kept = set(holders)
             lost = [track for track in self._holders if track not in kept]
             waiting = sorted([*waiting, *lost], key=lambda track: track.id)
-            _advance(waiting, links, moment[0])
-        ended = [track.row(moment[1]) for track in waiting if not track.regions]
+            _advance(waiting, links, instant[0])
+        ended = [track.row(instant[1]) for track in waiting if not track.regions]
         waiting = [track for track in waiting if track.regions]
         places = _mean_places(found, self._skin)
         region_of_core = found.table["region"].tolist()
@@ -179,7 +181,7 @@ class ContactStream:
             track = holders[core]
             if track is None:
                 track = holders[core] = self._new_track(core, region)
-            track.hold(core, region, self._sample, moment[0], places[core])
+            track.hold(core, region, self._sample, instant[0], places[core])
         self._holders = [track for track in holders if track is not None]
         held = set(self._holders)
         self._waiting = [track for track in waiting if track not in held]
@@ -225,7 +227,7 @@ def track_contacts(
         lo: Lower bounds of the pressures in Pa, shape ``(samples, n)``; ``-inf`` or NaN where
             unknown.
         hi: Upper bounds in Pa; ``inf`` or NaN where unknown.
-        times: Enclosure of each sample's moment, shape ``(samples, 2)``, whole ns (UTC): its
+        times: Enclosure of each sample's instant, shape ``(samples, 2)``, whole ns (UTC): its
             earliest and its latest.
         skin: The n taxels.
         threshold: Pressure in Pa above which a taxel is pressed, positive and finite.
@@ -257,7 +259,7 @@ class _Track:
         first: First sample at which it has a core.
         last: Last sample at which it has a core.
         verdict: Whether all instants are of one chain.
-        certain: Earliest moment of the last instant at which its contact is certain.
+        certain: Earliest time of the last instant at which its contact is certain.
         cores: Cores that its contact certainly goes on in.
         regions: Regions that its contact may go on in.
         place: Mean position of its last core's taxels.
@@ -348,7 +350,7 @@ def _mean_places(found: Contacts, skin: Skin) -> Floats:
 
 
 def require_times(times: ArrayLike, before: tuple[int, int]) -> list[tuple[int, int]]:
-    """Moments of samples, of which each bound is at least that of the sample before.
+    """Instants of samples, of which each bound is at least that of the sample before.
 
     Raises:
         ContactError: They are not.
@@ -356,23 +358,23 @@ def require_times(times: ArrayLike, before: tuple[int, int]) -> list[tuple[int, 
     array = np.asarray(times)
     if array.ndim != 2 or array.shape[1] != 2:
         raise ContactError(
-            f"times have shape {array.shape}; give the earliest and the latest moment of each "
+            f"times have shape {array.shape}; give the earliest and the latest instant of each "
             "sample, shape (samples, 2)"
         )
     if array.size and (array.dtype.kind not in "iu" or int(array.max()) > AFTER_ALL):
         raise ContactError(f"times have dtype {array.dtype}; give whole ns as int64")
-    moments = [(earliest, latest) for earliest, latest in array.tolist()]
-    for sample, (moment, last) in enumerate(zip(moments, [before, *moments], strict=False)):
-        if moment[0] > moment[1]:
+    enclosures = [(earliest, latest) for earliest, latest in array.tolist()]
+    for sample, (instant, last) in enumerate(zip(enclosures, [before, *enclosures], strict=False)):
+        if instant[0] > instant[1]:
             raise ContactError(
-                f"times of sample {sample} are reversed: {moment}; give the earliest first"
+                f"times of sample {sample} are reversed: {instant}; give the earliest first"
             )
-        if moment[0] < last[0] or moment[1] < last[1]:
+        if instant[0] < last[0] or instant[1] < last[1]:
             raise ContactError(
-                f"times of sample {sample} run backwards: {moment} after {last}; give samples in "
+                f"times of sample {sample} run backwards: {instant} after {last}; give samples in "
                 "order, each bound at least that of the sample before"
             )
-    return moments
+    return enclosures
 
 
 def _sample_type(skin: Skin) -> np.dtype[np.void]:

@@ -19,7 +19,7 @@ of touches (`Templates` has the constants):
 
 Of intervals it is known which taxels are certainly, and which are possibly pressed. A component
 over time of the former lies in one touch, and each touch lies in a component of the latter, which
-is its *bundle*. So moments, places, distances and angles of a touch are enclosed by what lies
+is its *bundle*. So instants, places, distances and angles of a touch are enclosed by what lies
 between, and templates are evaluated with three values.
 
 `find_gestures` answers for a record, and `GestureStream` for samples that arrive in pieces.

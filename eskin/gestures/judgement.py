@@ -37,7 +37,7 @@ class Judged:
     Attributes:
         touch: The touch.
         bundle: Its bundle.
-        begin: Earliest and latest moment of its first sample.
+        begin: Earliest and latest instant of its first sample.
         end: The same of its last one.
         start: Box of its first centroid.
         stop: Box of its last one.
@@ -315,14 +315,14 @@ def _at_least(span: Span, limit: int) -> Verdict:
 
 
 def _latest(one: Span, two: Span) -> Span:
-    """Of the later of two moments."""
+    """Of the later of two instants."""
     low = [bound for bound in (one[0], two[0]) if bound is not None]
     high = [bound for bound in (one[1], two[1]) if bound is not None]
     return max(low, default=None), max(high) if len(high) == 2 else None
 
 
 def _earliest(one: Span, two: Span) -> Span:
-    """Of the earlier of two moments."""
+    """Of the earlier of two instants."""
     low = [bound for bound in (one[0], two[0]) if bound is not None]
     high = [bound for bound in (one[1], two[1]) if bound is not None]
     return min(low) if len(low) == 2 else None, min(high, default=None)

@@ -66,7 +66,7 @@ class GestureStream:
         self._owners = np.repeat(np.arange(len(skin)), np.diff(skin.starts))
         self._sample = 0
         self._quiet = True
-        self._moment = (BEFORE_ALL, BEFORE_ALL)
+        self._instant = (BEFORE_ALL, BEFORE_ALL)
         self._rest()
 
     def feed(self, lo: ArrayLike, hi: ArrayLike, times: ArrayLike) -> Gestures:
@@ -78,7 +78,7 @@ class GestureStream:
             lo: Lower bounds of the pressures in Pa, shape ``(samples, n)``; ``-inf`` or NaN where
                 unknown.
             hi: Upper bounds in Pa; ``inf`` or NaN where unknown.
-            times: Enclosure of each sample's moment, shape ``(samples, 2)``, whole ns (UTC): its
+            times: Enclosure of each sample's instant, shape ``(samples, 2)``, whole ns (UTC): its
                 earliest and its latest.
 
         Returns:
@@ -88,16 +88,16 @@ class GestureStream:
             ContactError: Times are no enclosures, or run backwards.
             IntervalError: Bounds are no intervals, or shapes do not fit.
         """
-        moments = require_times(times, self._moment)
-        lows, highs = pressures_of(lo, hi, (len(moments), len(self._skin)))
+        instants = require_times(times, self._instant)
+        lows, highs = pressures_of(lo, hi, (len(instants), len(self._skin)))
         rest: list[bool] = np.all(highs <= self._threshold, axis=1).tolist()  # NaN is no rest
         found: list[Gesture] = []
-        for k, moment in enumerate(moments):
+        for k, instant in enumerate(instants):
             if not (rest[k] and self._quiet):
-                found += self._step(self._contacts.follow(lows[k], highs[k], moment), moment)
+                found += self._step(self._contacts.follow(lows[k], highs[k], instant), instant)
                 self._quiet = rest[k]
             self._sample += 1
-            self._moment = moment
+            self._instant = instant
         return Gestures(found)
 
     def finish(self) -> Gestures:
@@ -129,7 +129,7 @@ class GestureStream:
         self._kept: list[Judged] = []
         self._pending: Flags | None = None
 
-    def _step(self, contacts: Contacts, moment: tuple[int, int]) -> list[Gesture]:
+    def _step(self, contacts: Contacts, instant: tuple[int, int]) -> list[Gesture]:
         """Take one sample, of which the contacts are known."""
         certain = contacts.core_of >= 0
         found = self._settle_strays(certain)
@@ -138,14 +138,14 @@ class GestureStream:
             before,
             shared(self._regions, contacts.region_of),
             len(contacts.regions),
-            lambda _: self._bundle(self._sample, moment),
+            lambda _: self._bundle(self._sample, instant),
         )
         if self._sample == self._begun:
             self._bundles = _join(self._bundles)
         alive = _alive(self._bundles)
-        self._follow_touches(contacts, moment)
+        self._follow_touches(contacts, instant)
         if alive:
-            self._measure(contacts, alive, moment[1])
+            self._measure(contacts, alive, instant[1])
         found += self._close([each for each in _alive(before) if each not in alive])
         if alive:
             self._pending = (contacts.region_of >= 0) & ~self._beside(certain) & (self._cores < 0)
@@ -153,25 +153,25 @@ class GestureStream:
             found += self._close_strays(_alive(self._strays))
             self._strays, self._free = [], contacts.region_of
         self._regions, self._cores = contacts.region_of, contacts.core_of
-        self._drop(moment[0])
+        self._drop(instant[0])
         return found + self._give_up(alive)
 
-    def _bundle(self, sample: int, moment: tuple[int, int]) -> Bundle:
-        return Bundle(sample, sample, *moment, open_begin=sample == self._begun)
+    def _bundle(self, sample: int, instant: tuple[int, int]) -> Bundle:
+        return Bundle(sample, sample, *instant, open_begin=sample == self._begun)
 
-    def _follow_touches(self, contacts: Contacts, moment: tuple[int, int]) -> None:
+    def _follow_touches(self, contacts: Contacts, instant: tuple[int, int]) -> None:
         labels, regions = self._contacts.labels, contacts.table["region"].tolist()
 
         def begin(core: int) -> Touch:
             bundle = self._bundles[regions[core]]
-            touch = Touch(self._sample, self._sample, moment[1], moment[0], labels[core], bundle)
+            touch = Touch(self._sample, self._sample, instant[1], instant[0], labels[core], bundle)
             bundle.touches.append(touch)
             return touch
 
         pairs = shared(self._cores, contacts.core_of)
         self._touches = follow(self._touches, pairs, len(contacts), begin)
         for touch, label in zip(self._touches, labels, strict=True):
-            touch.last, touch.end = self._sample, moment[0]
+            touch.last, touch.end = self._sample, instant[0]
             touch.contact = min(touch.contact, label)
 
     def _measure(self, contacts: Contacts, alive: Sequence[Bundle], latest: int) -> None:
@@ -251,7 +251,7 @@ class GestureStream:
             before,
             shared(self._free, labels),
             count,
-            lambda _: self._bundle(sample, self._moment),
+            lambda _: self._bundle(sample, self._instant),
         )
         if sample == self._begun:
             self._strays = _join(self._strays)
@@ -259,7 +259,7 @@ class GestureStream:
         if alive:
             boxes = boxes_of(_relabelled(labels, self._strays, alive), len(alive), self._skin)
             for stray, box in zip(alive, boxes, strict=True):
-                stray.reach(sample, self._moment[1], box)
+                stray.reach(sample, self._instant[1], box)
         self._free = labels
         return self._close_strays([each for each in _alive(before) if each not in alive])
 
@@ -281,7 +281,7 @@ def find_gestures(
         lo: Lower bounds of the pressures in Pa, shape ``(samples, n)``; ``-inf`` or NaN where
             unknown.
         hi: Upper bounds in Pa; ``inf`` or NaN where unknown.
-        times: Enclosure of each sample's moment, shape ``(samples, 2)``, whole ns (UTC): its
+        times: Enclosure of each sample's instant, shape ``(samples, 2)``, whole ns (UTC): its
             earliest and its latest.
         skin: The n taxels.
         threshold: Pressure in Pa above which a taxel is pressed, positive and finite.

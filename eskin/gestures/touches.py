@@ -31,8 +31,8 @@ class Bundle:
     Attributes:
         first: Its first sample.
         last: Its last one.
-        begin: Earliest moment of the first, ns.
-        end: Latest moment of the last.
+        begin: Earliest instant of the first, ns.
+        end: Latest instant of the last.
         open_begin: Whether it may have begun before the record.
         open_end: Whether it may end after the record.
         places: For each block of ``2**shift`` samples a box, shape ``(2, d)``, that holds its
@@ -117,8 +117,8 @@ class Touch:
     Attributes:
         first: Their first sample.
         last: Their last one.
-        begin: Latest moment of the first, ns.
-        end: Earliest moment of the last.
+        begin: Latest instant of the first, ns.
+        end: Earliest instant of the last.
         contact: Lowest label of their contacts.
         bundle: The bundle around.
         places: For each block of samples a box that holds the true touch's centroids; where there

@@ -1,7 +1,7 @@
 """Set-membership identification: what a taxel's own history says of its parameters.
 
 Each sample that certainly holds is a *constraint*: an interval in which a positive parameter lay at
-the sample's moment. The parameter drifts, within stated bounds of its rate ``d ln p/dt``; so a
+the sample's instant. The parameter drifts, within stated bounds of its rate ``d ln p/dt``; so a
 constraint of some age is widened by what the parameter may have drifted since. The widened ones are
 intersected, all but some *outliers*: the q-relaxed intersection of N intervals holds each point
 that lies in N - q of them at least. So it encloses the parameter as long as no more than q are

@@ -48,7 +48,7 @@ class SetMembershipEstimator:
     def __init__(self, drift: Bounds, *, outliers: int, memory: int = _WEEK) -> None:
         self._rates = _rates_of(drift)
         self._outliers, self._memory = _require_sizes(outliers, memory)
-        self._moments = np.empty((2, memory), np.int64)
+        self._instants = np.empty((2, memory), np.int64)
         self._bounds = np.empty((2, memory))
         self._count = 0
         self._last = -_LONGEST
@@ -61,43 +61,43 @@ class SetMembershipEstimator:
         """Take a constraint.
 
         Args:
-            earliest: Earliest moment at which it holds, in ns.
+            earliest: Earliest instant at which it holds, in ns.
             latest: Latest one.
             constraint: Bounds of the parameter, one interval; what says nothing (no lower bound
                 above 0 and no upper one) is left out.
 
         Raises:
-            IdentificationError: Moments are reversed, or the latest one runs backwards, or the
+            IdentificationError: Instants are reversed, or the latest one runs backwards, or the
                 constraint has no positive member. The estimator stays as it was.
         """
         if constraint.ndim != 0:
             raise IdentificationError(f"a constraint is one interval, not {constraint.shape}")
-        moments, bounds = _constraints_of([earliest], [latest], constraint.reshape(1))
-        if moments[1, 0] < self._last:
+        instants, bounds = _constraints_of([earliest], [latest], constraint.reshape(1))
+        if instants[1, 0] < self._last:
             raise IdentificationError(
-                f"latest moment {latest} lies before the one before, {self._last}; "
+                f"latest instant {latest} lies before the one before, {self._last}; "
                 "push constraints in order"
             )
-        self._last = int(moments[1, 0])
+        self._last = int(instants[1, 0])
         minute = self._last // _MINUTE
         if np.any(np.isfinite(bounds)) and minute != self._minute:
             place = self._count % self._memory
-            self._moments[:, place], self._bounds[:, place] = moments[:, 0], bounds[:, 0]
+            self._instants[:, place], self._bounds[:, place] = instants[:, 0], bounds[:, 0]
             self._count, self._minute = self._count + 1, minute
 
     def at(self, time: int) -> Interval:
-        """The parameter at a time in ns, not before a moment of what was pushed.
+        """The parameter at a time in ns, not before an instant of what was pushed.
 
         Returns:
             Within ``[0, inf]``; empty where no value lies in all constraints but ``outliers``: then
             more of them are wrong, or the parameter drifts faster.
 
         Raises:
-            IdentificationError: The time lies before the latest moment that was pushed.
+            IdentificationError: The time lies before the latest instant that was pushed.
         """
         n = len(self)
         return _enclosures(
-            self._moments[:, :n],
+            self._instants[:, :n],
             self._bounds[:, :n],
             np.array([n]),
             _times_of([time], self._last),
@@ -120,11 +120,11 @@ def estimate(
     """Enclose a parameter over a whole record: what `SetMembershipEstimator` gives at some times.
 
     Args:
-        earliest: Earliest moment of each of n constraints, in ns.
-        latest: Its latest moment, ascending.
+        earliest: Earliest instant of each of n constraints, in ns.
+        latest: Its latest instant, ascending.
         constraints: Bounds of the parameter, (n,).
         times: When the parameter is asked for, in ns, ascending, (m,); constraints count whose
-            latest moment is not later.
+            latest instant is not later.
         drift: Bounds of the rate ``d ln p/dt`` in 1/s, for all time.
         outliers: q: so many of the constraints that count may be wrong.
         memory: How many constraints count, the last ones.
@@ -136,19 +136,19 @@ def estimate(
         IdentificationError: As `SetMembershipEstimator` has it; or times do not ascend.
     """
     rates, sizes = _rates_of(drift), _require_sizes(outliers, memory)
-    moments, bounds = _constraints_of(earliest, latest, constraints)
+    instants, bounds = _constraints_of(earliest, latest, constraints)
     asked = _times_of(times, -_LONGEST)
-    if np.any(np.diff(moments[1]) < 0) or np.any(np.diff(asked) < 0):
-        raise IdentificationError("latest moments and times must ascend")
+    if np.any(np.diff(instants[1]) < 0) or np.any(np.diff(asked) < 0):
+        raise IdentificationError("latest instants and times must ascend")
     kept = np.flatnonzero(np.any(np.isfinite(bounds), axis=0))
-    kept = kept[np.unique(moments[1, kept] // _MINUTE, return_index=True)[1]]
-    counts = np.searchsorted(moments[1, kept], asked, "right")
-    return _enclosures(moments[:, kept], bounds[:, kept], counts, asked, rates, *sizes)
+    kept = kept[np.unique(instants[1, kept] // _MINUTE, return_index=True)[1]]
+    counts = np.searchsorted(instants[1, kept], asked, "right")
+    return _enclosures(instants[:, kept], bounds[:, kept], counts, asked, rates, *sizes)
 
 
 @rounding_to_nearest
 def _enclosures(
-    moments: Integers,
+    instants: Integers,
     bounds: Floats,
     counts: Integers,
     times: Integers,
@@ -158,7 +158,7 @@ def _enclosures(
 ) -> Interval:
     out = np.empty((2, times.size))
     find_drifted_hulls(
-        np.ascontiguousarray(moments),
+        np.ascontiguousarray(instants),
         np.ascontiguousarray(bounds),
         counts.astype(np.int64),
         times,
@@ -199,15 +199,15 @@ def _times_of(times: ArrayLike, least: int) -> Integers:
 def _constraints_of(
     earliest: ArrayLike, latest: ArrayLike, constraints: Interval
 ) -> tuple[Integers, Floats]:
-    """Moments, and bounds of the logarithm, both (2, n)."""
+    """Instants, and bounds of the logarithm, both (2, n)."""
     begin, end = (_times_of(each, -_LONGEST) for each in (earliest, latest))
     if begin.shape != end.shape or constraints.shape != end.shape:
         raise IdentificationError(
-            f"moments and constraints differ in number: {begin.shape}, {end.shape}, "
+            f"instants and constraints differ in number: {begin.shape}, {end.shape}, "
             f"{constraints.shape}"
         )
     if np.any(begin > end):
-        raise IdentificationError("moments are reversed; give the earliest first")
+        raise IdentificationError("instants are reversed; give the earliest first")
     if np.any(constraints.is_empty) or np.any(constraints.sup <= 0.0):
         raise IdentificationError("a constraint has no positive member; a parameter is positive")
     positive = Interval(np.maximum(constraints.inf, 0.0), constraints.sup).log()

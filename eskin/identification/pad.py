@@ -38,7 +38,7 @@ def rest_capacitance(
         residual: Greatest r at rest.
 
     Returns:
-        C0 in F at the samples' moments, within ``[0, inf]``, of the broadcast shape.
+        C0 in F at the samples' instants, within ``[0, inf]``, of the broadcast shape.
 
     Raises:
         IdentificationError: ``residual`` is negative, or the permittivity may not be positive.
@@ -70,7 +70,7 @@ def stiffness(
         residual: Greatest r.
 
     Returns:
-        E in Pa at the samples' moments, within ``[0, inf]``, of the broadcast shape. A sample
+        E in Pa at the samples' instants, within ``[0, inf]``, of the broadcast shape. A sample
         without a load says nothing, and neither does one that shows no strain.
 
     Raises:

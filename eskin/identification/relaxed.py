@@ -84,7 +84,7 @@ def _drift_down(rate: float, least: int, most: int) -> float:
 
 @kernel
 def find_drifted_hulls(
-    moments: Integers,
+    instants: Integers,
     bounds: Floats,
     counts: Integers,
     times: Integers,
@@ -93,13 +93,13 @@ def find_drifted_hulls(
     rates: Floats,
     out: Floats,
 ) -> None:
-    """Hulls of the latest constraints at some times, each widened by the drift since its moment.
+    """Hulls of the latest constraints at some times, each widened by the drift since its instant.
 
     Args:
-        moments: Earliest and latest moment of each constraint in ns, (2, n).
+        instants: Earliest and latest instant of each constraint in ns, (2, n).
         bounds: Of the logarithm, (2, n).
         counts: How many constraints count at each time, the first ones.
-        times: In ns, none before a moment of what counts.
+        times: In ns, none before an instant of what counts.
         memory: How many of these are taken at most, the last ones.
         outliers: How many may be wrong.
         rates: Least and greatest rate of the logarithm, a ns.
@@ -110,8 +110,8 @@ def find_drifted_hulls(
         first = max(counts[k] - memory, 0)
         size = counts[k] - first
         for j in range(size):
-            younger = times[k] - moments[1, first + j]
-            older = times[k] - moments[0, first + j]
+            younger = times[k] - instants[1, first + j]
+            older = times[k] - instants[0, first + j]
             lows[j] = add_down(bounds[0, first + j], _drift_down(rates[0], younger, older))
             highs[j] = add_up(bounds[1, first + j], -_drift_down(-rates[1], younger, older))
         out[0, k], out[1, k] = hull(lows[:size], highs[:size], outliers)

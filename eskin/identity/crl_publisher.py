@@ -130,8 +130,8 @@ class RevocationLists:
         return standing
 
 
-def _second(moment: datetime) -> int:
-    return int(moment.timestamp())
+def _second(instant: datetime) -> int:
+    return int(instant.timestamp())
 
 
 def _entry(entry: Issued) -> x509.RevokedCertificate:

@@ -43,13 +43,13 @@ class Issued:
     key: str = ""
     site: str = ""
 
-    def revoke(self, moment: str) -> Issued:
+    def revoke(self, instant: str) -> Issued:
         """The line that revokes it.
 
         Args:
-            moment: RFC 3339.
+            instant: RFC 3339.
         """
-        return replace(self, revoked=moment)
+        return replace(self, revoked=instant)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +59,11 @@ class Revocation:
     Attributes:
         line: The revoking line's number in the ledger, from 1: what was noted when the ledger had
             fewer lines was before, whatever the clock says.
-        moment: What the clock said.
+        instant: What the clock said.
     """
 
     line: int
-    moment: datetime
+    instant: datetime
 
 
 class IssuanceLog:

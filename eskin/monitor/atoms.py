@@ -72,20 +72,20 @@ class Candidates:
         return self.where((self.kind != KNOWN) & ~self.certain & self.possible)
 
     def changes(self, atom: Atom, held: Mapping[str, HeldSamples]) -> tuple[Ticks, Ticks]:
-        """The first and the last tick at which its truth may change, for each moment that may do.
+        """The first and the last tick at which its truth may change, for each instant that may do.
 
-        Of one channel, a moment between two samples that decide it alike changes nothing.
+        Of one channel, an instant between two samples that decide it alike changes nothing.
         """
         variables = sorted(atom.variables)
         if len(variables) > 1:
-            parts = [_moments(_delayed(held[name], delay)) for name, delay in variables]
+            parts = [_instants(_delayed(held[name], delay)) for name, delay in variables]
             earliest, latest = (np.concatenate(each) for each in zip(*parts, strict=True))
             return np.sort(earliest), np.sort(latest)
         known = np.flatnonzero(self.kind == KNOWN)
         before, after = known[:-1], known[1:]
         certain, possible = self.certain, self.possible
         alike = (certain[before] & certain[after]) | ~(possible[before] | possible[after])
-        earliest, latest = _moments(self, known)
+        earliest, latest = _instants(self, known)
         return earliest[~alike], latest[~alike]
 
 
@@ -145,7 +145,7 @@ def _difference(atom: Atom, units: Mapping[str, str]) -> Linear | None:
     return found if atom.comparison.upward else found.times(Fraction(-1), found.unit)
 
 
-def _moments(
+def _instants(
     held: HeldSamples | Candidates, chosen: NDArray[np.intp] | slice = slice(None)
 ) -> tuple[Ticks, Ticks]:
     """The ticks at which each sample but the first may begin to hold."""

@@ -63,7 +63,7 @@ class Horizon(NamedTuple):
 class Exactness:
     """Whether *possible* always means that both answers are possible; true if so.
 
-    It holds where moments are exact, too. Otherwise verdicts are sound, and some that could be
+    It holds where instants are exact, too. Otherwise verdicts are sound, and some that could be
     certain or impossible are possible.
 
     Attributes:
@@ -479,7 +479,7 @@ def _converted(given: Quantity, unit: Unit, node: Node) -> Quantity:
 
 
 def is_exact(formula: Formula, units: Mapping[str, str] | None = None) -> Exactness:
-    """Whether the three verdicts of a formula are exact, where moments are.
+    """Whether the three verdicts of a formula are exact, where instants are.
 
     They are if each expression is exact in floats, and each channel occurs in one direction only:
     then one choice of all values makes every comparison true at once that can be true.

@@ -100,7 +100,7 @@ class Evaluation:
         """Where it fails not, and where it holds, for some choice that a cause leaves open.
 
         Args:
-            cause: 0 for the widths of intervals, 1 for moments, too, 2 for gaps, too.
+            cause: 0 for the widths of intervals, 1 for instants, too, 2 for gaps, too.
         """
         return self._walk(self.formula, _EXPLAINED[cause])
 
@@ -260,7 +260,7 @@ def _by_width(atom: Candidates) -> Pair:
     return atom.where(~known | atom.certain), ~atom.where(~(known & atom.possible))
 
 
-def _by_moment(atom: Candidates) -> Pair:
+def _by_instant(atom: Candidates) -> Pair:
     """Some candidate is a sample that leaves it open, or several that differ."""
     known = _decided(atom)
     return ~atom.where(known & ~atom.certain), atom.where(known & atom.possible)
@@ -276,7 +276,7 @@ def _decided(atom: Candidates) -> NDArray[np.bool_]:
     return np.asarray((atom.kind == KNOWN) | atom.certain | ~atom.possible)
 
 
-_EXPLAINED = (_by_width, _by_moment, _by_gap)
+_EXPLAINED = (_by_width, _by_instant, _by_gap)
 
 
 def _combined(node: Formula, parts: list[Pair]) -> Pair:  # noqa: C901, PLR0911, PLR0912 - a line a kind

@@ -18,7 +18,7 @@ from eskin.monitor.prediction import deviation
 from eskin.monitor.program import instructions, threshold
 from eskin.monitor.runs import END
 from eskin.monitor.shared import SharedError
-from eskin.monitor.signal import MAX_MOMENT, Signal, held_samples
+from eskin.monitor.signal import MAX_INSTANT, Signal, held_samples
 from eskin.monitor.verdicts import Piece, Verdicts, piece
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Monitor:
     """A formula over channels whose samples arrive.
 
     Push samples, one by one or a stretch at once, and now and then `take` what is decided for good.
-    `verdicts` is the view at this moment, also of what is still open. Samples that no open verdict
+    `verdicts` is the view at this instant, also of what is still open. Samples that no open verdict
     needs are dropped.
 
     Args:
@@ -115,7 +115,7 @@ class Monitor:
         period: int,
         epoch: int = 1,
     ) -> None:
-        """Add the next sample of a channel, with its moment's enclosure in ns.
+        """Add the next sample of a channel, with its instant's enclosure in ns.
 
         A sample that is unbounded on both sides is a missing one: the sample before it is held for
         one period.
@@ -178,13 +178,13 @@ class Monitor:
         epoch: ArrayLike,
     ) -> None:
         at = self._place[channel]
-        moments = np.asarray(earliest), np.asarray(latest)
+        instants = np.asarray(earliest), np.asarray(latest)
         bounds = np.asarray(lo, np.float64), np.asarray(hi, np.float64)
         periods = np.asarray(period, np.int64).reshape(-1)
         gaps = _NO_GAPS if gap is None else np.asarray(gap, bool)
         epochs = np.asarray(epoch, np.int64).reshape(-1)
-        count = moments[0].size
-        _require_columns(channel, count, (*moments, *bounds), (periods, gaps, epochs))
+        count = instants[0].size
+        _require_columns(channel, count, (*instants, *bounds), (periods, gaps, epochs))
         begin, end, _ = self._spans[at].tolist()
         needed = end - begin + count
         if needed > self._capacity:
@@ -197,14 +197,14 @@ class Monitor:
             self._columns = self._columns.grown(needed)
         program, columns = self._program, self._columns
         added, wrong = accept(
-            *moments, *bounds, periods, gaps, epochs, columns.times, columns.bounds, columns.gap,
+            *instants, *bounds, periods, gaps, epochs, columns.times, columns.bounds, columns.gap,
             columns.codes, program.sides, program.thresholds, self._spans, at,
         )  # fmt: skip
         self._view = None
         for atom in program.coded[at]:
             self._code(atom, channel, at, added)
         if wrong >= 0:
-            sample = tuple(each[wrong].item() for each in (*moments, *bounds))
+            sample = tuple(each[wrong].item() for each in (*instants, *bounds))
             raise MonitorError(
                 f"a sample of {channel} in [{sample[0]}, {sample[1]}] ns with [{sample[2]}, "
                 f"{sample[3]}] is reversed, or not after the last one, or has NaN; correct it",
@@ -248,8 +248,8 @@ class Monitor:
 
     def _wait(self, at: int, until: int | None) -> None:
         if until is not None:
-            if abs(until) > MAX_MOMENT:
-                raise MonitorError(f"until must be a moment in ns, not {until}", value=until)
+            if abs(until) > MAX_INSTANT:
+                raise MonitorError(f"until must be an instant in ns, not {until}", value=until)
             self._spans[at, 2] = max(self._spans[at, 2], until)
         self._view = None
 
@@ -473,7 +473,7 @@ def _require_columns(
         raise MonitorError(f"the columns of {channel} have different lengths; give all alike")
     if columns[0].dtype != np.int64 or columns[1].dtype != np.int64:
         raise MonitorError(
-            f"moments of {channel} must be whole ns, int64; round outward", value=columns[0]
+            f"instants of {channel} must be whole ns, int64; round outward", value=columns[0]
         )
 
 

@@ -17,7 +17,7 @@ from eskin.kernels.jit import kernel, part
 from eskin.monitor.formula import MAX_BOUND
 from eskin.monitor.program import Op
 from eskin.monitor.runs import END
-from eskin.monitor.signal import MAX_MOMENT
+from eskin.monitor.signal import MAX_INSTANT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -131,7 +131,7 @@ def accept(  # noqa: C901, PLR0913, PLR0917 - the columns of samples, twice
         after = times[0, channel, end - 1] if end > begin else _FIRST
         first = max(earliest[k], after, until)
         period = periods[k if periods.size > 1 else 0]
-        in_order = -MAX_MOMENT <= first <= latest[k] <= MAX_MOMENT and after < latest[k]
+        in_order = -MAX_INSTANT <= first <= latest[k] <= MAX_INSTANT and after < latest[k]
         if not (in_order and low <= high and 0 < period <= MAX_BOUND):
             wrong = k
             break

@@ -397,7 +397,7 @@ class _Parser:
         origin = 0
         if self._is(","):
             self._take()
-            origin = self._moment()
+            origin = self._instant()
         self._expect(")")
         try:
             prediction = Prediction(quantity.text, tuple(parameters), origin)
@@ -438,7 +438,7 @@ class _Parser:
         self._take()
         return sign * _number(token), token.unit
 
-    def _moment(self) -> int:
+    def _instant(self) -> int:
         """The model's time 0: RFC 3339 in quotes, or ns since 1970."""
         token = self._peek()
         if token.kind == "quoted":

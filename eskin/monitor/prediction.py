@@ -133,13 +133,13 @@ class Prediction:
         values = found if self.model.part is None else getattr(found, self.model.part)
         return np.broadcast_to(values.inf, size), np.broadcast_to(values.sup, size)
 
-    def _seconds(self, moments: NDArray[np.int64], side: float) -> Floats:
+    def _seconds(self, instants: NDArray[np.int64], side: float) -> Floats:
         """Times in s, rounded outward; the sum and the division round once each.
 
         Differences may need 65 bits, so each half is subtracted separately.
         """
-        high = (moments >> _HALF) - (self.origin >> _HALF)
-        low = (moments & _LOWER) - (self.origin & _LOWER)
+        high = (instants >> _HALF) - (self.origin >> _HALF)
+        low = (instants & _LOWER) - (self.origin & _LOWER)
         found = (high * 2.0**_HALF + low) / _SECOND
         return np.where(found == 0.0, 0.0, np.nextafter(np.nextafter(found, side), side))
 
@@ -160,7 +160,7 @@ def _converted(parameter: PredictionParameter, unit: str) -> Interval:
 def deviation(signal: Signal, prediction: Prediction, span: Ticks | int = 0) -> Signal:
     """By how much each sample lies outside of what is predicted; negative where it lies inside.
 
-    What is predicted for a sample encloses the quantity at all moments at which it may have been
+    What is predicted for a sample encloses the quantity at all instants at which it may have been
     taken. The deviation is ``max(p - x, x - q)`` of predictions in [p, q]: certainly positive where
     the sample's interval is disjoint from the prediction, and never positive where it lies inside.
 

@@ -1,6 +1,6 @@
 """Boolean signals in dense time, as sorted runs of ticks.
 
-All breakpoints of a Boolean signal are whole ns, as samples' moments, periods and windows are. So
+All breakpoints of a Boolean signal are whole ns, as samples' instants, periods and windows are. So
 it is constant at each instant t, and on each open interval (t, t + 1) between two. The *tick* 2t is
 the instant t, and the tick 2t + 1 that open interval; a signal is a set of ticks, written as runs
 ``[first, last]``. The operators below are exact on these sets: docs/monitors.md has the lemmas.
@@ -107,7 +107,7 @@ class Runs:
         """This set until another: a tick u of the other in the window, and this set before u.
 
         An instant u needs this set on the ticks before it; an open interval u on itself, too, as
-        some of it lies before each moment in it.
+        some of it lies before each instant in it.
         """
         first, last = self.first, self.last
         reach = np.where((last % 2 == 1) & (last < END), last + 1, last)
@@ -129,7 +129,7 @@ class Runs:
         return self.mirrored().until(other.mirrored(), a, b).mirrored()
 
     def just_before(self) -> Runs:
-        """Ticks just before whose moments the set holds: on some (t - ε, t)."""
+        """Ticks just before whose instants the set holds: on some (t - ε, t)."""
         last = np.where(self.last % 2 == 1, self.last, self.last - 1)
         first = self.first | 1
         return Runs.of(first, np.where(first > last, first - 1, _shifted(last, 1)))

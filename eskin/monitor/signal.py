@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     from eskin.monitor.shared import SharedError
     from eskin.tube import Tube
 
-MAX_MOMENT: Final = 2**62 - 2**60
+MAX_INSTANT: Final = 2**62 - 2**60
 """ns since 1970, of either sign: the year 2079."""
 
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Interval samples at uncertain moments, each held until the next one.
+    """Interval samples at uncertain instants, each held until the next one.
 
-    The value is x_k in ``[lo[k], hi[k]]`` from the moment t_k in ``[earliest[k], latest[k]]`` until
-    the next moment. Moments ascend strictly. Before a gap x_k is held for one period. Elsewhere any
-    value is possible: before the first sample, in the rest of a gap, and after the moment of the
-    last sample.
+    The value is x_k in ``[lo[k], hi[k]]`` from the instant t_k in ``[earliest[k], latest[k]]``
+    until the next instant. Instants ascend strictly. Before a gap x_k is held for one period.
+    Elsewhere any value is possible: before the first sample, in the rest of a gap, and after the
+    instant of the last sample.
 
     Args:
         earliest, latest: Whole ns, int64, shape ``(n,)``.
@@ -44,7 +44,7 @@ class Signal:
         shared: Errors that the samples share; ``None`` for none.
 
     Raises:
-        MonitorError: The parts do not fit each other, or moments are out of order.
+        MonitorError: The parts do not fit each other, or instants are out of order.
         IntervalError: Bounds are no intervals.
     """
 
@@ -97,8 +97,8 @@ class Signal:
             raise MonitorError(f"epochs have shape {shared.epoch.shape}, the bounds have {shape}")
         if np.any(self.period <= 0) or np.any(self.period > MAX_BOUND):
             raise MonitorError(f"period must lie in [1, {MAX_BOUND}] ns; see {self.period}")
-        if until is not None and abs(until) > MAX_MOMENT:
-            raise MonitorError(f"until must be a moment in ns, not {until}", value=until)
+        if until is not None and abs(until) > MAX_INSTANT:
+            raise MonitorError(f"until must be an instant in ns, not {until}", value=until)
 
     def __len__(self) -> int:
         return self.lo.size
@@ -145,10 +145,10 @@ class HeldSamples:
 
 
 def held_samples(signal: Signal) -> HeldSamples:
-    """The ticks of each sample, with the moments narrowed by their order.
+    """The ticks of each sample, with the instants narrowed by their order.
 
     Raises:
-        MonitorError: No moments in the enclosures keep the order.
+        MonitorError: No instants in the enclosures keep the order.
     """
     n = len(signal)
     until = signal.until
@@ -159,7 +159,7 @@ def held_samples(signal: Signal) -> HeldSamples:
         return HeldSamples(empty, empty, empty, gaps, Runs.between(known, END), known)
     earliest = np.maximum.accumulate(signal.earliest)
     latest = np.minimum.accumulate(signal.latest[::-1])[::-1]
-    after = np.append(False, earliest[1:] == earliest[:-1])  # strictly after the earliest moment
+    after = np.append(False, earliest[1:] == earliest[:-1])  # strictly after the earliest instant
     reversed_ = (earliest > latest) | (after & (earliest == latest))
     if np.any(reversed_):
         k = int(np.argmax(reversed_))
@@ -168,7 +168,7 @@ def held_samples(signal: Signal) -> HeldSamples:
             "one before it and the one after it; sort the samples",
             value=k,
         )
-    # A later sample comes after the last one, so nothing at the earliest moment of that is open.
+    # A later sample comes after the last one, so nothing at the earliest instant of that is open.
     frontier = max(2 * int(earliest[-1]) + 1, -END if until is None else 2 * until)
     ended = np.where(signal.gap, 2 * (latest + signal.period), END)
     last = np.minimum(ended, np.append(2 * latest[1:], END)) - 1
@@ -197,6 +197,6 @@ def _whole(value: ArrayLike, name: str, shape: tuple[int, ...]) -> NDArray[np.in
         made = np.broadcast_to(given.astype(np.int64), shape)
     except ValueError:
         raise MonitorError(f"{name} has shape {given.shape}, the bounds have {shape}") from None
-    if made.size and (int(given.max()) > MAX_MOMENT or int(given.min()) < -MAX_MOMENT):
-        raise MonitorError(f"{name} must lie within {MAX_MOMENT} ns of 1970")
+    if made.size and (int(given.max()) > MAX_INSTANT or int(given.min()) < -MAX_INSTANT):
+        raise MonitorError(f"{name} must lie within {MAX_INSTANT} ns of 1970")
     return made

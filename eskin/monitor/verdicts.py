@@ -13,7 +13,7 @@ from eskin.interval import Interval, Verdict
 from eskin.monitor.checks import channel_horizons
 from eskin.monitor.formula import Always, Eventually, Historically, Once
 from eskin.monitor.runs import END, Runs
-from eskin.monitor.signal import MAX_MOMENT
+from eskin.monitor.signal import MAX_INSTANT
 from eskin.union_bound import union_coverage
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class Because(Flag):
 
     WIDTH = auto()
     """Samples' intervals reach across a threshold."""
-    MOMENT = auto()
+    INSTANT = auto()
     """It is not known which sample holds."""
     GAP = auto()
     """Samples are missing."""
@@ -40,7 +40,7 @@ class Because(Flag):
 
 
 _VERDICTS: Final = (Verdict.IMPOSSIBLE, Verdict.POSSIBLE, Verdict.CERTAIN)
-_CAUSES = (Because.WIDTH, Because.MOMENT, Because.GAP, Because.PENDING)
+_CAUSES = (Because.WIDTH, Because.INSTANT, Because.GAP, Because.PENDING)
 
 
 class Piece(NamedTuple):
@@ -117,7 +117,7 @@ class Verdicts:
         """Why the verdict at an instant is possible; nothing where it is not.
 
         The weakest cause by which it could be true, and the weakest by which it could be false;
-        they ascend from width over moment and gap to pending, each with those before it.
+        they ascend from width over instant and gap to pending, each with those before it.
         """
         if self.at(t) is not Verdict.POSSIBLE:
             return Because(0)
@@ -132,7 +132,7 @@ class Verdicts:
         return self._cause(self._failing, t)
 
     def held_by_samples(self) -> Runs:
-        """Ticks at which it could hold by the samples that exist: by their width or moments."""
+        """Ticks at which it could hold by the samples that exist: by their width or instants."""
         return self._certain | self._by_samples[1]
 
     def failed_by_samples(self) -> Runs:
@@ -150,7 +150,7 @@ class Verdicts:
     def in_question(self, name: str) -> tuple[Ticks, Ticks]:
         """The first and the last tick whose verdict each sample of a channel may change.
 
-        If more were known of it, that is: its value, its moment, or the samples for which it
+        If more were known of it, that is: its value, its instant, or the samples for which it
         stands. ``first > last`` for one that changes nothing.
         """
         return self._evaluation.in_question(name)
@@ -233,7 +233,7 @@ class Verdicts:
         whole = seen.first + seen.first % 2  # the first instant of each run, if it has one
         instants = whole[whole <= seen.last]
         found = int(instants[0]) if instants.size else int(seen.first[0])
-        return int(max(found, -2 * MAX_MOMENT)) // 2
+        return int(max(found, -2 * MAX_INSTANT)) // 2
 
     def pieces(self, first: int = -END, last: int = END) -> Iterator[Piece]:
         """The pieces in order, or what of them lies between two ticks."""
@@ -310,6 +310,6 @@ class Verdicts:
 
 def _ticks(times: ArrayLike) -> Ticks:
     given = np.asarray(times)
-    if given.dtype.kind not in "iu" or (given.size and np.max(np.abs(given)) > MAX_MOMENT):
+    if given.dtype.kind not in "iu" or (given.size and np.max(np.abs(given)) > MAX_INSTANT):
         raise MonitorError(f"times must be whole ns since 1970, not {times!r}", value=times)
     return 2 * given.astype(np.int64)

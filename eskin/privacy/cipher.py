@@ -185,7 +185,7 @@ def _find_place(message: Sealable) -> tuple[Place, Kind]:
 
 
 def span(message: Sealable) -> tuple[int, int]:
-    """From the earliest moment to the latest of which a message has data, UTC ns.
+    """From the earliest instant to the latest of which a message has data, UTC ns.
 
     Columns of a frame that are sampled later than their row may be later still.
     """

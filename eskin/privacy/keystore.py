@@ -2,9 +2,9 @@
 
 A writer locks the folder and replaces files atomically, so that
 a command, a gateway and a second gateway, or several clouds, may share the folder: none keeps a
-key that another one erases in that moment. A key is asked for with each message, and it and its
+key that another one erases in that instant. A key is asked for with each message, and it and its
 tombstone are looked for on the disk each time: what was destroyed there is used no more, from that
-moment.
+instant.
 """
 
 from __future__ import annotations

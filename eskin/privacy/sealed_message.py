@@ -25,7 +25,7 @@ from eskin.wire.messages.cbor_map import (
     pair,
 )
 from eskin.wire.messages.header import Kind, Position, position_fields, read_position
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 
 if TYPE_CHECKING:
     from eskin.wire.messages.cbor_map import Fields
@@ -121,7 +121,7 @@ class SealedMessage:
             place=_place(fields, Kind(kind)),
             kind=Kind(kind),
             subject=subject,
-            time=fields.moments(7),
+            time=fields.instants(7),
             salt=_bytes(fields, 8, SALT_BYTES, SALT_BYTES),
             number=fields.integer(9, 0, MOST_COUNT),
             ciphertext=_bytes(fields, 10, 16, MOST_BYTES),
@@ -142,10 +142,10 @@ def is_sealed(data: bytes) -> bool:
 def whole_minutes(time: tuple[int, int]) -> tuple[int, int]:
     """The whole minutes that enclose a time; not beyond what 64 bit hold.
 
-    Exact moments are biometric; the minute is less so.
+    Exact instants are biometric; the minute is less so.
     """
     lo, hi = time[0] // MINUTE * MINUTE, -(-time[1] // MINUTE) * MINUTE
-    return max(lo, -MOST_MOMENT), min(hi, MOST_MOMENT)
+    return max(lo, -MOST_INSTANT), min(hi, MOST_INSTANT)
 
 
 def name_place(place: Place) -> str:

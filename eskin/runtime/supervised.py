@@ -20,7 +20,7 @@ MAX_RETRY_AFTER_S: Final = 3600.0
 
 
 class Backoff:
-    """Exponential delays with jitter, so that many clients do not retry at the same moment.
+    """Exponential delays with jitter, so that many clients do not retry at the same instant.
 
     Args:
         first: Seconds before the first retry.

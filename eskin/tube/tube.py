@@ -31,12 +31,12 @@ _AXIS: Final = "time"
 class Tube:
     """Equally spaced interval samples of one quantity.
 
-    A tube states samples: the quantity lay in the interval at the moment of each. What is read into
-    the time between is up to the reader. A chart draws each sample as wide as its period, and a
+    A tube states samples: the quantity lay in the interval at the instant of each. What is read
+    into the time between is up to the reader. A chart draws each sample as wide as its period, and a
     monitor (`eskin.monitor`) reads samples that are held until the next one.
 
     Attributes:
-        time: Enclosure ``(earliest, latest)`` of the first sample's moment, UTC ns since 1970.
+        time: Enclosure ``(earliest, latest)`` of the first sample's instant, UTC ns since 1970.
             Sample k was taken in ``[earliest + k·dt, latest + k·dt]``.
         dt: Sampling period in ns.
         values: n intervals, shape ``(n,)``, in ``unit``.
@@ -88,18 +88,18 @@ class Tube:
         return replace(self, time=moved, dt=self.dt * step, values=self.values[part])
 
     @property
-    def moments(self) -> NDArray[np.int64]:
+    def instants(self) -> NDArray[np.int64]:
         """The middle of each sample's time enclosure, UTC ns (the place where it is drawn)."""
-        return self.first_moment + self.dt * np.arange(len(self), dtype=np.int64)
+        return self.first_instant + self.dt * np.arange(len(self), dtype=np.int64)
 
     @property
-    def first_moment(self) -> int:
+    def first_instant(self) -> int:
         """The middle of the first sample's time enclosure, UTC ns, rounded down."""
         return (self.time[0] + self.time[1]) // 2
 
     @property
     def time_error(self) -> int:
-        """How far a sample's true moment may lie from ``moments``, in ns, rounded up."""
+        """How far a sample's true instant may lie from ``instants``, in ns, rounded up."""
         return (self.time[1] - self.time[0] + 1) // 2
 
     def plot(self, ax: Axes | None = None, *, peaks: PeakTable | None = None) -> Axes:
@@ -122,7 +122,7 @@ class Tube:
         except ImportError as error:
             raise MissingExtraError("tube.plot", "matplotlib", "eskin[figures]") from error
         axes = new_axes() if ax is None else ax
-        axes.set_xlabel(f"time in s since {moment_text(self.first_moment)}")
+        axes.set_xlabel(f"time in s since {instant_text(self.first_instant)}")
         plot_samples(axes, self.values, self.dt / 1e9, self.unit, peaks)
         return axes
 
@@ -135,8 +135,8 @@ class Tube:
         frame = self.values.to_pandas()
         import pandas as pd  # noqa: PLC0415 - an optional dependency
 
-        moments = self.moments.astype("datetime64[ns]")
-        frame.index = pd.DatetimeIndex(moments, tz="UTC", name=_AXIS)
+        instants = self.instants.astype("datetime64[ns]")
+        frame.index = pd.DatetimeIndex(instants, tz="UTC", name=_AXIS)
         frame.attrs = self._attributes()
         return frame
 
@@ -161,7 +161,7 @@ class Tube:
             MissingExtraError: xarray is not installed.
         """
         data = self.values.to_xarray().rename({"axis_0": _AXIS})
-        data = data.assign_coords({_AXIS: self.moments.astype("datetime64[ns]")})
+        data = data.assign_coords({_AXIS: self.instants.astype("datetime64[ns]")})
         return data.assign_attrs(self._attributes())
 
     @classmethod
@@ -171,11 +171,11 @@ class Tube:
         Raises:
             IntervalError: A variable or an attribute is missing, or samples are not equally spaced.
         """
-        moments = column_of(data, _AXIS).to_numpy()
-        return cls._from_samples(Interval.from_xarray(data), moments, data.attrs)
+        instants = column_of(data, _AXIS).to_numpy()
+        return cls._from_samples(Interval.from_xarray(data), instants, data.attrs)
 
     def _attributes(self) -> dict[str, Any]:
-        """What columns do not hold; the moments of part of a table stand in its index."""
+        """What columns do not hold; the instants of part of a table stand in its index."""
         return {
             "unit": self.unit,
             "coverage": self.coverage,
@@ -186,7 +186,7 @@ class Tube:
 
     @classmethod
     def _from_samples(
-        cls, values: Interval, moments: NDArray[Any], attributes: Mapping[Any, Any]
+        cls, values: Interval, instants: NDArray[Any], attributes: Mapping[Any, Any]
     ) -> Tube:
         try:
             unit, coverage = attributes["unit"], float(attributes["coverage"])
@@ -196,9 +196,9 @@ class Tube:
             raise IntervalError(
                 f"the attribute {error} is missing; set it in attrs, as to_pandas and to_xarray do"
             ) from None
-        if moments.dtype.kind != "M":
-            raise IntervalError(f"a tube's samples have times (datetime64), not {moments.dtype}")
-        at = moments.astype("datetime64[ns]").astype(np.int64)
+        if instants.dtype.kind != "M":
+            raise IntervalError(f"a tube's samples have times (datetime64), not {instants.dtype}")
+        at = instants.astype("datetime64[ns]").astype(np.int64)
         if at.size > 1:
             steps = np.diff(at)
             dt = int(steps[0])
@@ -214,7 +214,7 @@ class Tube:
         step = self.dt / 1e9
         caption = (
             f"{len(self)} samples of {step:g} s in {self.unit}, coverage {self.coverage:.9g}, "
-            f"from {moment_text(self.first_moment)} ± {self.time_error} ns"
+            f"from {instant_text(self.first_instant)} ± {self.time_error} ns"
         )
 
         def row(k: int) -> list[str]:
@@ -223,10 +223,10 @@ class Tube:
         return html_table(caption, ["", "s", self.unit], len(self), row)
 
 
-def moment_text(moment: int) -> str:
-    """A moment in ns as ISO 8601 in UTC, to the microsecond."""
+def instant_text(instant: int) -> str:
+    """An instant in ns as ISO 8601 in UTC, to the microsecond."""
     try:
-        found = _EPOCH + timedelta(microseconds=moment // 1000)
+        found = _EPOCH + timedelta(microseconds=instant // 1000)
     except OverflowError:
-        return f"{moment} ns"
+        return f"{instant} ns"
     return found.strftime("%Y-%m-%dT%H:%M:%S.%fZ")

@@ -1,4 +1,4 @@
-"""Moments: UTC as integer nanoseconds since 1970, and their RFC 3339 text.
+"""Instants: UTC as integer nanoseconds since 1970, and their RFC 3339 text.
 
 ``datetime`` stops at microseconds, so the nanoseconds are kept beside it.
 """
@@ -12,11 +12,11 @@ from functools import lru_cache
 SECOND = 1_000_000_000
 
 EARLIEST = -62_135_596_800 * SECOND
-"""0001-01-01T00:00:00Z, the first moment that RFC 3339 can write here."""
+"""0001-01-01T00:00:00Z, the first instant that RFC 3339 can write here."""
 LATEST = 253_402_300_800 * SECOND - 1
 """The last nanosecond of year 9999."""
-MOST_MOMENT = 2**63 - 1
-"""The last moment that messages and the store hold; the first is its negative.
+MOST_INSTANT = 2**63 - 1
+"""The last instant that messages and the store hold; the first is its negative.
 
 Also the most ns that a node's clock counts since its start.
 """
@@ -27,7 +27,7 @@ _RFC3339 = re.compile(
 
 
 def format_timestamp(nanoseconds: int) -> str:
-    """Write a moment as RFC 3339 with nine digits and ``Z``.
+    """Write an instant as RFC 3339 with nine digits and ``Z``.
 
     Args:
         nanoseconds: UTC, ns since 1970-01-01.
@@ -47,7 +47,7 @@ def format_timestamp(nanoseconds: int) -> str:
 
 @lru_cache(4096)
 def _minute(minutes: int) -> str:
-    """Date, hour and minute: many moments share them."""
+    """Date, hour and minute: many instants share them."""
     days, in_day = divmod(minutes, 1_440)
     date = datetime.fromordinal(719_163 + days)
     day = f"{date.year:04d}-{date.month:02d}-{date.day:02d}"

@@ -342,7 +342,7 @@ class PatroniCluster:
     def settle(self) -> Member:
         """Wait until a standby may be promoted; gives the primary.
 
-        Patroni notes it in etcd a moment after the primary's commits begin to wait for it.
+        Patroni notes it in etcd an instant after the primary's commits begin to wait for it.
         """
         primary = settle(self.members)
         noted = "a standby may be promoted"

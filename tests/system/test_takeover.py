@@ -97,7 +97,7 @@ class Death:
 
 
 def kill(stack: RealStack, gateway: Running, spool: Path) -> Death:
-    """Kill a gateway at a bad moment, and wait until the other one has taken over."""
+    """Kill a gateway at a bad instant, and wait until the other one has taken over."""
     gateway.signal(signal.SIGSTOP)  # and the broker goes on giving it its share
     wait_until(lambda: len(missing(stack) - held(spool)) > 10, "some is stuck in it")
     gateway.kill()

@@ -147,7 +147,7 @@ function touched(lane: Uint8Array): number[] {
 }
 
 describe("answers to a question", () => {
-  test("are certain where they are so wherever their true moments lie, else possible", () => {
+  test("are certain where they are so wherever their true instants lie, else possible", () => {
     const { certain, possible } = lanesOf(MAP, [stated(200, 400, "certain", 50), stated(700, 720, "possible", 30)]);
     const all = touched(certain);
     expect(all.length).toBeGreaterThanOrEqual(20);

@@ -8,18 +8,18 @@ const ORIGIN = parseInstant("2026-01-31T12:00:00Z");
 const timeline = new Timeline(ORIGIN);
 const WINDOW = { x0: 0, x1: 3e9 };
 
-function moment(x: number | null): string | null {
+function instant(x: number | null): string | null {
   return x === null ? null : printInstant(ORIGIN + BigInt(x));
 }
 
-/** A gesture, of which each moment is known to 1 ms. */
+/** A gesture, of which each instant is known to 1 ms. */
 function gesture(kind: GestureItem["kind"], begin: number | null, end: number | null, more: Partial<GestureItem> = {}): GestureItem {
   return {
     kind,
     verdict: "certain",
     contacts: [0],
-    begin: { lo: moment(begin), hi: moment((begin ?? 0) + 1e6) },
-    end: { lo: moment((end ?? 3e9) - 1e6), hi: moment(end) },
+    begin: { lo: instant(begin), hi: instant((begin ?? 0) + 1e6) },
+    end: { lo: instant((end ?? 3e9) - 1e6), hi: instant(end) },
     direction: null,
     angle: null,
     scale: null,

@@ -15,7 +15,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import EskinError
 from eskin.wire.frames.frame import read_head
-from eskin_cloud.alarms.live_monitor import LiveMonitor, Moments, Samples
+from eskin_cloud.alarms.live_monitor import Instants, LiveMonitor, Samples
 from eskin_cloud.live.feed import read_entries
 from eskin_cloud.store.descriptions import find_intact_layout
 from eskin_cloud.store.feed_entry import FEED_START, compacted_position, last_position
@@ -334,15 +334,15 @@ def _columns(
 
 
 def _samples(runs: Mapping[str, Sequence[ColumnRun]]) -> dict[str, Samples]:
-    """Each channel's runs in arrays; those that were sampled together share their moments."""
-    shared: dict[tuple[tuple[int, ...], ...], Moments] = {}
+    """Each channel's runs in arrays; those that were sampled together share their instants."""
+    shared: dict[tuple[tuple[int, ...], ...], Instants] = {}
     samples = {}
     for channel, found in runs.items():
         if not found:
             continue
         key = tuple((run.t, run.dt, run.error, run.lo.size) for run in found)
         if key not in shared:
-            shared[key] = Moments.of(found)
+            shared[key] = Instants.of(found)
         lo = np.concatenate([run.lo for run in found])
         hi = np.concatenate([run.hi for run in found])
         samples[channel] = Samples(shared[key], lo, hi)

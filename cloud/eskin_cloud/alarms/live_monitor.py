@@ -47,14 +47,14 @@ _READS: Final = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Moments:
+class Instants:
     """When samples that arrived together were taken, in order of time.
 
     Attributes:
         first: Middle of the first one's time, UTC ns.
         last: That of the last one.
-        earliest: Each one's earliest moment.
-        latest: Each one's latest moment.
+        earliest: Each one's earliest instant.
+        latest: Each one's latest instant.
         period: Of each, ns.
         gap: Whether samples are missing after it.
         ordered: Whether they ascend.
@@ -69,7 +69,7 @@ class Moments:
     ordered: bool
 
     @classmethod
-    def of(cls, runs: Sequence[ColumnRun]) -> Moments:
+    def of(cls, runs: Sequence[ColumnRun]) -> Instants:
         """Those of some runs, in their order."""
         n = [run.lo.size for run in runs]
         t = np.concatenate([run.t + run.dt * np.arange(run.lo.size) for run in runs])
@@ -86,12 +86,12 @@ class Samples(NamedTuple):
     """Samples of a channel that arrived together.
 
     Attributes:
-        moments: When they were taken; channels of a patch share them.
+        instants: When they were taken; channels of a patch share them.
         lo: Lower bounds.
         hi: Upper bounds.
     """
 
-    moments: Moments
+    instants: Instants
     lo: Floats
     hi: Floats
 
@@ -170,32 +170,32 @@ class LiveMonitor:
 
     def take(self, name: str, samples: Samples) -> None:
         """Take samples of a channel that arrived."""
-        moments = samples.moments
+        instants = samples.instants
         if self._online is None:  # they are read from the store
-            earliest = int(moments.earliest.min())
+            earliest = int(instants.earliest.min())
             if 2 * earliest < self.settled:
                 self._note_late(earliest)
             return
         last, period = self._last[name]
-        if moments.first <= last or not moments.ordered:
-            self._note_late(int(moments.earliest.min()))
+        if instants.first <= last or not instants.ordered:
+            self._note_late(int(instants.earliest.min()))
             return
         try:
-            if moments.first - last > period + period // 2:
+            if instants.first - last > period + period // 2:
                 self._online.gap(name)
             self._online.extend(
                 name,
-                moments.earliest,
-                moments.latest,
+                instants.earliest,
+                instants.latest,
                 samples.lo,
                 samples.hi,
-                moments.period,
-                moments.gap,
+                instants.period,
+                instants.gap,
             )
         except MonitorError:  # read it from the store, as a query does
-            self._note_late(int(moments.earliest.min()))
+            self._note_late(int(instants.earliest.min()))
             return
-        self._last[name] = moments.last, int(moments.period[-1])
+        self._last[name] = instants.last, int(instants.period[-1])
 
     def advance(self) -> list[AlarmChange]:
         """Evaluate what is decided for good by now."""
@@ -380,8 +380,8 @@ class LiveMonitor:
         """Read from the store what comes next."""
         self._online, self.position = None, None
 
-    def _note_late(self, moment: int) -> None:
-        self._late = moment if self._late is None else min(self._late, moment)
+    def _note_late(self, instant: int) -> None:
+        self._late = instant if self._late is None else min(self._late, instant)
         self.leave()
 
     @staticmethod

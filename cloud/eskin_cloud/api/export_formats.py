@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from eskin_cloud.query.export import ExportPart
     from eskin_cloud.store.read.window import Window
 
-_MOMENT: Final = pa.timestamp("ns", tz="UTC")
+_INSTANT: Final = pa.timestamp("ns", tz="UTC")
 _WORD: Final = pa.dictionary(pa.int32(), pa.string())
 SCHEMA: Final = pa.schema(
     [
         pa.field("node", _WORD, nullable=False),
         pa.field("channel", _WORD, nullable=False),
-        pa.field("earliest", _MOMENT, nullable=False),
-        pa.field("latest", _MOMENT, nullable=False),
+        pa.field("earliest", _INSTANT, nullable=False),
+        pa.field("latest", _INSTANT, nullable=False),
         pa.field("lo", pa.float64()),
         pa.field("hi", pa.float64()),
         pa.field("unit", _WORD, nullable=False),
@@ -42,7 +42,7 @@ brought it; ``sequence`` is another number, which counts nothing, where the node
 channels and the reader lacks the scope. ``dt`` is the sampling period in ns.
 """
 _PLAIN: Final = pa.schema(
-    [field.with_type(pa.string()) if field.type in {_WORD, _MOMENT} else field for field in SCHEMA]
+    [field.with_type(pa.string()) if field.type in {_WORD, _INSTANT} else field for field in SCHEMA]
 )
 
 
@@ -95,8 +95,8 @@ def as_table(part: ExportPart, window: Window) -> Any:
     columns = [
         _constant(part.channel["node"], lo.size),
         _constant(part.channel["channel"], lo.size),
-        pa.array(t - error).cast(_MOMENT),
-        pa.array(t + error).cast(_MOMENT),
+        pa.array(t - error).cast(_INSTANT),
+        pa.array(t + error).cast(_INSTANT),
         pa.array(lo, mask=missing),
         pa.array(hi, mask=missing),
         _constant(part.channel["unit"], lo.size),
@@ -122,7 +122,7 @@ class _Csv:
 
     def write_table(self, table: Any) -> None:
         columns = [
-            _rfc3339(column) if column.type == _MOMENT else column.cast(field.type)
+            _rfc3339(column) if column.type == _INSTANT else column.cast(field.type)
             for column, field in zip(table.columns, _PLAIN, strict=True)
         ]
         self._writer.write_table(pa.Table.from_arrays(columns, schema=_PLAIN))
@@ -131,8 +131,8 @@ class _Csv:
         self._writer.close()
 
 
-def _rfc3339(moments: Any) -> Any:
-    plain = moments.cast(pa.timestamp("ns"))
+def _rfc3339(instants: Any) -> Any:
+    plain = instants.cast(pa.timestamp("ns"))
     return pa.compute.strftime(plain, format="%Y-%m-%dT%H:%M:%SZ")
 
 

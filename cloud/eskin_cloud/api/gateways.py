@@ -10,8 +10,8 @@ from eskin_cloud.api.dependencies import CloudState, Reader
 from eskin_cloud.api.problems import REFUSALS
 from eskin_cloud.app_state import AppState
 from eskin_cloud.schemas.base import (
+    Instant,
     LagDocument,
-    Moment,
     NoQuery,
     PageDocument,
     Row,
@@ -27,7 +27,7 @@ router = APIRouter(tags=["nodes"])
 class SpoolDocument(BaseModel):
     """What waited in a gateway's spool at its last report, and for how long (``oldest_ns``)."""
 
-    reported: Moment
+    reported: Instant
     messages: int
     bytes: int
     capacity_bytes: int
@@ -41,14 +41,14 @@ class GatewayDocument(BaseModel):
     id: str
     site: str
     health: Health
-    first_heard: Moment
-    last_heard: Moment
+    first_heard: Instant
+    last_heard: Instant
     nodes: int | None
     spool: SpoolDocument | None
     stored: int | None
     duplicate: int | None
     rejected: int | None
-    latest: Moment | None
+    latest: Instant | None
     lag: LagDocument | None
 
 

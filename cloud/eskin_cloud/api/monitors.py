@@ -21,7 +21,7 @@ from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
 from eskin_cloud.app_state import AppState
 from eskin_cloud.query.formula_channels import channel_places, parse_formula
 from eskin_cloud.schemas.alarms import LiveVerdictDocument, MonitorDocument
-from eskin_cloud.schemas.base import NoQuery, PageDocument, PageQuery, moment
+from eskin_cloud.schemas.base import NoQuery, PageDocument, PageQuery, instant
 from eskin_cloud.store.read.lookup import UnknownChannelError, find_channel
 from eskin_cloud.store.write.alarms import (
     DEFINED,
@@ -251,7 +251,7 @@ async def _silence(
         until = None if span is None else now + span
         if not silence_monitor(connection, monitor, until):
             raise _unknown(monitor)
-        detail = f"until {moment(until) or 'now'}"
+        detail = f"until {instant(until) or 'now'}"
         record(connection, _entry(access, Action.MONITOR_SILENCED, monitor, detail), now=now)
 
     await asyncio.wrap_future(cloud.store.write(work))
@@ -328,7 +328,7 @@ def _describe(cloud: AppState, row: RowMapping, alarm: int | None) -> MonitorDoc
         severity=row["severity"],
         clear_after_s=row["clear_after"] / SECOND,
         escalate_after_s=None if after is None else after / SECOND,
-        silenced_until=moment(row["silenced_until"]),
+        silenced_until=instant(row["silenced_until"]),
         created=row["created"],
         changed=row["changed"],
         revision=row["revision"],

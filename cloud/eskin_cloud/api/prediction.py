@@ -13,14 +13,14 @@ from starlette.responses import Response
 from eskin.errors import MonitorError, QueryError
 from eskin.monitor import Constant, Deviation, Formula, Prediction, PredictionParameter
 from eskin.monitor.predicted_quantities import MODELS
-from eskin.wire.timestamp import MOST_MOMENT, format_timestamp
+from eskin.wire.timestamp import MOST_INSTANT, format_timestamp
 from eskin_cloud.api.dependencies import CloudState, Reader
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.verdict_answers import list_verdicts, total_time
 from eskin_cloud.api.window_params import PagedWindowQuery, WindowQuery, opened, window_of
 from eskin_cloud.rollup.hulls import bucket_width
-from eskin_cloud.schemas.base import TIME, Moment, PageDocument, Time
+from eskin_cloud.schemas.base import TIME, Instant, PageDocument, Time
 from eskin_cloud.schemas.monitors import TotalsDocument, VerdictDocument
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import parse_time
@@ -63,8 +63,8 @@ class PredictionDocument(BaseModel):
     channel: str
     model: str
     unit: str
-    origin: Moment
-    t0: Moment
+    origin: Instant
+    t0: Instant
     t: list[int]
     lo: list[float | None]
     hi: list[float | None]
@@ -94,7 +94,7 @@ def get_prediction(
     t = width * np.arange(-(-window.span // width), dtype=np.int64)
     begun = window.start + t
     with _refused("model"):
-        lo, hi = prediction.between(begun, np.minimum(begun, MOST_MOMENT - width) + width, unit)
+        lo, hi = prediction.between(begun, np.minimum(begun, MOST_INSTANT - width) + width, unit)
     return as_json(
         {
             "node": node,

@@ -82,7 +82,7 @@ def as_parquet(series: Series) -> bytes:
 def as_senml(series: Series) -> senml.Pack:
     """SenML (RFC 8428): a record ``lo`` and a record ``hi`` each, left out where unbounded.
 
-    A hull holds from its time on for ``span`` s; a sample's true moment lies within ``time_error``
+    A hull holds from its time on for ``span`` s; a sample's true instant lies within ``time_error``
     s of its time.
 
     Raises:

@@ -37,7 +37,7 @@ def get_storage(
     del query
     use = measure_disk(cloud.store)
     if math.isnan(use.taken):
-        raise StoreError("the store cannot be read now; try again in a moment")
+        raise StoreError("the store cannot be read now; try again in an instant")
     with cloud.store.read() as connection:
         counted = not access.uncounted(connection)
     if not counted:

@@ -36,7 +36,7 @@ class UploadBudget:
         if self.used + size > self._most:
             raise StoreError(
                 f"batches of {self.used} bytes wait to be stored already, and {size} more do not "
-                f"fit into {self._most} (gateways.uploads_bytes); try again in a moment"
+                f"fit into {self._most} (gateways.uploads_bytes); try again in an instant"
             )
         self.used += size
         self.taken += size

@@ -48,7 +48,7 @@ class ClockGuard:
 
     Args:
         clock: UTC ns.
-        ticks: Ns that passed, since any moment.
+        ticks: Ns that passed, since any instant.
         last: What the cloud went by when it ran last; without it, what the clock says is believed.
     """
 

@@ -51,7 +51,7 @@ class _Work:
         self._position = cloud.feed.last
         # Up to here all was evaluated and stored, also late samples: an error leads back to it.
         self._stored: FeedPosition | None = None
-        # Moments of the monotonic clock in s: the other one may jump.
+        # Instants of the monotonic clock in s: the other one may jump.
         self._lease = self._timers = -math.inf
         self._noted = time.monotonic()
 

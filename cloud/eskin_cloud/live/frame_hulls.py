@@ -76,8 +76,8 @@ class FrameHulls:
         node: The node.
         layout: Hash of the layout.
         page: The page.
-        t0: Middle of the first moment's time, UTC ns.
-        time_error: Greatest distance of a moment from its middle, ns.
+        t0: Middle of the first instant's time, UTC ns.
+        time_error: Greatest distance of an instant from its middle, ns.
         received: When the cloud stored the last of the frames, UTC ns.
         patches: In the order of the layout; the hulls of one patch in order of time.
     """

@@ -37,7 +37,7 @@ class Backpressure:
     """One reader's.
 
     Between us and a slow reader are buffers of others, and what fills them grows old in them. So it
-    is sent less than it could take. Their room lets it look fast for a moment: after a try that
+    is sent less than it could take. Their room lets it look fast for an instant: after a try that
     does not hold, the next one comes after twice the time.
 
     Args:

@@ -9,8 +9,8 @@ import numpy as np
 
 from eskin.monitor import Signal
 from eskin.monitor.formula import MAX_BOUND
-from eskin.monitor.signal import MAX_MOMENT
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.monitor.signal import MAX_INSTANT
+from eskin.wire.timestamp import MOST_INSTANT
 from eskin_cloud.rollup.aggregates import EMPTY, concatenated, longest_step
 from eskin_cloud.rollup.hulls import read_ranges
 from eskin_cloud.rollup.ranges import merged
@@ -60,7 +60,7 @@ def read_around(source: ChannelSource, window: Window) -> Aggregates:
     if channel["t_first"] is None:
         return EMPTY
     margin = NEAR * max(channel["dt"], 1)
-    wide = Window(max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT))
+    wide = Window(max(window.start - margin, -MOST_INSTANT), min(window.end + margin, MOST_INSTANT))
     while True:
         samples = read_samples(source.connection, channel, wide)
         earliest = samples.first - samples.error
@@ -82,14 +82,14 @@ def earlier(source: ChannelSource, start: int, margin: int) -> int:
     """Since when to read, for more samples before a time, and so many ns at least."""
     rows = previous_rows(source.connection, source.channel, start)
     found = source.channel["t_first"] if rows is None else min(rows, start - margin)
-    return int(max(found, -MOST_MOMENT))
+    return int(max(found, -MOST_INSTANT))
 
 
 def later(source: ChannelSource, end: int, margin: int) -> int:
     """Until when to read, for more samples from a time on, and so many ns at least."""
     rows = next_rows(source.connection, source.channel, end)
     found = source.channel["t_last"] if rows is None else max(rows, end + margin)
-    return int(min(found + 1, MOST_MOMENT))
+    return int(min(found + 1, MOST_INSTANT))
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,7 @@ class ChannelRuns:
     def around(cls, source: ChannelSource, window: Window) -> ChannelRuns:
         """All samples that may be valid in a window."""
         pieces = distinct(read_around(source, window))
-        return cls(source, pieces, -MOST_MOMENT, MOST_MOMENT, 1)
+        return cls(source, pieces, -MOST_INSTANT, MOST_INSTANT, 1)
 
     @property
     def dt(self) -> int:
@@ -155,7 +155,7 @@ class ChannelRuns:
 
     @property
     def _more(self) -> tuple[bool, bool]:
-        """Whether samples exist before these, and after the moment of the last one.
+        """Whether samples exist before these, and after the instant of the last one.
 
         A run of several holds until its last sample.
         """
@@ -182,10 +182,10 @@ class ChannelRuns:
             after=around.end if after else None,
         )
 
-    def since(self, moment: int) -> ChannelRuns:
-        """Without the runs that are known to hold no longer at a moment."""
+    def since(self, instant: int) -> ChannelRuns:
+        """Without the runs that are known to hold no longer at an instant."""
         earliest = self.pieces.first - self.pieces.error
-        begun = self.pieces.first + self.pieces.error <= moment
+        begun = self.pieces.first + self.pieces.error <= instant
         if not np.any(begun):
             return self
         known = np.searchsorted(self.pieces.first, earliest[begun].max(), side="right") - 1
@@ -271,13 +271,13 @@ def as_signal(
 ) -> Signal:
     """Runs of samples as samples of a signal.
 
-    A run begins at its first sample's moment, within the time error. It holds until the next one,
+    A run begins at its first sample's instant, within the time error. It holds until the next one,
     and before a gap for as long as its last sample: so its period reaches from its first sample on.
 
     Args:
         pieces: The runs.
         unit: Of their bounds.
-        before: Where other samples may hold that come before these, a moment before which none is
+        before: Where other samples may hold that come before these, an instant before which none is
             asked for: any value is possible before the first run.
         after: Likewise of those that come after these, from the last sample on.
     """
@@ -294,16 +294,16 @@ def as_signal(
     columns = earliest, latest, lo, hi, period, gap
     until = None
     if before is not None:
-        begin = max(min([before, *earliest[:1].tolist()]) - 1, -MAX_MOMENT)
+        begin = max(min([before, *earliest[:1].tolist()]) - 1, -MAX_INSTANT)
         columns = _joined(((begin, begin, -np.inf, np.inf, 1, False), columns))
     if after is not None:
         # They come after the last sample that is read, whenever that was taken.
         error, ends = pieces.error[-1:], pieces.last[-1:]
         sides = (ends - error, columns[0][-1:]), (ends + error, columns[1][-1:])
-        first, last = (max(int(max(each, default=-MAX_MOMENT)) for each in side) for side in sides)
-        first, last = min(first, MAX_MOMENT), min(last + 1, MAX_MOMENT)
+        first, last = (max(int(max(each, default=-MAX_INSTANT)) for each in side) for side in sides)
+        first, last = min(first, MAX_INSTANT), min(last + 1, MAX_INSTANT)
         columns = _joined((columns, (first, last, -np.inf, np.inf, 1, False)))
-        until = min(max(last, after) + 1, MAX_MOMENT)
+        until = min(max(last, after) + 1, MAX_INSTANT)
     coverage = float(pieces.coverage.min(initial=1.0))
     return Signal(*columns, unit=unit, coverage=coverage, until=until)
 
@@ -313,7 +313,7 @@ def distinct(pieces: Aggregates) -> Aggregates:
     if np.any(pieces.first[1:] == pieces.first[:-1]):
         pieces = pieces.grouped(pieces.first)
     earliest, latest = _enclosures(pieces)
-    reached = (earliest < MAX_MOMENT) & (latest > -MAX_MOMENT)
+    reached = (earliest < MAX_INSTANT) & (latest > -MAX_INSTANT)
     return pieces if np.all(reached) else pieces[reached]
 
 
@@ -323,9 +323,9 @@ def _joined(parts: tuple[Sequence[Any], Sequence[Any]]) -> tuple[Any, ...]:
 
 
 def _enclosures(pieces: Aggregates) -> tuple[Integers, Integers]:
-    """The earliest and the latest moment of each first sample, in the range of formulas."""
+    """The earliest and the latest instant of each first sample, in the range of formulas."""
     first, error = pieces.first, pieces.error
-    low, high = first < error - MAX_MOMENT, first > MAX_MOMENT - error
-    earliest = np.where(low, -MAX_MOMENT, first - error)
-    latest = np.where(high, MAX_MOMENT, first + error)
-    return np.minimum(earliest, MAX_MOMENT), np.maximum(latest, -MAX_MOMENT)
+    low, high = first < error - MAX_INSTANT, first > MAX_INSTANT - error
+    earliest = np.where(low, -MAX_INSTANT, first - error)
+    latest = np.where(high, MAX_INSTANT, first + error)
+    return np.minimum(earliest, MAX_INSTANT), np.maximum(latest, -MAX_INSTANT)

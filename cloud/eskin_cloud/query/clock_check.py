@@ -60,7 +60,7 @@ class ClockCheck:
 
     @property
     def offset(self) -> tuple[int | None, int | None]:
-        """Enclosure of the clock's offset: the middle of ``stated`` minus the true moment, ns.
+        """Enclosure of the clock's offset: the middle of ``stated`` minus the true instant, ns.
 
         A side is ``None`` where nothing bounds it.
         """

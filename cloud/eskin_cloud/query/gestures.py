@@ -1,7 +1,7 @@
 """Gestures on a skin that one node samples, from its stored samples.
 
 An instant is a row of the node's sampling grid: all patches in Pa share one. A taxel counts as
-pressed there at the moment of its own sample, and the instant's moment is enclosed with those of
+pressed there at the instant of its own sample, and the instant's time is enclosed with those of
 all taxels. What is not stored, or was not sampled, is unknown: such a taxel is possibly pressed.
 """
 
@@ -81,7 +81,7 @@ class GestureSkin:
             raise QueryError(
                 "node",
                 f"{node} shares its skin with {len(shares) - 1} other nodes, whose samples are of "
-                f"other moments; gestures are found on skins that one node samples, {_SEE}",
+                f"other instants; gestures are found on skins that one node samples, {_SEE}",
             )
         self._connection, self._node = connection, shares[0].node
         self._described, self._skin = described, skin
@@ -292,7 +292,7 @@ class _Record:
             sampled[own[kept]] |= each.sampled[kept]
         # The node's clock states the order: no instant is earlier than one before it.
         bounds = np.stack([found.early, found.late + self._skew], axis=1)
-        before = (_EARLIEST, _EARLIEST) if self._last is None else self._last.moment
+        before = (_EARLIEST, _EARLIEST) if self._last is None else self._last.instant
         bounds = np.maximum.accumulate(np.concatenate([[before], bounds]))
         times[places] = bounds[1:]
         for k in np.flatnonzero(found.gap).tolist():
@@ -307,12 +307,12 @@ class _Record:
 
 
 class _Last(NamedTuple):
-    """The last instant that was taken: as in `_Instants`, and an enclosure of its moment."""
+    """The last instant that was taken: as in `_Instants`, and an enclosure of its time."""
 
     boot: int
     ticks: int
     dt: int
-    moment: tuple[int, int]
+    instant: tuple[int, int]
 
 
 class _Instants(NamedTuple):
@@ -322,7 +322,7 @@ class _Instants(NamedTuple):
         boot: The node's start, shape ``(m,)``.
         ticks: The node's clock, ns.
         dt: Period, ns.
-        early: Earliest moment of the row, UTC ns; a column is later by its skew.
+        early: Earliest instant of the row, UTC ns; a column is later by its skew.
         late: Latest one.
         gap: Whether instants may have been lost before it.
         of_rows: For each of some rows, the number of its instant; -1 if it is not after the last

@@ -21,7 +21,7 @@ from eskin.monitor import Because, check, evaluate
 from eskin.monitor.checks import channel_horizons
 from eskin.monitor.prediction import deviation
 from eskin.monitor.runs import END, Runs, union
-from eskin.monitor.signal import MAX_MOMENT
+from eskin.monitor.signal import MAX_INSTANT
 from eskin.union_bound import union_coverage
 from eskin_cloud.query.channel_runs import ChannelRuns
 from eskin_cloud.store.read.window import Window
@@ -71,7 +71,7 @@ class SampledChannel(NamedTuple):
     def most_samples(self) -> int:
         """Samples that may hold within the horizon of one instant, at most.
 
-        The first moments of all but one of them lie within the horizon and the errors of time
+        The first instants of all but one of them lie within the horizon and the errors of time
         around it; that one holds since before it.
         """
         return (self.reach + 2 * self.error) // self.step + 2
@@ -172,9 +172,9 @@ class StoredVerdicts:
         """Verdicts of a window in order of time, until too many stretches were read.
 
         Raises:
-            QueryError: The window, or moments in it, are too far from 1970.
+            QueryError: The window, or instants in it, are too far from 1970.
         """
-        if window.start < -MAX_MOMENT or window.end > MAX_MOMENT:
+        if window.start < -MAX_INSTANT or window.end > MAX_INSTANT:
             raise QueryError("start, end", "formulas are evaluated within 109 years of 1970")
         waiting: StoredPiece | None = None
         for piece in self._solve(window):
@@ -190,7 +190,9 @@ class StoredVerdicts:
 
     def _solve(self, window: Window) -> Iterator[StoredPiece]:
         past, future = self.reach
-        around = Window(max(window.start - past, -MAX_MOMENT), min(window.end + future, MAX_MOMENT))
+        around = Window(
+            max(window.start - past, -MAX_INSTANT), min(window.end + future, MAX_INSTANT)
+        )
         at, end, most = 2 * window.start, 2 * window.end - 1, _AT_ONCE * self._samples
         runs = {
             name: ChannelRuns.first(source, around, self._points, most)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 from eskin_cloud.store.read.window import Window
 
 if TYPE_CHECKING:
@@ -26,11 +26,11 @@ class Buckets:
     width: int
     count: int
 
-    def of(self, moments: Integers) -> Integers:
+    def of(self, instants: Integers) -> Integers:
         """The numbers of the buckets that hold some times."""
-        return (moments - self.start) // self.width
+        return (instants - self.start) // self.width
 
     @property
     def window(self) -> Window:
         """The window of all buckets, limited to 64-bit times."""
-        return Window(self.start, min(self.start + self.width * self.count, MOST_MOMENT))
+        return Window(self.start, min(self.start + self.width * self.count, MOST_INSTANT))

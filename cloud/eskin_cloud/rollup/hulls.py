@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from eskin.wire.timestamp import MOST_MOMENT, SECOND
+from eskin.wire.timestamp import MOST_INSTANT, SECOND
 from eskin_cloud.rollup.aggregates import Aggregates, concatenated
 from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.patch_tiles import find_unbuilt, read_tiles
@@ -41,7 +41,7 @@ def read_ranges(
         level: The tiles are ``2^level`` ns wide.
         ranges: Numbers of tiles, sorted and disjoint, at least one.
     """
-    within = [(first << level, min(end << level, MOST_MOMENT)) for first, end in ranges]
+    within = [(first << level, min(end << level, MOST_INSTANT)) for first, end in ranges]
     opened, found, grain = within, [], channel["grain"]
     if grain is not None and level >= grain:
         opened = common(within, find_unbuilt(connection, channel, (within[0][0], within[-1][1])))
@@ -92,7 +92,7 @@ def widest_window(window: Window) -> Window:
     number end after it. Buckets that are no tiles exceed its end by less than a second.
     """
     margin = (window.span >> 4) + SECOND
-    return Window(max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT))
+    return Window(max(window.start - margin, -MOST_INSTANT), min(window.end + margin, MOST_INSTANT))
 
 
 def bucket_width(span: int, points: int) -> int:

@@ -155,15 +155,15 @@ def _fold(samples: _Samples, bounds: tuple[Floats, Floats], buckets: Buckets) ->
         grid = buckets.start, buckets.width
         return Aggregates.of_samples(bounds, runs, coverage, grid, buckets.count)
     # Runs overlap: sample by sample, in order of time and of the runs' starts.
-    moments, rows = _series(t, dt, n), _series(place, np.ones_like(n), n)
-    none = np.zeros(moments.size, np.int64)
+    instants, rows = _series(t, dt, n), _series(place, np.ones_like(n), n)
+    none = np.zeros(instants.size, np.int64)
     lo, hi = bounds[0][rows], bounds[1][rows]
     dts, errors = np.repeat(dt, n), np.repeat(error, n)
     each = Aggregates(
-        *(moments, moments, none + 1, none, dts, errors),
+        *(instants, instants, none + 1, none, dts, errors),
         *(lo, hi, lo, hi, np.repeat(coverage, n)),
     )
-    each = each[np.lexsort((np.repeat(begun, n), moments))]
+    each = each[np.lexsort((np.repeat(begun, n), instants))]
     return each.grouped(buckets.of(each.first))
 
 

@@ -101,9 +101,9 @@ def find_unclaimed(store: Store, slots: Iterable[int] = range(SLOTS)) -> list[Pl
     ]
 
 
-def _begin(moment: int, grain: int) -> int:
+def _begin(instant: int, grain: int) -> int:
     """The start of the chunk that holds a time."""
-    return moment >> (grain + PATCH_CHUNK) << (grain + PATCH_CHUNK)
+    return instant >> (grain + PATCH_CHUNK) << (grain + PATCH_CHUNK)
 
 
 def claim(store: Store, place: Place) -> bool:

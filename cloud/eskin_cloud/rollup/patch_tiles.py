@@ -14,7 +14,7 @@ from sqlalchemy import bindparam, select
 
 from eskin.errors import MessageError
 from eskin.wire.slot import slot_of
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 from eskin_cloud.rollup.aggregates import EMPTY, Aggregates
 from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.column_aggregates import (
@@ -87,7 +87,7 @@ def find_unbuilt(connection: Connection, channel: Channel, within: Range) -> lis
     if within[0] < end:
         chunks |= _late_chunks(connection, channel, (within[0], end), bits)
     opened = [(chunk << bits, (chunk + 1) << bits) for chunk in chunks]
-    clipped = ((max(a, within[0]), min(b, within[1])) for a, b in [*opened, (built, MOST_MOMENT)])
+    clipped = ((max(a, within[0]), min(b, within[1])) for a, b in [*opened, (built, MOST_INSTANT)])
     return merged(clipped)
 
 

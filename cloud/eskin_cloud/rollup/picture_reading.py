@@ -10,7 +10,7 @@ from sqlalchemy import and_, func, select
 
 from eskin.errors import QueryError
 from eskin.wire.frames.frame_scan import Part, scan_frames
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 from eskin_cloud.rollup.buckets import Buckets
 from eskin_cloud.rollup.column_aggregates import COVERAGE, ERROR
 from eskin_cloud.rollup.hulls import bucket_width
@@ -148,7 +148,7 @@ class PictureReader:
         looked = self._widened(buckets) if self._spread else buckets
         window, whole = buckets.window, looked.window
         margin = self.step(window) + (self._reach(window) if self._spread else 0)
-        seen = Window(before(window.start, margin), min(window.end + margin, MOST_MOMENT))
+        seen = Window(before(window.start, margin), min(window.end + margin, MOST_INSTANT))
         for part in self._parts(looked):
             if isinstance(part, _Tiles):
                 self._fold_tiles(part, grid, hulls)
@@ -171,7 +171,7 @@ class PictureReader:
         found = 0
         edges = (
             Window(before(window.start, FARTHEST), window.start),
-            Window(window.end, min(window.end + FARTHEST, MOST_MOMENT)),
+            Window(window.end, min(window.end + FARTHEST, MOST_INSTANT)),
         )
         for edge in edges:
             for page, longest in self._longest.items():
@@ -246,7 +246,7 @@ class PictureReader:
         end = min(built) >> least << least
         s = stale_patch_chunks.c
         query = select(s.patch, s.chunk).where(self._here(stale_patch_chunks))
-        found = [(end, MOST_MOMENT)]
+        found = [(end, MOST_INSTANT)]
         for patch, chunk in self._connection.execute(query):
             if patch in self._compacted:
                 bits = self._compacted[patch]["grain"] + PATCH_CHUNK

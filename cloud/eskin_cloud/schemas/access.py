@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AliasChoices, BaseModel, BeforeValidator, Field
 
 from eskin_cloud.access import token_id
-from eskin_cloud.schemas.base import Moment, Row
+from eskin_cloud.schemas.base import Instant, Row
 
 
 def _split(scopes: Any) -> Any:
@@ -23,9 +23,9 @@ class TokenDocument(BaseModel):
     name: str
     scopes: Scopes
     state: Literal["good", "expired", "revoked"]
-    created: Moment
-    expires: Moment | None
-    revoked: Moment | None
+    created: Instant
+    expires: Instant | None
+    revoked: Instant | None
 
     @classmethod
     def of(cls, row: Row, *, now: int) -> Self:
@@ -41,7 +41,7 @@ class SessionDocument(BaseModel):
     id: str
     name: str
     scopes: Scopes
-    expires: Moment
+    expires: Instant
 
 
 class NewTokenDocument(BaseModel):
@@ -55,7 +55,7 @@ class AuditEntryDocument(BaseModel):
     """An entry of the audit log."""
 
     id: int = Field(validation_alias=AliasChoices("number", "id"))
-    time: Moment
+    time: Instant
     actor: str
     address: str
     action: str
@@ -71,4 +71,4 @@ class SubjectDocument(BaseModel):
     site: str
     nodes: list[str]
     messages: int | None
-    erased: Moment | None
+    erased: Instant | None

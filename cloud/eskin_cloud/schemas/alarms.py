@@ -5,7 +5,7 @@ from typing import Literal, Self
 from pydantic import BaseModel
 from sqlalchemy import RowMapping
 
-from eskin_cloud.schemas.base import Moment, moment
+from eskin_cloud.schemas.base import Instant, instant
 from eskin_cloud.store.write.alarms import describe_alarm
 
 VerdictName = Literal["certain", "possible", "impossible"]
@@ -21,7 +21,7 @@ class LiveVerdictDocument(BaseModel):
 
     verdict: VerdictName
     missing: bool
-    until: Moment
+    until: Instant
 
 
 class MonitorDocument(BaseModel):
@@ -39,9 +39,9 @@ class MonitorDocument(BaseModel):
     severity: str
     clear_after_s: float
     escalate_after_s: float | None
-    silenced_until: Moment | None
-    created: Moment
-    changed: Moment
+    silenced_until: Instant | None
+    created: Instant
+    changed: Instant
     revision: int
     latest: LiveVerdictDocument | None
     problem: str | None
@@ -63,13 +63,13 @@ class AlarmDocument(BaseModel):
     severity: str
     verdict: Literal["possible", "certain"]
     state: Literal["raised", "cleared"]
-    began: Moment
-    ended: Moment | None
-    raised: Moment
-    acknowledged: Moment | None
+    began: Instant
+    ended: Instant | None
+    raised: Instant
+    acknowledged: Instant | None
     acknowledged_by: str | None
-    escalated: Moment | None
-    cleared: Moment | None
+    escalated: Instant | None
+    cleared: Instant | None
 
     @classmethod
     def of(cls, row: RowMapping) -> Self:
@@ -82,7 +82,7 @@ class TransitionDocument(BaseModel):
 
     number: int
     transition: TransitionKind
-    time: Moment
+    time: Instant
     silenced: bool
 
 
@@ -103,8 +103,8 @@ class ReceiverDocument(BaseModel):
     delivered: int
     waiting: int
     attempts: int
-    failing_since: Moment | None
-    next_attempt: Moment | None
+    failing_since: Instant | None
+    next_attempt: Instant | None
     error: str | None
     given_up: int
 
@@ -116,8 +116,8 @@ def describe_receiver(row: RowMapping, waiting: int) -> ReceiverDocument:
         delivered=row["delivered"],
         waiting=waiting,
         attempts=row["attempts"],
-        failing_since=moment(row["failing_since"]),
-        next_attempt=moment(row["next_attempt"]),
+        failing_since=instant(row["failing_since"]),
+        next_attempt=instant(row["next_attempt"]),
         error=row["error"],
         given_up=row["given_up"],
     )

@@ -38,11 +38,11 @@ Place = Annotated[str, Field(json_schema_extra={"pattern": "^[^/]+/."})]
 """A channel in a question, with its node."""
 
 
-def _format(moment: object) -> object:
-    return format_timestamp(moment) if isinstance(moment, int) else moment
+def _format(instant: object) -> object:
+    return format_timestamp(instant) if isinstance(instant, int) else instant
 
 
-Moment = Annotated[
+Instant = Annotated[
     str,
     BeforeValidator(_format),
     Field(
@@ -76,10 +76,10 @@ class IntervalDocument(TypedDict):
 
 
 class TimeDocument(TypedDict):
-    """An enclosure of a moment or a stretch of time."""
+    """An enclosure of an instant or a stretch of time."""
 
-    lo: Moment
-    hi: Moment
+    lo: Instant
+    hi: Instant
 
 
 class CountDocument(TypedDict):
@@ -119,11 +119,11 @@ def interval(lo: float | None, hi: float | None) -> IntervalDocument | None:
 
 
 def time_span(lo: int, hi: int) -> TimeDocument:
-    """An enclosure of a moment, or a stretch of time, of UTC ns."""
+    """An enclosure of an instant, or a stretch of time, of UTC ns."""
     return {"lo": format_timestamp(lo), "hi": format_timestamp(hi)}
 
 
-def moment(nanoseconds: int | None) -> str | None:
+def instant(nanoseconds: int | None) -> str | None:
     """A time, if there is one."""
     return None if nanoseconds is None else format_timestamp(nanoseconds)
 

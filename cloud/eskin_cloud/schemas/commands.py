@@ -7,7 +7,7 @@ import orjson
 from pydantic import BaseModel
 
 from eskin_cloud.commands.issue import is_settled
-from eskin_cloud.schemas.base import Moment, Row, TimeDocument, time_span
+from eskin_cloud.schemas.base import Instant, Row, TimeDocument, time_span
 
 
 class CommandDocument(BaseModel):
@@ -23,9 +23,9 @@ class CommandDocument(BaseModel):
     arguments: dict[str, float | str]
     state: Literal["pending", "delivered", "done", "refused", "expired"]
     reason: str | None
-    issued: Moment
-    expires: Moment
-    delivered: Moment | None
+    issued: Instant
+    expires: Instant
+    delivered: Instant | None
     answered: TimeDocument | None
 
     @classmethod
@@ -55,7 +55,7 @@ class StateDocument(BaseModel):
 
     node: str
     desired: dict[str, dict[str, float | str]]
-    desired_at: Moment | None
+    desired_at: Instant | None
     desired_by: int | None
     reported: dict[str, dict[str, float | str]] | None
     reported_at: TimeDocument | None

@@ -10,7 +10,7 @@ from typing_extensions import TypedDict
 from eskin.contacts import Contacts
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.query.contacts import UNIT, ContactSkin, Pressures
-from eskin_cloud.schemas.base import Moment
+from eskin_cloud.schemas.base import Instant
 
 Bounds: TypeAlias = tuple[float | None, float | None]
 
@@ -39,7 +39,7 @@ class RegionDocument(TypedDict):
 class ContactsDocument(TypedDict):
     """The contacts of a node's skin at one instant.
 
-    ``nodes`` sample the skin. Of one node, the true moments of its samples lie within
+    ``nodes`` sample the skin. Of one node, the true instants of its samples lie within
     ``time_error`` ns of the stated ones; of several, all that their samples may have been at ``t``
     is enclosed, and it is 0. ``threshold`` is the least of all taxels. Taxels of which nothing is
     known are possibly pressed.
@@ -47,7 +47,7 @@ class ContactsDocument(TypedDict):
 
     node: str
     nodes: list[str]
-    t: Moment
+    t: Instant
     time_error: int
     threshold: float
     unit: str

@@ -8,7 +8,7 @@ from typing_extensions import TypedDict
 from eskin.wire.frames import DescribedLayout, Patch
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.query.pictures import Pictures
-from eskin_cloud.schemas.base import Json, Moment
+from eskin_cloud.schemas.base import Instant, Json
 
 _UM_PER_M: Final = 1_000_000
 
@@ -70,8 +70,8 @@ class PicturesDocument(TypedDict):
 
     Where one of lo and hi is null, that side is unbounded; where both are, nothing is known. A
     picture is the hull of all samples of each taxel in ``[t, t + dt)``; ``coverage`` is the
-    probability that a hull encloses all its true values, whose moments lie within ``time_error`` ns
-    of the stated ones. ``contact`` is 2 where a taxel was certainly pressed at some time of the
+    probability that a hull encloses all its true values, whose instants lie within ``time_error``
+    ns of the stated ones. ``contact`` is 2 where a taxel was certainly pressed at some time of the
     picture, 1 where it may have been, also unknown or during a gap, and 0 where it was not; null if
     no patch states a threshold.
     """
@@ -81,7 +81,7 @@ class PicturesDocument(TypedDict):
     quantity: str
     unit: str
     coverage: float
-    t0: Moment
+    t0: Instant
     dt: int
     time_error: int
     taxels: list[str]

@@ -5,15 +5,15 @@ from typing import Literal
 from typing_extensions import TypedDict
 
 from eskin.gestures import Gesture, Kind
-from eskin_cloud.schemas.base import IntervalDocument, Moment, interval, moment
+from eskin_cloud.schemas.base import Instant, IntervalDocument, instant, interval
 from eskin_cloud.schemas.contacts import Bounds
 
 
-class SampledMomentDocument(TypedDict):
-    """An enclosure of the moment of a sampled instant; a side that is null is not in the window."""
+class SampledInstantDocument(TypedDict):
+    """An enclosure of a sampled instant; a side that is null is not in the window."""
 
-    lo: Moment | None
-    hi: Moment | None
+    lo: Instant | None
+    hi: Instant | None
 
 
 class TouchPlacesDocument(TypedDict):
@@ -28,7 +28,7 @@ class GestureDocument(TypedDict):
 
     ``contacts`` are labels of the contacts of its touches, counted within this answer; none where
     the touch itself is possible, or where its touches may be one. ``begin`` and ``end`` enclose the
-    moments of its first and its last sampled instant. ``direction`` of a slide or a swipe, and
+    times of its first and its last sampled instant. ``direction`` of a slide or a swipe, and
     ``angle`` by which two touches turn, are in rad; ``scale`` is the distance of two touches at the
     end over that at the begin. ``places`` are those of each touch; none where its touches may be
     one.
@@ -37,8 +37,8 @@ class GestureDocument(TypedDict):
     kind: Kind
     verdict: Literal["possible", "certain"]
     contacts: list[int]
-    begin: SampledMomentDocument
-    end: SampledMomentDocument
+    begin: SampledInstantDocument
+    end: SampledInstantDocument
     direction: IntervalDocument | None
     angle: IntervalDocument | None
     scale: IntervalDocument | None
@@ -60,8 +60,8 @@ def describe_gesture(gesture: Gesture) -> GestureDocument:
     }
 
 
-def _enclosure(moments: tuple[int | None, int | None]) -> SampledMomentDocument:
-    return {"lo": moment(moments[0]), "hi": moment(moments[1])}
+def _enclosure(instants: tuple[int | None, int | None]) -> SampledInstantDocument:
+    return {"lo": instant(instants[0]), "hi": instant(instants[1])}
 
 
 def _bounds(bounds: tuple[float, float] | None) -> IntervalDocument | None:

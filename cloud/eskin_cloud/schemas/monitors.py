@@ -10,7 +10,7 @@ from eskin.monitor import Because
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.query.stored_verdicts import StoredPiece
 from eskin_cloud.query.verdict_totals import VerdictTotals
-from eskin_cloud.schemas.base import CountDocument, IntervalDocument, Moment, seconds
+from eskin_cloud.schemas.base import CountDocument, Instant, IntervalDocument, seconds
 from eskin_cloud.store.read.window import Window
 
 
@@ -23,12 +23,12 @@ class VerdictDocument(TypedDict):
     at least.
     """
 
-    start: Moment
+    start: Instant
     includes_start: bool
-    end: Moment
+    end: Instant
     includes_end: bool
     verdict: Literal["certain", "possible", "impossible"]
-    because: list[Literal["width", "moment", "gap", "pending"]]
+    because: list[Literal["width", "instant", "gap", "pending"]]
     missing: bool
     coverage: float
 
@@ -42,8 +42,8 @@ class TotalsDocument(BaseModel):
     is the probability of the whole statement.
     """
 
-    start: Moment
-    end: Moment
+    start: Instant
+    end: Instant
     time_s: IntervalDocument
     unknown_s: float
     entries: CountDocument
@@ -65,7 +65,7 @@ def describe_verdict(piece: StoredPiece) -> VerdictDocument:
     """One stretch."""
     verdict: Literal["certain", "possible", "impossible"]
     verdict = piece.verdict.name.lower()  # type: ignore[assignment]  # one of them
-    because: list[Literal["width", "moment", "gap", "pending"]]
+    because: list[Literal["width", "instant", "gap", "pending"]]
     because = [each.name.lower() for each in Because if each in piece.because]  # type: ignore[misc,union-attr]
     return {
         "start": format_timestamp(piece.first // 2),

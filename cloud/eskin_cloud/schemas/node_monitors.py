@@ -18,7 +18,7 @@ _NO_OUTPUT: Final = "none"
 
 
 class StatedVerdictDocument(BaseModel):
-    """What a node stated last of a monitor: its verdict from the moment ``time`` on.
+    """What a node stated last of a monitor: its verdict from the instant ``time`` on.
 
     ``final`` is whether no later sample can change it, ``because`` why it is possible, ``coverage``
     the probability with which it holds, at least. ``current`` is whether it holds still, by all
@@ -28,7 +28,7 @@ class StatedVerdictDocument(BaseModel):
     verdict: VerdictName
     time: TimeDocument
     final: bool
-    because: list[Literal["width", "moment", "gap", "pending"]]
+    because: list[Literal["width", "instant", "gap", "pending"]]
     coverage: float
     current: bool
 

@@ -12,12 +12,12 @@ from eskin.wire.messages import Shedding
 from eskin.wire.timestamp import SECOND, format_timestamp
 from eskin_cloud.query.clock_check import ClockCheck
 from eskin_cloud.schemas.base import (
+    Instant,
     IntervalDocument,
     LagDocument,
-    Moment,
     Row,
+    instant,
     lag,
-    moment,
     whole_minute,
 )
 from eskin_cloud.settings import NodesSection
@@ -85,7 +85,7 @@ class MissingDocument(TypedDict):
     """
 
     messages: int
-    since: Moment
+    since: Instant
     ranges: list[MissingRangeDocument]
 
 
@@ -94,7 +94,7 @@ class NodeDocument(TypedDict):
 
     id: str
     health: Health
-    last_seen: Moment
+    last_seen: Instant
     boot: int
     sequence: int | None
     profile: str | None
@@ -115,7 +115,7 @@ class RemovedDocument(TypedDict):
     """What retention or erasure removed of a patch: how many messages, all before when."""
 
     messages: int
-    before: Moment
+    before: Instant
 
 
 class ChannelDocument(TypedDict):
@@ -132,8 +132,8 @@ class ChannelDocument(TypedDict):
     unit: str
     coverage: float
     dt: int | None
-    first: Moment | None
-    last: Moment | None
+    first: Instant | None
+    last: Instant | None
     biometric: bool
     patch: str
     removed: RemovedDocument | None
@@ -194,8 +194,8 @@ def describe_channel(
         "unit": row["unit"],
         "coverage": row["coverage"],
         "dt": row["dt"] or None,
-        "first": None if hidden else moment(row["t_first"]),
-        "last": None if hidden else moment(row["t_last"]),
+        "first": None if hidden else instant(row["t_first"]),
+        "last": None if hidden else instant(row["t_last"]),
         "biometric": biometric,
         "patch": row["patch"],
         "removed": None

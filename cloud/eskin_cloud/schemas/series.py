@@ -6,7 +6,7 @@ from pydantic import BaseModel
 
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.query.series import Series
-from eskin_cloud.schemas.base import Json, Moment
+from eskin_cloud.schemas.base import Instant, Json
 
 
 class BoundsDocument(BaseModel):
@@ -29,7 +29,7 @@ class SeriesDocument(BaseModel):
     unit: str
     coverage: float
     resolution: Literal["sample", "hull"]
-    t0: Moment
+    t0: Instant
     t: list[int]
     lo: list[float | None]
     hi: list[float | None]

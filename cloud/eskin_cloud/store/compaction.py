@@ -291,8 +291,8 @@ def _measure(run: PatchRun, patch: Patch) -> _Measures:
         mask = Sampling(rows, columns, run.first_row, run.strides).mask
         lo, hi = lo[mask], hi[mask]
         row, column = np.nonzero(mask)
-        moments = row * run.dt + np.array(patch.skew or (0,) * columns, np.int64)[column]
-        first, last = int(moments.min()), int(moments.max())
+        instants = row * run.dt + np.array(patch.skew or (0,) * columns, np.int64)[column]
+        first, last = int(instants.min()), int(instants.max())
     else:
         first, last = min(patch.skew, default=0), max(patch.skew, default=0)
         last += (rows - 1) * run.dt

@@ -11,7 +11,7 @@ from eskin.errors import MessageError
 from eskin.kernels.jit import kernel
 from eskin.wire.frames import PatchSamples
 from eskin.wire.slot import slot_of
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 from eskin_cloud.store.damage import FrameHeader
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class FittingFrame(NamedTuple):
     """What is known of a frame once it was compared with its layout.
 
     Attributes:
-        first: From its first moment to its first sample, ns.
+        first: From its first instant to its first sample, ns.
         last: The same to its last sample.
         samples: How many it has.
     """
@@ -115,12 +115,12 @@ def fit_frame(frame: EncodedFrame, described: DescribedLayout) -> FittingFrame:
         spans = [_strided_span(frame, described, record) for record in strided]
         first = min(first, *(each[0] for each in spans))
         last = max(last, *(each[1] for each in spans))
-    if frame.time[1] + last > MOST_MOMENT:
+    if frame.time[1] + last > MOST_INSTANT:
         raise MessageError(
             f"last sample lies after the year 2262: field 7 is {list(frame.time)}, and it was "
             f"taken {last} ns later"
         )
-    if frame.ticks + last > MOST_MOMENT or frame.time[0] - frame.ticks < -MOST_MOMENT:
+    if frame.ticks + last > MOST_INSTANT or frame.time[0] - frame.ticks < -MOST_INSTANT:
         raise MessageError(
             f"field 6 is {frame.ticks}; the node's clock at the last sample, or its start in UTC, "
             "does not fit into 64 bit"

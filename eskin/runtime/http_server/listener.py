@@ -43,7 +43,7 @@ class Listener(uvicorn.Server):
     """A server whose signals and whose state are the caller's.
 
     Of connections whose handshake is not over, the one that began first is ended where there are
-    too many of one address, or in all: a client that means it takes a moment only. How many may be
+    too many of one address, or in all: an honest client takes an instant only. How many may be
     open after that the protocol decides.
 
     Args:

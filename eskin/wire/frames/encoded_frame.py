@@ -45,7 +45,7 @@ from eskin.wire.messages.compiled_cbor import (
     read_string,
 )
 from eskin.wire.messages.header import Kind, Position
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -158,7 +158,7 @@ def _scan(
     early, place = read_integer(data, read_pair(data, place, 7))
     late, place = read_integer(data, place)
     good = place >= 0 and kind == Kind.FRAME and end - layout == HASH_BYTES
-    good = good and page < MOST_PAGES and -MOST_MOMENT <= early <= late
+    good = good and page < MOST_PAGES and -MOST_INSTANT <= early <= late
     number, place = read_head(data, read_key(data, place, 8), 4)
     good = good and 1 <= number <= MOST_GRIDS
     if good:

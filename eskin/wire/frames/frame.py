@@ -36,7 +36,7 @@ from eskin.wire.messages.cbor_map import (
     row,
 )
 from eskin.wire.messages.header import Kind, Position, position_fields, read_position
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 
 if TYPE_CHECKING:
     from collections.abc import Container, Iterable, Sequence
@@ -64,7 +64,7 @@ class Grid(NamedTuple):
     """When patches are sampled, and how surely they enclose the truth.
 
     Attributes:
-        delay: From the frame's first moment to the first row, in ns.
+        delay: From the frame's first instant to the first row, in ns.
         period: From row to row, in ns.
         first_row: Number of the first row in the node's schedule.
         rows: How many there are.
@@ -216,15 +216,15 @@ def frame_limit(columns: Iterable[int], rows: int) -> int:
 class FrameHead:
     """What stands in a frame before its patches.
 
-    Row ``r`` of a patch was sampled in column ``c`` at a moment within ``time`` plus ``delay +
-    r·period`` of its grid plus ``skew[c]`` of its description; its interval holds at that moment.
+    Row ``r`` of a patch was sampled in column ``c`` at an instant within ``time`` plus ``delay +
+    r·period`` of its grid plus ``skew[c]`` of its description; its interval holds at that instant.
 
     Attributes:
         position: Boot and sequence.
         layout: Hash of the layout by which it is read.
         page: Number of its page in the layout.
-        ticks: The node's clock at the first moment, ns since its start.
-        time: Enclosure of the same moment, UTC ns, for the whole stretch: it contains how far the
+        ticks: The node's clock at the first instant, ns since its start.
+        time: Enclosure of the same instant, UTC ns, for the whole stretch: it contains how far the
             node's clock may drift until its last row.
         grids: When patches were sampled, in the order of their first use.
     """
@@ -346,8 +346,8 @@ class Frame(FrameHead):
             position=read_position(fields),
             layout=fields.octets(4, HASH_BYTES, HASH_BYTES),
             page=fields.integer(5, 0, MOST_PAGES - 1),
-            ticks=fields.integer(6, 0, MOST_MOMENT),
-            time=fields.moments(7),
+            ticks=fields.integer(6, 0, MOST_INSTANT),
+            time=fields.instants(7),
             grids=tuple(_grid(each) for each in fields.items(8, MOST_GRIDS)),
             patches=tuple(PatchSamples.read(each) for each in fields.items(9, MOST_PATCHES)),
         )

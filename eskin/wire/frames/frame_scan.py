@@ -164,7 +164,7 @@ def _scan(
 
 @part
 def _read_frame(data: Bytes, place: int, head: Integers, grids: Integers, surely: Floats) -> Any:
-    """Read a frame up to its patches: their number, ticks, the earliest and the latest moment."""
+    """Read a frame up to its patches: their number, ticks, the earliest and the latest instant."""
     place += 1  # the map's head
     for key in range(1, 4):  # kind, boot, sequence
         _, place = read_count(data, place, key)

@@ -29,11 +29,11 @@ from eskin.wire.messages.cbor_map import (
 )
 from eskin.wire.messages.command import TAXEL
 from eskin.wire.messages.header import Kind, Position, position_fields, read_position
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 
 Bounds: TypeAlias = "tuple[float, float]"
 Counts: TypeAlias = "tuple[int, int]"
-Moments: TypeAlias = "tuple[int, int]"
+Instants: TypeAlias = "tuple[int, int]"
 
 MOST_STATEMENTS: Final = 1000
 """Of one kind in one message."""
@@ -60,7 +60,7 @@ class Peak(NamedTuple):
 
     patch: int
     column: int
-    time: Moments
+    time: Instants
     verdict: Verdict
     counts: Counts
     height: Bounds
@@ -69,7 +69,7 @@ class Peak(NamedTuple):
 
 
 class Link(NamedTuple):
-    """Whether a contact continues one of an earlier moment.
+    """Whether a contact continues one of an earlier instant.
 
     Attributes:
         contact: Label of the earlier one.
@@ -85,18 +85,18 @@ class Contact(NamedTuple):
 
     Attributes:
         label: Names it from message to message by a fixed rule; states nothing.
-        time: Enclosure of its moment, UTC ns.
+        time: Enclosure of its instant, UTC ns.
         verdict: Certain with a core; possible without one.
         counts: Fewest and most contacts in its region.
         cells: Fewest and most taxels.
         force: Enclosure of the force, in N.
         centroid: Enclosures of x and y, or of x, y and z, in m.
         coverage: Probability of the whole statement.
-        links: To contacts of earlier moments.
+        links: To contacts of earlier instants.
     """
 
     label: int
-    time: Moments
+    time: Instants
     verdict: Verdict
     counts: Counts
     cells: Counts
@@ -111,8 +111,8 @@ class Because(IntFlag):
 
     WIDTH = 1
     """Intervals are too wide."""
-    MOMENT = 2
-    """Moments are not known exactly enough."""
+    INSTANT = 2
+    """Instants are not known exactly enough."""
     GAP = 4
     """Samples are missing."""
     PENDING = 8
@@ -120,11 +120,11 @@ class Because(IntFlag):
 
 
 class MonitorVerdict(NamedTuple):
-    """What a monitor's formula is at a moment.
+    """What a monitor's formula is at an instant.
 
     Attributes:
         monitor: Name of the monitor.
-        time: Enclosure of the moment, UTC ns.
+        time: Enclosure of the instant, UTC ns.
         verdict: Impossible, possible or certain.
         final: Whether no later sample can change it.
         because: Why it is possible; none where it is not.
@@ -132,7 +132,7 @@ class MonitorVerdict(NamedTuple):
     """
 
     monitor: str
-    time: Moments
+    time: Instants
     verdict: Verdict
     final: bool
     because: Because
@@ -144,7 +144,7 @@ class Gap(NamedTuple):
 
     Attributes:
         reason: Such as ``flash full``.
-        time: UTC ns, from the earliest to the latest moment that is affected.
+        time: UTC ns, from the earliest to the latest instant that is affected.
         messages: How many messages were given up.
         samples: How many samples were lost.
         lost: ``(boot, first, last)`` of the messages given up.
@@ -152,7 +152,7 @@ class Gap(NamedTuple):
     """
 
     reason: str
-    time: Moments
+    time: Instants
     messages: int
     samples: int
     lost: tuple[tuple[int, int, int], ...] = ()
@@ -262,8 +262,8 @@ def _listed(value: object) -> object:
     return int(value) if isinstance(value, (Verdict, Because)) else value
 
 
-def _moments(value: object, what: str) -> Moments:
-    return integer_pair(value, what, -MOST_MOMENT, MOST_MOMENT)
+def _instants(value: object, what: str) -> Instants:
+    return integer_pair(value, what, -MOST_INSTANT, MOST_INSTANT)
 
 
 def _counts(value: object, what: str) -> Counts:
@@ -291,7 +291,7 @@ def _peak(value: object) -> Peak:
     return Peak(
         patch=integer(patch, what, 0, MOST_PATCHES - 1),
         column=integer(column, what, 0, MOST_COLUMNS - 1),
-        time=_moments(time, what),
+        time=_instants(time, what),
         verdict=_one_of_three(verdict, what),
         counts=_counts(counts, what),
         height=_bounds(height, what),
@@ -308,7 +308,7 @@ def _contact(value: object) -> Contact:
         raise MessageError(f"{what} has a centroid of {len(axes)} axes; expected 2 or 3")
     return Contact(
         label=integer(label, what, 0, MOST_COUNT),
-        time=_moments(time, what),
+        time=_instants(time, what),
         verdict=_one_of_three(verdict, what),
         counts=_counts(counts, what),
         cells=_counts(cells, what),
@@ -337,7 +337,7 @@ def _verdict(value: object) -> MonitorVerdict:
         raise MessageError(f"{what} has {final!r} for final; expected true or false")
     return MonitorVerdict(
         monitor=name,
-        time=_moments(time, what),
+        time=_instants(time, what),
         verdict=_one_of_three(verdict, what),
         final=final,
         because=Because(integer(because, what, 0, sum(Because))),
@@ -350,7 +350,7 @@ def _gap(value: object) -> Gap:
     reason, time, messages, samples, lost, patches = row(value, what, 6)
     return Gap(
         reason=text(reason, what, _REASON_LENGTH),
-        time=_moments(time, what),
+        time=_instants(time, what),
         messages=integer(messages, what, 0, MOST_COUNT),
         samples=integer(samples, what, 0, MOST_COUNT),
         lost=tuple(read_span(span, what) for span in items(lost, what, _MOST_SPANS)),

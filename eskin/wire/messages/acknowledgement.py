@@ -9,7 +9,7 @@ from typing import Final, Self
 from eskin.errors import MessageError
 from eskin.wire.messages.cbor_map import dump, load, octets, read_span
 from eskin.wire.messages.header import Kind
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 
 MOST_SPANS: Final = 1000
 MOST_WANTED: Final = 256
@@ -53,7 +53,7 @@ class Acknowledgement:
                 f"field 1 is {kind}; expected an acknowledgement ({Kind.ACKNOWLEDGEMENT:d})"
             )
         return cls(
-            time=fields.integer(2, -MOST_MOMENT, MOST_MOMENT),
+            time=fields.integer(2, -MOST_INSTANT, MOST_INSTANT),
             spans=tuple(read_span(span, "field 3") for span in fields.items(3, MOST_SPANS)),
             want=tuple(
                 octets(wanted, "field 4", _HASH_BYTES, _HASH_BYTES)

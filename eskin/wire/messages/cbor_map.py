@@ -15,7 +15,7 @@ import cbor2
 
 from eskin.errors import MessageError, shown
 from eskin.wire.messages.wellformed import require_plain
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -130,9 +130,9 @@ class Fields:
             raise MessageError(f"field {key} has no items; leave it out")
         return found
 
-    def moments(self, key: int) -> tuple[int, int]:
+    def instants(self, key: int) -> tuple[int, int]:
         """A pair of UTC times in ns, in order."""
-        return integer_pair(self.raw(key), f"field {key}", -MOST_MOMENT, MOST_MOMENT)
+        return integer_pair(self.raw(key), f"field {key}", -MOST_INSTANT, MOST_INSTANT)
 
     def counts(self, key: int) -> tuple[int, int]:
         """A pair of counters, in order."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, Self, TypeAlias
 from eskin.errors import CommandError, IdentityError, MessageError
 from eskin.wire.messages.cbor_map import MOST_COUNT, dump, load, read_map, read_texts, sort_texts
 from eskin.wire.messages.header import CHANNEL, Kind, Position, position_fields, read_position
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -268,8 +268,8 @@ class Command:
             return cls(
                 id=fields.integer(2, 1, MOST_COUNT),
                 node=node,
-                issued=fields.integer(4, -MOST_MOMENT, MOST_MOMENT),
-                expires=fields.integer(5, -MOST_MOMENT, MOST_MOMENT),
+                issued=fields.integer(4, -MOST_INSTANT, MOST_INSTANT),
+                expires=fields.integer(5, -MOST_INSTANT, MOST_INSTANT),
                 name=name,
                 arguments=check_arguments(name, arguments),
             )
@@ -297,7 +297,7 @@ class Result:
 
     Attributes:
         position: Boot and sequence.
-        time: Enclosure of the moment, UTC ns.
+        time: Enclosure of the instant, UTC ns.
         command: Id of the last command that the node took; 0 if there never was one.
         outcome: What became of it.
         reason: Why it was not done; ``None`` if it was.
@@ -339,7 +339,7 @@ class Result:
             raise MessageError("field 7, the reason, stands where a command was not done")
         return cls(
             position=read_position(fields),
-            time=fields.moments(4),
+            time=fields.instants(4),
             command=fields.integer(5, 0, MOST_COUNT),
             outcome=outcome,
             reason=fields.text(7, MOST_REASON) if fields.has(7) else None,

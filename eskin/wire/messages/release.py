@@ -21,7 +21,7 @@ class Release:
     Attributes:
         node: Which node.
         nonce: The challenge's, 16 bytes.
-        time: Earliest and latest UTC of the moment, ns, as the node knows it.
+        time: Earliest and latest UTC of the instant, ns, as the node knows it.
     """
 
     node: str
@@ -44,4 +44,4 @@ class Release:
         if fields.integer(1, 0, 255) != Kind.RELEASE:
             raise MessageError(f"field 1 is no release ({Kind.RELEASE:d})")
         nonce = fields.octets(3, NONCE_BYTES, NONCE_BYTES)
-        return cls(fields.text(2, 63), nonce, fields.moments(4))
+        return cls(fields.text(2, 63), nonce, fields.instants(4))

@@ -11,7 +11,7 @@ from eskin.errors import MessageError
 from eskin.interval import Verdict
 from eskin.wire.messages.cbor_map import MOST_COUNT, dump, integer, items, load, pair, real, text
 from eskin.wire.messages.header import Kind, Position, position_fields, read_position
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 
 if TYPE_CHECKING:
     from eskin.wire.messages.cbor_map import Fields
@@ -86,7 +86,7 @@ class Status:
 
     Attributes:
         position: Boot and sequence.
-        time: Enclosure of the moment, UTC ns.
+        time: Enclosure of the instant, UTC ns.
         profile: Name of the node's design, such as ``fingertip``.
         description: One line for people.
         uptime: ns since the start.
@@ -151,10 +151,10 @@ class Status:
         fields.only(_FIELDS)
         return cls(
             position=read_position(fields),
-            time=fields.moments(4),
+            time=fields.instants(4),
             profile=fields.text(5, 64),
             description=fields.text(6, 200),
-            uptime=fields.integer(7, 0, MOST_MOMENT),
+            uptime=fields.integer(7, 0, MOST_INSTANT),
             messages=fields.integer(8, 0, MOST_COUNT),
             used=fields.integer(9, 0, MOST_COUNT),
             capacity=fields.integer(10, 0, MOST_COUNT),
@@ -163,7 +163,7 @@ class Status:
             energy=_energy(fields) if fields.has(13) else None,
             faults=_faults(fields) if fields.has(14) else None,
             gateway_time=(
-                fields.integer(15, -MOST_MOMENT, MOST_MOMENT) if fields.has(15) else None
+                fields.integer(15, -MOST_INSTANT, MOST_INSTANT) if fields.has(15) else None
             ),
             held=_held(fields) if fields.has(16) else None,
             ended=_ended(fields) if fields.has(17) else None,

@@ -98,8 +98,8 @@ class PatchHull:
         lo: Of each column, the least lower bound; infinite without samples.
         hi: Of each column, the greatest upper bound; minus infinite without samples.
         samples: How many each column has.
-        t0: UTC ns, not after the earliest moment of the first sample.
-        t1: UTC ns, not before the latest moment of the last.
+        t0: UTC ns, not after the earliest instant of the first sample.
+        t1: UTC ns, not before the latest instant of the last.
         rows: How many rows there are, by the coverage of their samples.
     """
 

@@ -36,14 +36,14 @@ def plan(settings: NodeSettings) -> SkinPlan:
 def build(settings: NodeSettings, seed: int, *, boot: int, clock: Clock) -> PadColumns:
     """Build the columns of a node's skin.
 
-    The same seed and boot give the same samples at the same moments, however stretches are cut.
+    The same seed and boot give the same samples at the same instants, however stretches are cut.
 
     Args:
         settings: The node's, with a skin.
         seed: Draws its true parts, the same at each boot, and with the boot its noise. Nodes that
             share a skin may have one seed: what is drawn depends on the taxel's number in the skin.
         boot: Number of this start; the first stretch begins at tick 0 of it.
-        clock: The node's: true moments of its ticks.
+        clock: The node's: true instants of its ticks.
 
     Raises:
         SettingsError: As `plan`.

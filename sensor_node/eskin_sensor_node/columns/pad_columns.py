@@ -198,17 +198,17 @@ class PadColumns:
             yield PatchColumns(number, 0, 0, lo, hi, truth)
             at += rows * size
 
-    def sense(self, moments: NDArray[np.int64]) -> Sensed:
-        """Codes of all columns at moments on the node's clock, ns, and the truth behind them."""
-        return self._sensing.sense(self._boot, moments, self._seconds(moments)[None])
+    def sense(self, instants: NDArray[np.int64]) -> Sensed:
+        """Codes of all columns at instants on the node's clock, ns, and the truth behind them."""
+        return self._sensing.sense(self._boot, instants, self._seconds(instants)[None])
 
     @property
     def sensed(self) -> Sensed:
         """Codes of the stretch that is not complete, and the truth behind them."""
         key = self._begin, self.period, self._rows
         if self._latest is None or self._latest[0] != key:
-            moments = self._begin + self.period * np.arange(self._rows, dtype=np.int64)
-            self._latest = key, self.sense(moments)
+            instants = self._begin + self.period * np.arange(self._rows, dtype=np.int64)
+            self._latest = key, self.sense(instants)
         return self._latest[1]
 
     def examine(self) -> list[Fault]:
@@ -232,10 +232,10 @@ class PadColumns:
     def _surround(self) -> None:
         self._groups = surroundings(self.neighbours, ~self.broken)
 
-    def _seconds(self, moments: NDArray[np.int64]) -> Floats:
+    def _seconds(self, instants: NDArray[np.int64]) -> Floats:
         """True seconds since the scenario began."""
         begin = self._clock.true_time(0) - _SHARED if self._shared else self._clock.lived
-        return np.asarray((self._clock.elapsed(moments) + begin) / BILLION)
+        return np.asarray((self._clock.elapsed(instants) + begin) / BILLION)
 
 
 def _local(

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 class Sensed(NamedTuple):
-    """What was at some moments, and what the converters gave of it.
+    """What was at some instants, and what the converters gave of it.
 
     Attributes:
-        truth: Each quantity's true values, columns × moments.
+        truth: Each quantity's true values, columns × instants.
         readings: What the converters gave, or where the world is known as intervals, what they
             gave at each end of them.
-        missing: At which moments nothing was; ``None``: at none.
+        missing: At which instants nothing was; ``None``: at none.
     """
 
     truth: dict[str, Floats]
@@ -36,7 +36,7 @@ class Sensed(NamedTuple):
     missing: NDArray[np.bool_] | None
 
     def runs(self, n: int) -> Iterator[tuple[int, int, bool]]:
-        """Begin and end of each run of moments that are all there or all missing, and whether."""
+        """Begin and end of each run of instants that are all there or all missing, and whether."""
         if self.missing is None:
             yield 0, n, True
             return
@@ -83,18 +83,18 @@ class SensingColumns:
     def __len__(self) -> int:
         return len(self._random)
 
-    def sense(self, boots: ArrayLike, moments: NDArray[np.int64], seconds: Floats) -> Sensed:
-        """What converters give at some moments.
+    def sense(self, boots: ArrayLike, instants: NDArray[np.int64], seconds: Floats) -> Sensed:
+        """What converters give at some instants.
 
         Args:
             boots: Of the columns' nodes, or of the node; they draw the noise.
-            moments: On the nodes' clocks, ns.
+            instants: On the nodes' clocks, ns.
             seconds: The same in true seconds since the start, or since the trigger of a burst:
-                columns × moments, or 1 × moments where all columns have one clock.
+                columns × instants, or 1 × instants where all columns have one clock.
         """
         for random in (self._random, *(each for _, _, each in self._along)):
-            random.begin(boots, moments)
-        shape = len(self), len(moments)
+            random.begin(boots, instants)
+        shape = len(self), len(instants)
         signals = self.world.signals(seconds, self._random)
         digitised = self._digitise(signals.sensed, shape)
         truth = {

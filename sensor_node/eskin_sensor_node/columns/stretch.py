@@ -22,7 +22,7 @@ class PatchColumns(NamedTuple):
         epoch: Of shared errors; 0 where samples share none.
         lo: Lower bounds, shape ``(rows, columns)``, in the patch's unit; infinite where unknown.
         hi: Upper bounds.
-        truth: The true values at the true moments.
+        truth: The true values at the true instants.
     """
 
     patch: int
@@ -37,7 +37,7 @@ class Stretch(NamedTuple):
     """A stretch of time of a whole skin.
 
     Attributes:
-        begin: The node's clock at the first moment, ns since its start.
+        begin: The node's clock at the first instant, ns since its start.
         end: The same when the last sample is complete.
         grids: When patches were sampled.
         patches: In the order of the layout.
@@ -103,9 +103,9 @@ class SkinColumns(Protocol):
         ...
 
     def advance(self, ticks: int) -> Iterator[Stretch]:
-        """Take all stretches that are complete by a moment."""
+        """Take all stretches that are complete by an instant."""
         ...
 
     def skip(self, ticks: int) -> int:
-        """Drop all stretches that begin before a moment; gives how many samples are lost."""
+        """Drop all stretches that begin before an instant; gives how many samples are lost."""
         ...

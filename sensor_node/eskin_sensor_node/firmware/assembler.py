@@ -225,7 +225,7 @@ class Assembler:
     def state_verdict(
         self, monitor: str, time: "Time", verdict: int, because: int, coverage: float
     ) -> None:
-        """Take a monitor's verdict at a moment; of too many in a stretch the last ones stay."""
+        """Take a monitor's verdict at an instant; of too many in a stretch the last ones stay."""
         if len(self._verdicts) == MOST_VERDICTS:
             del self._verdicts[MOST_VERDICTS // 2]
         self._verdicts.append((time, (monitor, time, verdict, True, because, coverage)))

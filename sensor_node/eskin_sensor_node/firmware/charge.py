@@ -19,12 +19,12 @@ _BILLION = 1000000000
 
 
 def write_charge(stored: float, earliest: int) -> bytes:
-    """A record for flash: J that are stored at least, at a moment not before so many ns UTC."""
+    """A record for flash: J that are stored at least, at an instant not before so many ns UTC."""
     return struct.pack(_LAYOUT, stored, earliest)
 
 
 def read_charge(record: bytes, latest: int, *, leakage: "Bounds", half: "Bounds") -> float:
-    """J that are stored at least, at a moment not after so many ns UTC.
+    """J that are stored at least, at an instant not after so many ns UTC.
 
     Args:
         record: As `write_charge` wrote it, when the firmware stopped.

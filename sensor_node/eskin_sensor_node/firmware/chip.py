@@ -8,7 +8,7 @@ class StoredMessage:
         position: Its boot and sequence.
         kind: As in `eskin_sensor_node.firmware.message_writer`.
         body: Its plaintext.
-        time: UTC ns, earliest and latest moment that it covers.
+        time: UTC ns, earliest and latest instant that it covers.
         samples: How many samples go with it.
         messages: How many it stands for: itself, and those that a gap names.
     """

@@ -18,7 +18,7 @@ class Clock:
         self._drift = drift
 
     def enclosure(self, ticks: int, lasting: int = 0) -> "tuple[int, int]":
-        """Earliest and latest UTC in ns of a moment.
+        """Earliest and latest UTC in ns of an instant.
 
         Args:
             ticks: Nominal ns since the start.

@@ -200,12 +200,12 @@ class ControlUnit:
         self.units[k].restart(self.schedule, threshold, self.smoothing)
 
     def sample_every(self, dt: int, ticks: int) -> None:
-        """Sample with another period, ns, from a moment on; hands on undecided peaks."""
+        """Sample with another period, ns, from an instant on; hands on undecided peaks."""
         self.schedule = self.designed.at_period(dt, ticks)
         self._restart(self.smoothing)
 
     def reset(self, ticks: int) -> None:
-        """Go back to the design, from a moment on; hands on undecided peaks."""
+        """Go back to the design, from an instant on; hands on undecided peaks."""
         self.skip(0)
         self.mode = SAMPLES
         self.smoothing = 0.0

@@ -121,11 +121,11 @@ class EnergyManager:
         self._shed()
 
     def rest(self, time: "tuple[int, int]") -> bytes:
-        """The charge to store when the firmware stops, at a moment in UTC ns."""
+        """The charge to store when the firmware stops, at an instant in UTC ns."""
         return write_charge(self.stored[0], time[0])
 
     def recall(self, record: bytes, time: "tuple[int, int]") -> None:
-        """Begin with the stored charge, at a moment in UTC ns; the first code narrows it."""
+        """Begin with the stored charge, at an instant in UTC ns; the first code narrows it."""
         least = read_charge(record, time[1], leakage=self._leakage, half=self._half)
         self.stored = least, up(self._half[1] * up(self._rated * self._rated))
         volts = max(0.0, down(sqrt(max(0.0, down(least / self._half[1])))))

@@ -33,7 +33,7 @@ class Loss:
 
     Attributes:
         reason: A code of `eskin_sensor_node.firmware.gap_reasons`.
-        time: UTC ns, earliest and latest moment that is affected; None: nothing is lost.
+        time: UTC ns, earliest and latest instant that is affected; None: nothing is lost.
         messages: How many messages.
         samples: How many samples, over all channels.
         spans: ``(boot, first, last)`` of the positions, sorted, as few as possible.

@@ -126,12 +126,12 @@ class MessageWriter:
 
         Args:
             page: Number of the page in the layout.
-            ticks: The node's clock at the first moment.
-            time: UTC ns that enclose this moment, for as long as the frame lasts.
+            ticks: The node's clock at the first instant.
+            time: UTC ns that enclose this instant, for as long as the frame lasts.
             grids: When patches were sampled, in the order of their first use.
             patches: Encoded samples, with ascending numbers of patches.
             samples: How many samples they are.
-            lasting: ns from the first moment to the last sample.
+            lasting: ns from the first instant to the last sample.
         """
         out, sequence = self._begin(FRAME, 9)
         fields = self._layout, page, ticks, time, grids, patches
@@ -154,7 +154,7 @@ class MessageWriter:
         """What is concluded from a stretch of samples, or missing of it; at least one statement.
 
         Args:
-            time: UTC ns, from the earliest to the latest moment that they are about.
+            time: UTC ns, from the earliest to the latest instant that they are about.
             peaks: Patch, column, time, verdict, counts, height, prominence, coverage.
             contacts: Label, time, verdict, counts, cells, force, centroid, coverage, links.
             verdicts: Monitor, time, verdict, whether it is final, reasons, coverage.
@@ -190,7 +190,7 @@ class MessageWriter:
 
         Args:
             reason: Why, as a code of `eskin_sensor_node.firmware.gap_reasons`.
-            time: UTC ns, from the earliest to the latest moment that is affected.
+            time: UTC ns, from the earliest to the latest instant that is affected.
             samples: How many samples.
             messages: How many messages.
             lost: ``(boot, first, last)`` of the messages.

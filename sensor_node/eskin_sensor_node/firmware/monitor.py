@@ -39,7 +39,7 @@ POSSIBLE = 1
 CERTAIN = 2
 """Verdicts."""
 WIDTH = 1
-MOMENT = 2
+INSTANT = 2
 GAP = 4
 """Why a verdict may be possible; see `Monitor.because`."""
 BEGIN = 1 - (1 << 62)
@@ -333,7 +333,7 @@ class Monitor:
             return 0
         since = self._begin - self._reach
         found = (WIDTH if self._open[0] >= since else 0) | (GAP if self._open[1] >= since else 0)
-        return found | (MOMENT if self._uncertain or not found else 0)
+        return found | (INSTANT if self._uncertain or not found else 0)
 
     def _look(self, atom: "Atom", begin: int, end: int) -> "Pair":
         self.work += 1

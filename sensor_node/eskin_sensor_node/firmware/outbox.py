@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _BEFORE_ALL = (-1, -1)
 _AT_ONCE = 0
-"""A moment that is over."""
+"""An instant that is over."""
 
 
 class InFlightWindow:
@@ -133,7 +133,7 @@ class Outbox:
     status, and gaps and results last. Descriptions of frames have no position and are kept in a
     reserved part of the chip.
 
-    Moments are the caller's, in one unit; positions are ``(boot, sequence)``.
+    Instants are the caller's, in one unit; positions are ``(boot, sequence)``.
 
     Args:
         chip: The storage.

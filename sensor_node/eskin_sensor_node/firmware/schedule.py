@@ -79,7 +79,7 @@ class Schedule:
         self.origin = origin
 
     def at_period(self, dt: int, ticks: int) -> "Schedule":
-        """As long bursts with another sampling period, from a moment on.
+        """As long bursts with another sampling period, from an instant on.
 
         The first sample is taken at a whole multiple of the period, so that taxels with a half,
         a quarter, … of the rate are sampled together with the others.
@@ -116,7 +116,7 @@ class Schedule:
         return self.frame(frame.first + frame.n)
 
     def before(self, ticks: int) -> int:
-        """How many samples are due before a moment."""
+        """How many samples are due before an instant."""
         since = max(0, ticks - self.origin)
         if self.burst == 0:
             return -(-since // self.dt)

@@ -65,9 +65,9 @@ class Written(NamedTuple):
         kind: `FRAME` or `STATEMENTS`.
         sequence: Its number.
         body: Its bytes.
-        time: UTC ns, from the earliest to the latest moment.
+        time: UTC ns, from the earliest to the latest instant.
         samples: How many samples it holds.
-        begin: Ticks of the first moment of a frame.
+        begin: Ticks of the first instant of a frame.
         end: Ticks after its last row.
         sizes: Number and samples of each patch, shape ``(patches, 2)``; empty for statements.
         values: True values, patch after patch, row after row; likewise.

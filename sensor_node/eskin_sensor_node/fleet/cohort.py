@@ -159,7 +159,7 @@ class Cohort:
         return found
 
     def pass_over(self, ticks: int) -> tuple[int, tuple[int, int]]:
-        """Skip all frames that begin before a moment; takes the peaks that stay undecided.
+        """Skip all frames that begin before an instant; takes the peaks that stay undecided.
 
         Returns:
             How many samples each node lost; from which tick to which nothing was sampled.
@@ -179,7 +179,7 @@ class Cohort:
             self._take(taxel.skip(0)[0])
 
     def true_times(self, ticks: int) -> list[int]:
-        """True UTC of a moment at each node, row by row, ns."""
+        """True UTC of an instant at each node, row by row, ns."""
         return self._clocks.true_times(ticks)
 
     def _arm_all(self, order: Sequence[int]) -> None:

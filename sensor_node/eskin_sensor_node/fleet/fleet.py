@@ -123,7 +123,7 @@ class Fleet:
         self._selector.close()
 
     def _poll(self, until: int) -> None:
-        """Serve connections until a moment."""
+        """Serve connections until an instant."""
         while (left := until - time.monotonic_ns()) > 0:
             for key, events in self._selector.select(left / BILLION):
                 if key.data is None:

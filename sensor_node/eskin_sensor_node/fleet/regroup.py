@@ -33,7 +33,7 @@ class Regroup:
         self._first = self._latest = NEVER
 
     def postpone(self, now: int) -> None:
-        """Wait for further commands after one at a moment of the monotonic clock, ns."""
+        """Wait for further commands after one at an instant of the monotonic clock, ns."""
         self._first, self._latest = min(self._first, now), now
 
     def is_due(self, now: int) -> bool:

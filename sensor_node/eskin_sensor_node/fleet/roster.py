@@ -75,6 +75,6 @@ class Roster:
         return len(self.entries)
 
     def enclosure(self, row: int, ticks: int) -> tuple[int, int]:
-        """Earliest and latest UTC of a moment, as a node knows it; also before its start."""
-        # Drift counts in either direction from the moment at which the clock was read.
+        """Earliest and latest UTC of an instant, as a node knows it; also before its start."""
+        # Drift counts in either direction from the instant at which the clock was read.
         return self.clocks.known(row).enclosure(ticks, max(0, -2 * ticks))

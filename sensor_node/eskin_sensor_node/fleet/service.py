@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 
 _SPARE_FILES: Final = 64
 _MOST_PER_SHARD: Final = 128
-"""Members that sample at the same moment; shards are spread over a frame."""
+"""Members that sample at the same instant; shards are spread over a frame."""
 _FEWEST_SHARDS: Final = 8
 _PROGRESS_S: Final = 2.0
 

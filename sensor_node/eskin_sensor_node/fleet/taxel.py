@@ -158,9 +158,9 @@ class TaxelRows:
     def measure(self) -> None:
         """Measure the next frame of all nodes, as if the taxel were alone, without messages."""
         frame = self.next
-        moments = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
-        since = self._clocks.elapsed(moments) - self._clocks.elapsed(np.asarray([frame.trigger]))
-        sensed = self._sensing.sense(self._boots, moments, np.asarray(since / BILLION))
+        instants = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
+        since = self._clocks.elapsed(instants) - self._clocks.elapsed(np.asarray([frame.trigger]))
+        sensed = self._sensing.sense(self._boots, instants, np.asarray(since / BILLION))
         self._truth = sensed.truth
         self._measure(sensed.readings[0].codes, frame.n)
 
@@ -204,7 +204,7 @@ class TaxelRows:
         return FrameReport(frame, parts, peaks[:count].copy(), (lows[0], highs[0]))
 
     def skip(self, ticks: int) -> tuple[FrameReport, int]:
-        """Skip all frames that begin before a moment.
+        """Skip all frames that begin before an instant.
 
         Returns:
             The peaks that stay undecided, and how many samples each node lost, over all channels.

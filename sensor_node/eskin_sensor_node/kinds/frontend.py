@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Digitised:
-    """What the chains made of the signals, columns × moments.
+    """What the chains made of the signals, columns × instants.
 
     Attributes:
         truth: Quantities that come to be in the chain, without noise.
@@ -31,7 +31,7 @@ class Digitised:
     held: dict[str, Floats]
 
     def part(self, begin: int, end: int) -> Digitised:
-        """Some of the moments."""
+        """Some of the instants."""
         truth, held = (
             {name: values[:, begin:end] for name, values in each.items()}
             for each in (self.truth, self.held)

@@ -1,4 +1,4 @@
-"""Random numbers of columns: each is a function of seed, taxel and moment, drawn in any order.
+"""Random numbers of columns: each is a function of seed, taxel and instant, drawn in any order.
 
 The generator is Philox4x32-10. Source: Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as
 easy as 1, 2, 3", SC'11 (2011). A block of 128 bits is two uniform numbers, or one normal one.
@@ -32,7 +32,7 @@ _ROUNDS: Final = 10
 _MANTISSA: Final = np.uint64(11)
 _UNIT: Final = 2.0**-53
 _DRAWS: Final = 256
-"""Draws of a moment, at most."""
+"""Draws of an instant, at most."""
 _PARTS: Final = 0
 """Stream of what is drawn once; noise has those after it, `_DRAWS` for each boot."""
 
@@ -64,24 +64,24 @@ def _counter(taxel: int, stream: Word) -> Word:
 
 @kernel
 def fill_uniform(
-    keys: Words, streams: Words, taxels: Integers, moments: Integers, out: Floats
+    keys: Words, streams: Words, taxels: Integers, instants: Integers, out: Floats
 ) -> None:
-    """Fill columns × moments with numbers from 0 to below 1."""
+    """Fill columns × instants with numbers from 0 to below 1."""
     for row in range(taxels.size):
         high = _counter(taxels[row], streams[row])
-        for k in range(moments.size):
-            out[row, k] = _fraction(block(np.uint64(moments[k]), high, keys[row])[0])
+        for k in range(instants.size):
+            out[row, k] = _fraction(block(np.uint64(instants[k]), high, keys[row])[0])
 
 
 @kernel
 def fill_normal(
-    keys: Words, streams: Words, taxels: Integers, moments: Integers, out: Floats
+    keys: Words, streams: Words, taxels: Integers, instants: Integers, out: Floats
 ) -> None:
-    """Fill columns × moments with normal numbers of variance 1 (Box and Muller, 1958)."""
+    """Fill columns × instants with normal numbers of variance 1 (Box and Muller, 1958)."""
     for row in range(taxels.size):
         high = _counter(taxels[row], streams[row])
-        for k in range(moments.size):
-            one, other = block(np.uint64(moments[k]), high, keys[row])
+        for k in range(instants.size):
+            one, other = block(np.uint64(instants[k]), high, keys[row])
             radius = sqrt(-2.0 * log(1.0 - _fraction(one)))
             out[row, k] = radius * cos(2.0 * pi * _fraction(other))
 
@@ -100,46 +100,46 @@ class ColumnGenerator:
         self._keys = np.broadcast_to(keys, self._shape).copy()
         self._taxels = np.broadcast_to(numbers, self._shape).copy()
         self._streams = np.full(self._shape, _PARTS, np.uint64)
-        self._moments: Integers | None = None
+        self._instants: Integers | None = None
         self._drawn = 0
 
     def __len__(self) -> int:
         return int(self._shape[0])
 
-    def begin(self, boots: ArrayLike, moments: Integers) -> None:
-        """Draw the noise of some moments from now on, no more parts.
+    def begin(self, boots: ArrayLike, instants: Integers) -> None:
+        """Draw the noise of some instants from now on, no more parts.
 
         Args:
             boots: The nodes', below 2^23, or one for all: after a reset a clock counts the same
-                moments again.
-            moments: On the nodes' clocks, ns.
+                instants again.
+            instants: On the nodes' clocks, ns.
         """
         first = (np.asarray(boots, np.uint64) + np.uint64(1)) * np.uint64(_DRAWS)
         self._streams = np.broadcast_to(first, self._shape).copy()
-        self._moments, self._drawn = moments, 0
+        self._instants, self._drawn = instants, 0
 
     def uniform(self, low: float, high: float, size: int | None = None) -> Floats:
         """Uniform numbers.
 
         Returns:
             A part of each column, columns × 1, or so many, size × columns × 1; once `begin` was
-            called, noise of columns × moments.
+            called, noise of columns × instants.
         """
         drawn = low + (high - low) * self._fill(fill_uniform, 1 if size is None else size)
         return np.asarray(drawn if size is None else drawn.T[:, :, None])
 
     def normal(self, loc: float, scale: float) -> Floats:
-        """Gaussian noise of columns × moments."""
+        """Gaussian noise of columns × instants."""
         return np.asarray(loc + scale * self._fill(fill_normal, 1))
 
     def _fill(
         self, fill: Callable[[Words, Words, Integers, Integers, Floats], None], count: int
     ) -> Floats:
-        if self._moments is None:
-            streams, moments = self._streams, np.arange(self._drawn, self._drawn + count)
+        if self._instants is None:
+            streams, instants = self._streams, np.arange(self._drawn, self._drawn + count)
         else:
-            streams, moments = self._streams + np.uint64(self._drawn), self._moments
+            streams, instants = self._streams + np.uint64(self._drawn), self._instants
         self._drawn += count
-        out = np.empty((len(self), len(moments)))
-        fill(self._keys, streams, self._taxels, moments, out)
+        out = np.empty((len(self), len(instants)))
+        fill(self._keys, streams, self._taxels, instants, out)
         return out

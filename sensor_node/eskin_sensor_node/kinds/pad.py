@@ -226,10 +226,10 @@ class PadWorld(World):
 
     def _kept(self, then: Floats) -> Floats:
         """What stuck taxels keep, from before their plates moved on."""
-        moment = float(then[0])
-        if moment not in self._stuck:
-            self._stuck[moment] = self._capacitance(self._stage.stimulus(then), then)
-        return self._stuck[moment]
+        instant = float(then[0])
+        if instant not in self._stuck:
+            self._stuck[instant] = self._capacitance(self._stage.stimulus(then), then)
+        return self._stuck[instant]
 
     def _layer(self, stimulus: Stimulus, seconds: Floats) -> tuple[Floats, Floats]:
         """Distance at rest and elasticity of the layer, as far as they are worn."""

@@ -29,7 +29,7 @@ def draw_part(random: ColumnGenerator, value: float, tolerance: float) -> Floats
 
 
 def draw_noise(random: ColumnGenerator, noise: UniformNoise | GaussianNoise) -> Floats:
-    """Noise of columns × moments."""
+    """Noise of columns × instants."""
     if noise.kind == "uniform":
         drawn = random.uniform(-noise.bound, noise.bound)
         return np.clip(drawn, -noise.bound, noise.bound)

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Signals:
-    """What is, and what reaches the analogue chain: columns × moments, or 1 × moments.
+    """What is, and what reaches the analogue chain: columns × instants, or 1 × instants.
 
     Attributes:
         truth: Quantity to its true values, without noise, in SI units.
         sensed: Quantity to what the chain gets; differs where the sensor itself is disturbed.
         ends: Where the world itself is known as intervals, what the chain gets at each end of them.
-        missing: At which moments nothing is; ``None``: at none.
+        missing: At which instants nothing is; ``None``: at none.
     """
 
     truth: dict[str, Floats]
@@ -40,7 +40,7 @@ class World(ABC):
         """True signals at instants since the start (a burst: since its trigger).
 
         Args:
-            seconds: Columns × moments, or 1 × moments where all columns have one clock.
+            seconds: Columns × instants, or 1 × instants where all columns have one clock.
             random: Draws noise of the sensing elements.
         """
 

@@ -45,7 +45,7 @@ class Timer:
         self._order = -1
 
     def arm(self, time: int, order: int) -> None:
-        """Fire at a moment; of events at one moment, the one that was armed first comes first."""
+        """Fire at an instant; of events at one instant, the first armed comes first."""
         self.time, self._order, self.running = time, order, True
 
     @property
@@ -113,7 +113,7 @@ class EventQueue:
         timer.action()
 
     def pass_to(self, time: int) -> None:
-        """Let time pass up to a moment before which nothing is due."""
+        """Let time pass up to an instant before which nothing is due."""
         self.now = max(self.now, time)
 
 

@@ -58,12 +58,12 @@ class Radio:
         self._busy_until = 0
 
     def is_free(self, within_s: float = 0.0) -> bool:
-        """Whether all is sent by a moment so many real seconds from now."""
+        """Whether all is sent by an instant so many real seconds from now."""
         return self._busy_until <= self._now() + round(within_s * self._speed * BILLION)
 
-    def has_reached(self, moment: int) -> bool:
-        """Whether an emulated moment has come."""
-        return moment <= self._now()
+    def has_reached(self, instant: int) -> bool:
+        """Whether an emulated instant has come."""
+        return instant <= self._now()
 
     def send(self, size: int) -> tuple[int, bool]:
         """Send a message behind those that are being sent.
@@ -72,7 +72,7 @@ class Radio:
             size: Its bytes.
 
         Returns:
-            The emulated moment, ns, at which it is over, and whether all of it arrived.
+            The emulated instant, ns, at which it is over, and whether all of it arrived.
         """
         aired, arrived = self._air(size)
         self._meter.sent += aired

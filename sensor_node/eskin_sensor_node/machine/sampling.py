@@ -36,7 +36,7 @@ def most_latency(taxels: int) -> int:
 def most_repeats(settings: NodeSettings, taxel: TaxelSection) -> int:
     """How often a taxel's samples can be converted again before the next ones come.
 
-    All taxels may saturate at one moment, and one after the other is served.
+    All taxels may saturate at one instant, and one after the other is served.
     """
     inputs = sum(each.firmware.amplified for each in settings.taxel)
     free = period(taxel.sampling) - most_latency(len(settings.taxel)) - INTERRUPT_NS

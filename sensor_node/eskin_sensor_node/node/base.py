@@ -231,11 +231,11 @@ class BaseNode(ABC):
 
     @abstractmethod
     def _missing(self, ticks: int) -> int:
-        """How many samples were due before a moment, and were not taken."""
+        """How many samples were due before an instant, and were not taken."""
 
     @abstractmethod
     def _skip(self, batch: Batch, ticks: int) -> int:
-        """Skip all samples before a moment; gives how many."""
+        """Skip all samples before an instant; gives how many."""
 
     def _undecided(self) -> Sequence[Record]:
         """What stays undecided at the end."""
@@ -338,7 +338,7 @@ class BaseNode(ABC):
             self._skip_samples(batch, time - self.machine.booted, OVERRUN)
 
     def _skip_samples(self, batch: Batch, ticks: int, reason: int) -> None:
-        """Skip all samples that begin before a moment, and record a gap."""
+        """Skip all samples that begin before an instant, and record a gap."""
         known = self._clock.known
         begin = self._next_start()[0]
         lost = self._skip(batch, ticks)

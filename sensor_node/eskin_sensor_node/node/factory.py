@@ -59,7 +59,7 @@ def chip_key(settings: NodeSettings) -> bytes:
 def build_outbox(
     flash: Partition, *, capacity: int, broker: BrokerSection, described: Described
 ) -> Outbox:
-    """Put an outbox on a flash, for several threads; its moments are ns.
+    """Put an outbox on a flash, for several threads; its instants are ns.
 
     Args:
         flash: Keeps messages, and what they are read by.
@@ -99,7 +99,7 @@ def build_node(
         truth: The ground truth.
         start: True UTC in ns at which emulated time begins; ``None``: now. A node that ran faster
             than real time, or whose machine's clock was set back, starts after its latest sample,
-            so that no moment is emulated twice.
+            so that no instant is emulated twice.
         functions: The firmware's arithmetic, or its compiled copy.
 
     Raises:
@@ -110,7 +110,7 @@ def build_node(
     require_speed(settings, measured_around(settings.taxel))
     require_depth(settings)
     seed = truth.seed(settings.node.seed)
-    begin = first_moment(truth, time.time_ns() if start is None else start)
+    begin = first_instant(truth, time.time_ns() if start is None else start)
     clock = build_clock(settings, seed=seed, boot=outbox.boot, start=begin)
     node = Node(settings, clock=clock, outbox=outbox, truth=truth, seed=seed, functions=functions)
     return node, clock
@@ -147,7 +147,7 @@ def build_clock(
     )
 
 
-def first_moment(truth: GroundTruth, start: int) -> int:
+def first_instant(truth: GroundTruth, start: int) -> int:
     """True UTC in ns at which emulated time begins: the wanted one, or after the latest sample."""
     end = truth.end()
     if end is None or end + REBOOT <= start:

@@ -47,9 +47,9 @@ CREATE TABLE IF NOT EXISTS true_frame (
     boot INTEGER NOT NULL,
     sequence INTEGER NOT NULL,
     layout BLOB NOT NULL,    -- hash of the layout by which the frame is read
-    ticks INTEGER NOT NULL,  -- the node's clock at the first moment
+    ticks INTEGER NOT NULL,  -- the node's clock at the first instant
     lasting INTEGER NOT NULL, -- ns of the node's clock from then until its samples are complete
-    time INTEGER NOT NULL,   -- true UTC of the first moment, ns since 1970
+    time INTEGER NOT NULL,   -- true UTC of the first instant, ns since 1970
     "end" INTEGER NOT NULL,  -- true UTC when its samples are complete
     sizes BLOB NOT NULL,     -- pairs of uint32, little endian: number and cells of each patch
     samples BLOB NOT NULL    -- float64, little endian, first all first bytes and so on; deflated
@@ -82,9 +82,9 @@ class TrueFrame:
     Attributes:
         position: The frame's boot and sequence.
         layout: Hash of the layout by which it is read.
-        ticks: The node's clock at its first moment, ns.
+        ticks: The node's clock at its first instant, ns.
         lasting: From then until all of its samples are complete, by the node's clock, ns.
-        time: True UTC of its first moment, ns.
+        time: True UTC of its first instant, ns.
         end: True UTC when all of its samples are complete, ns.
         sizes: Number and cells (rows times columns) of each patch, shape ``(patches, 2)``.
         values: True values in the units of their patches, without noise: patch after patch as in
@@ -211,7 +211,7 @@ class GroundTruth:
         return row
 
     def store_supply(self, node: str, time: int, energy: float) -> None:
-        """Store how much a node's supply holds at a moment.
+        """Store how much a node's supply holds at an instant.
 
         Raises:
             FlashError: It cannot be written.
@@ -357,9 +357,9 @@ def _of(node: str | None, query: str, *values: int) -> tuple[str, tuple[int | st
 
 def _row(node: str, true: TrueFrame) -> tuple[Any, ...]:
     place = node, true.position.boot, true.position.sequence
-    moments = true.ticks, true.lasting, true.time, true.end
+    instants = true.ticks, true.lasting, true.time, true.end
     sizes = true.sizes.astype("<u4").tobytes()
-    return *place, true.layout, *moments, sizes, _deflated(true.values)
+    return *place, true.layout, *instants, sizes, _deflated(true.values)
 
 
 def _deflated(values: Floats) -> bytes:

@@ -107,7 +107,7 @@ class MonitoredTaxel(Protocol):
 
     @property
     def reads_intervals(self) -> bool:
-        """Whether its world is a recording, known as intervals and not at each moment."""
+        """Whether its world is a recording, known as intervals and not at each instant."""
         ...
 
     def converted(self, frame: Frame, k: int) -> Sequence[Sequence[int]]:
@@ -353,7 +353,7 @@ class NodeReflexes:
         self._machine.arm(self._timer, self._machine.booted + first + converted)
 
     def skip(self, ticks: int) -> None:
-        """Decide at no instant before a moment."""
+        """Decide at no instant before this one."""
         self._last = max(self._last, ticks - 1)
 
     def stop(self) -> None:

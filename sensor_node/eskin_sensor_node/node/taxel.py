@@ -186,7 +186,7 @@ class TaxelGroup:
         self._latest = None
 
     def sense(self, boot: int, frame: Frame, *, triggered: bool) -> Sensed:
-        """Sample all taxels at a frame's moments; those of one frame are sampled once.
+        """Sample all taxels at a frame's instants; those of one frame are sampled once.
 
         Args:
             boot: The node's.
@@ -195,9 +195,9 @@ class TaxelGroup:
         """
         key = boot, frame.start, frame.dt, frame.n
         if self._latest is None or self._latest[0] != key:
-            moments = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
+            instants = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
             seconds = self._clock.seconds(frame, triggered=triggered)
-            self._latest = key, self.sensing.sense(boot, moments, seconds[None])
+            self._latest = key, self.sensing.sense(boot, instants, seconds[None])
         return self._latest[1]
 
 
@@ -349,7 +349,7 @@ class EmulatedTaxel:
 
     @property
     def reads_intervals(self) -> bool:
-        """Whether its world is a recording, known as intervals and not at each moment."""
+        """Whether its world is a recording, known as intervals and not at each instant."""
         return self._taxel.kind.startswith("recorded")
 
     @property
@@ -494,7 +494,7 @@ class EmulatedTaxel:
         self.next = self.control_unit.schedule.frame(0)
 
     def skip(self, ticks: int) -> int:
-        """Skip all frames that begin before a moment; gives lost samples over all channels."""
+        """Skip all frames that begin before an instant; gives lost samples over all channels."""
         lost = 0
         while self.next.start < ticks:
             lost += self.next.n
@@ -503,7 +503,7 @@ class EmulatedTaxel:
         return lost * len(self.control_unit.units)
 
     def missing(self, ticks: int) -> int:
-        """Samples that were due before a moment and not reported, over all channels."""
+        """Samples that were due before an instant and not reported, over all channels."""
         due = self.control_unit.schedule.before(ticks)
         omitted_samples = self.control_unit.omitted_samples
         return max(0, due - self.next.first) * len(self.control_unit.units) + omitted_samples

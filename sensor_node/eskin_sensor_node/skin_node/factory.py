@@ -12,7 +12,7 @@ from eskin_sensor_node.machine.budget import require_flash, require_ram
 from eskin_sensor_node.machine.clock import Clock
 from eskin_sensor_node.machine.node_layout import describe
 from eskin_sensor_node.machine.processor import require_speed
-from eskin_sensor_node.node.factory import build_clock, build_outbox, first_moment
+from eskin_sensor_node.node.factory import build_clock, build_outbox, first_instant
 from eskin_sensor_node.skin_node.frames import FrameWriter
 from eskin_sensor_node.skin_node.node import SkinNode
 
@@ -49,7 +49,7 @@ def build_skin_node(
         described=describe(skin.layout, skin.patches),
     )
     seed = truth.seed(settings.node.seed)
-    start = first_moment(truth, time.time_ns())
+    start = first_instant(truth, time.time_ns())
     clock = build_clock(settings, seed=seed, boot=outbox.boot, start=start)
 
     def build(boot: int) -> PadColumns:

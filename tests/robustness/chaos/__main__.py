@@ -105,8 +105,8 @@ def _play(site: Site, plan: Sequence[Stroke], say: Callable[[str], None]) -> lis
     down: Counter[str] = Counter()
     begun: dict[Stroke, int] = {}
     blows = []
-    for moment, begins, stroke in sorted(steps, key=lambda step: step[:2]):
-        time.sleep(max(0.0, start + moment - time.monotonic()))
+    for instant, begins, stroke in sorted(steps, key=lambda step: step[:2]):
+        time.sleep(max(0.0, start + instant - time.monotonic()))
         part, fault = site.part(stroke.part), FAULTS[stroke.fault]
         if begins:
             site.require_alive([part.name for part in site.parts if not down[part.name]])

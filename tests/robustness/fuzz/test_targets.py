@@ -1,4 +1,4 @@
-"""Each target for a moment, from the same seed; ``make fuzz`` tries a million inputs of each."""
+"""Each target for an instant, from the same seed; ``make fuzz`` tries a million inputs of each."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class Search:
     def _run(self, run: Run) -> Execution:
         """Run the next schedule; again where its beginning took other steps.
 
-        The server has locks of its own for moments, and a unit that waits for one on a busy machine
+        The server has short locks of its own, and a unit that waits for one on a busy machine
         looks as if it waited for another unit.
         """
         for _ in range(_REPEATS):

@@ -239,7 +239,7 @@ class Scheduler:
                 if role in roles
             }
             waiting, stopped = running & held.keys(), self._gate.waiting().keys()
-            while True:  # a session that a running unit blocks may go on in a moment
+            while True:  # a session that a running unit blocks may go on in an instant
                 still = {name for name in waiting if not held[name] & (running - waiting)}
                 # So may one that is blocked by a session that no unit directs: what a refused write
                 # left is rolled back after its unit has ended.

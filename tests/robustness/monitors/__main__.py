@@ -1,7 +1,7 @@
 """Random formulas over random signals, against their meaning in fractions.
 
 Draws formulas with nested windows of past and future, channels in two units, gaps, uncertain
-moments and no samples at all. A scene counts as wrong where a verdict is not that of the
+instants and no samples at all. A scene counts as wrong where a verdict is not that of the
 definition, or where a formula that is called exact leaves open what no world decides either way.
 Exit status 1 if there is one.
 """

@@ -1,4 +1,4 @@
-"""Cutting the power, at one moment after the other of what a store did."""
+"""Cutting the power, at one instant after the other of what a store did."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _RARE: Final = 8
 
 
 class Cut(NamedTuple):
-    """A moment at which the power failed, and what went wrong then (``None``: nothing)."""
+    """An instant at which the power failed, and what went wrong then (``None``: nothing)."""
 
     deed: int
     fault: str | None
@@ -39,16 +39,16 @@ def cut(name: str, folder: Path, journal: Path, *, images: int, seed: int) -> It
         folder: In which it has worked.
         journal: What was done there.
         images: How many ways.
-        seed: Draws the moments, and what survives.
+        seed: Draws the instants, and what survives.
     """
     deeds = list(read_journal(journal, folder))
     draw = random.Random(seed)  # noqa: S311 - a plan, no secret
     disk, marks = Disk(folder), list[list[Any]]()
-    moments = sorted(_moments(deeds, draw, images), reverse=True)
+    instants = sorted(_instants(deeds, draw, images), reverse=True)
     with tempfile.TemporaryDirectory(dir=_FAST if _FAST.is_dir() else None) as left:
         for number, deed in enumerate(deeds):
-            while moments and moments[-1] == number:
-                moments.pop()
+            while instants and instants[-1] == number:
+                instants.pop()
                 yield Cut(number, _open(name, Path(left) / "left", disk.cut(draw), marks))
             if deed.mark is not None:
                 marks.append(deed.mark)
@@ -57,7 +57,7 @@ def cut(name: str, folder: Path, journal: Path, *, images: int, seed: int) -> It
     _require_whole(disk, folder)
 
 
-def _moments(deeds: Sequence[Deed], draw: random.Random, images: int) -> list[int]:
+def _instants(deeds: Sequence[Deed], draw: random.Random, images: int) -> list[int]:
     weights = [
         1 if deed.name == "w" and (deed.mark or deed.path.name.endswith(_LOG)) else _RARE
         for deed in deeds

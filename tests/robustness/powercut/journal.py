@@ -37,7 +37,7 @@ class Deed(NamedTuple):
 
     @property
     def mark(self) -> list[Any] | None:
-        """What the process stated about itself at this moment, if it did."""
+        """What the process stated about itself at this instant, if it did."""
         if self.path.name != _MARKS:
             return None
         stated: list[Any] = json.loads(self.data)

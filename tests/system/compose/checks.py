@@ -48,15 +48,15 @@ def missing(stack: Stack) -> str:
 
 
 def wait_for_samples_after(
-    stack: Stack, client: httpx.Client, moment: int, *, seconds: float = 90.0
+    stack: Stack, client: httpx.Client, instant: int, *, seconds: float = 90.0
 ) -> None:
-    """Wait until a cloud has samples of each channel that are newer than a moment (UTC ns)."""
+    """Wait until a cloud has samples of each channel that are newer than an instant (UTC ns)."""
 
     def come() -> bool:
         try:
             channels = stack.channels(client)
         except httpx.HTTPError:
             return False  # the cloud, or a server of its store, has only just come back
-        return all(parse_timestamp(channel["last"]) > moment for channel in channels.values())
+        return all(parse_timestamp(channel["last"]) > instant for channel in channels.values())
 
     wait_until(come, "every channel has newer samples", seconds=seconds)

@@ -184,7 +184,7 @@ def test_killed_containers_come_back_and_nothing_is_lost(
         stack.wait_healthy(service)
     wait_for_samples_after(stack, client, time.time_ns())
     # What was on the way when its carrier died is sent again a few seconds later. Outboxes need not
-    # be empty in any status: each states the same moment between two frames.
+    # be empty in any status: each states the same instant between two frames.
     wait_until(lambda: not missing(stack), "no sample is missing", seconds=60)
     assert items(client, "/api/v1/events?kind=gap") == []
 

@@ -100,8 +100,8 @@ def test_allowance_comes_back_with_time_and_is_not_spent_on_what_fails() -> None
     for _ in range(5):
         with pytest.raises(OSError, match="full"), allowance.take("palm"):
             raise OSError("the disk is full")
-    for moment in (0.0, 4.0):
-        now[0] = moment
+    for instant in (0.0, 4.0):
+        now[0] = instant
         take("palm")
     with pytest.raises(IssuanceQuotaError, match="palm got 2 certificates in 10 s"):
         take("palm")

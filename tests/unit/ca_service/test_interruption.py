@@ -48,8 +48,8 @@ from pathlib import Path
 from eskin.identity import CertificateAuthority
 print("ready", flush=True)
 for line in sys.stdin:
-    moment, folder = line.rstrip().split(" ", 1)
-    while time.time() < float(moment):
+    instant, folder = line.rstrip().split(" ", 1)
+    while time.time() < float(instant):
         pass
     CertificateAuthority.open(Path(folder))
     print("ready", flush=True)
@@ -193,10 +193,10 @@ def test_two_processes_that_open_a_fresh_folder_make_one_ca(tmp_path: Path) -> N
     with opener() as one, opener() as two:
         for attempt in range(8):
             folder = tmp_path / str(attempt) / "ca"
-            moment = time.time() + 0.1
+            instant = time.time() + 0.1
             for process in (one, two):
                 assert process.stdin is not None
-                process.stdin.write(f"{moment} {folder}\n")
+                process.stdin.write(f"{instant} {folder}\n")
                 process.stdin.flush()
             for process in (one, two):
                 await_ready(process)
@@ -208,7 +208,7 @@ def test_two_processes_that_open_a_fresh_folder_make_one_ca(tmp_path: Path) -> N
 
 @contextmanager
 def opener() -> Iterator[subprocess.Popen[str]]:
-    """A process that opens the folders that it is notified, each at a moment; all is imported."""
+    """A process that opens the folders that it is notified, each at an instant; all is imported."""
     argv = [sys.executable, "-c", OPEN]
     with subprocess.Popen(
         argv, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -45,9 +45,9 @@ class Truth:
     """All samples, as brute force sees them: in order of time."""
 
     def __init__(self, said: list[Frame]) -> None:
-        said = sorted(said, key=lambda frame: (tube_of(frame).first_moment, frame.position))
+        said = sorted(said, key=lambda frame: (tube_of(frame).first_instant, frame.position))
         tubes = [tube_of(frame) for frame in said]
-        t = np.concatenate([tube.moments for tube in tubes])
+        t = np.concatenate([tube.instants for tube in tubes])
         order = np.argsort(t, kind="stable")
         self.dt = np.concatenate([np.full(len(tube), tube.dt) for tube in tubes])[order]
         self.t = t[order]

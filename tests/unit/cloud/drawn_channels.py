@@ -59,9 +59,9 @@ windows = st.builds(
 def samples_of(said: list[Frame]) -> list[Sample]:
     """All samples in order of time."""
     found = []
-    for each in sorted(said, key=lambda one: (tube_of(one).first_moment, one.position)):
+    for each in sorted(said, key=lambda one: (tube_of(one).first_instant, one.position)):
         tube = tube_of(each)
-        bounds = zip(tube.moments.tolist(), tube.values.inf, tube.values.sup, strict=True)
+        bounds = zip(tube.instants.tolist(), tube.values.inf, tube.values.sup, strict=True)
         found += [Sample(t, tube.dt, tube.time_error, lo, hi) for t, lo, hi in bounds]
     return sorted(found, key=lambda sample: sample.t)
 
@@ -71,19 +71,19 @@ def is_gap(before: Sample, after: Sample) -> bool:
 
 
 def drawn_signal(random: np.random.Generator, samples: list[Sample]) -> Signal | None:
-    """A signal within the samples' intervals: exact moments and values.
+    """A signal within the samples' intervals: exact instants and values.
 
-    ``None`` where no moments within the enclosures ascend.
+    ``None`` where no instants within the enclosures ascend.
     """
-    moments: list[int] = []
+    instants: list[int] = []
     latest = [min(s.t + s.error for s in samples[k:]) for k in range(len(samples))]
     for k, sample in enumerate(samples):
-        earliest = max(sample.t - sample.error, moments[-1] + 1 if moments else -(2**62))
+        earliest = max(sample.t - sample.error, instants[-1] + 1 if instants else -(2**62))
         room = min(end - n for n, end in enumerate(latest[k:]))
         if earliest > room:
             return None
-        moments.append(int(random.integers(earliest, room + 1)))
+        instants.append(int(random.integers(earliest, room + 1)))
     gap = [is_gap(one, other) for one, other in itertools.pairwise(samples)]
     values = [random.uniform(max(s.lo, -9.0), min(s.hi, 9.0)) for s in samples]
     periods = [sample.dt for sample in samples]
-    return Signal(moments, moments, values, values, periods, [*gap, False], unit="F")
+    return Signal(instants, instants, values, values, periods, [*gap, False], unit="F")

@@ -60,16 +60,16 @@ async def fill(stand: Stand, site: Site) -> None:
 
 def _pack(store: Store) -> None:
     values = [1.0] * 100, [2.0] * 100
-    moments = [START + 100 * k * DT for k in range(64)]
+    instants = [START + 100 * k * DT for k in range(64)]
     said = partial(stretch, channel=PACKED)
-    put(store, *(said(100 + k, *values, time=(t, t)) for k, t in enumerate(moments)))
+    put(store, *(said(100 + k, *values, time=(t, t)) for k, t in enumerate(instants)))
     compact_all(store)
 
 
 def _build(store: Store) -> None:
     said = partial(stretch, dt=1, channel=BUILT)
-    moments = [START + 20_000 * k for k in range(5)]
-    put(store, *(said(200 + k, time=(t, t)) for k, t in enumerate(moments)))
+    instants = [START + 20_000 * k for k in range(5)]
+    put(store, *(said(200 + k, time=(t, t)) for k, t in enumerate(instants)))
     compact_all(store)
     build(store)
     put(store, said(299, time=(START + 50, START + 50)))  # late

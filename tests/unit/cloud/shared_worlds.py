@@ -1,6 +1,6 @@
-"""Small skins that several nodes share, with a truth: true pressures at true moments.
+"""Small skins that several nodes share, with a truth: true pressures at true instants.
 
-A node's samples are taken at moments of its own clock, which is wrong by a constant that the node
+A node's samples are taken at instants of its own clock, which is wrong by a constant that the node
 does not know, within a bound that it states.
 """
 
@@ -29,7 +29,7 @@ SPAN: Final = 400 * MILLI
 
 @dataclass(frozen=True)
 class Sample:
-    """A sample: its true moment and value, and until when it is the one that holds."""
+    """A sample: its true instant and value, and until when it is the one that holds."""
 
     t: int
     until: int
@@ -62,7 +62,7 @@ class World:
         return [taxel for patch in self.patches for taxel in patch.taxels]
 
     def value(self, taxel: int, t: int, unknown: float) -> float:
-        """What is true of a taxel at a true moment; something else where no sample holds."""
+        """What is true of a taxel at a true instant; something else where no sample holds."""
         for sample in self.samples[taxel]:
             if sample.t <= t < sample.until:
                 return sample.value

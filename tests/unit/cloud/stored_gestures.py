@@ -43,7 +43,7 @@ class StoredWorld(World):
 
     def truth(self) -> Truth:
         """What the oracle says."""
-        return Truth(self.skin, self.moments, self.pressed, Templates())
+        return Truth(self.skin, self.instants, self.pressed, Templates())
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def draw_record(random: np.random.Generator, *, whole: bool = False) -> Record:
     doubt = 0.0 if whole else float(random.choice([0.0, 0.0, 0.02, 0.2]))
     jitter = random.integers(-JITTER, JITTER + 1, len(pressed))
     bases = START + PERIOD * np.arange(len(pressed)) + jitter
-    moments = bases + random.integers(int(skew.min()), int(skew.max()) + 1, len(pressed))
+    times = bases + random.integers(int(skew.min()), int(skew.max()) + 1, len(pressed))
     shape = len(pressed), size
     true = np.zeros(shape, np.bool_)
     for k, each in enumerate(pressed):
@@ -157,12 +157,12 @@ def draw_record(random: np.random.Generator, *, whole: bool = False) -> Record:
     certain, possible = true & known & ~vague, true | vague | ~known
     world = StoredWorld(
         skin.skin,
-        moments[instants].tolist(),
+        times[instants].tolist(),
         [pressed[k] for k in instants],
         int(held[0]) if held.size else 0,
         [frozenset(np.flatnonzero(row).tolist()) for row in certain[inside]],
         [frozenset(np.flatnonzero(row).tolist()) for row in possible[inside]],
-        [(int(moment), int(moment)) for moment in moments[inside]],
+        [(int(instant), int(instant)) for instant in times[inside]],
     )
     return Record(layout, tuple(patches), frames, world)
 

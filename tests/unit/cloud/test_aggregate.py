@@ -42,7 +42,7 @@ def spoken(draw: st.DrawFn) -> list[Frame]:
         time = (t - error, t + error)
         said.append(stretch(number, lo, hi, time=time, dt=dt, coverage=coverage))
         t += dt * len(lo) + draw(st.sampled_from([0, 0, 3, dt, 40, -5]))
-    return sorted(said, key=lambda one: (tube_of(one).first_moment, one.position))
+    return sorted(said, key=lambda one: (tube_of(one).first_instant, one.position))
 
 
 def fold(store: Store, said: list[Frame], window: Window, buckets: Buckets) -> Aggregates:

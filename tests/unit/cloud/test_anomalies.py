@@ -74,7 +74,7 @@ BAD: tuple[tuple[dict[str, Any], str], ...] = (
 
 
 def predicted(t: int, error: int, origin: int = START) -> Interval:
-    """By the model, for all moments at which a sample may have been taken."""
+    """By the model, for all instants at which a sample may have been taken."""
     early, late = (Fraction(t + side - origin, 10**9) for side in (-error, error))
     time = Interval(np.nextafter(float(early), -np.inf), np.nextafter(float(late), np.inf))
     return eskin.models.alternating_capacitance(time, **SWING)
@@ -118,19 +118,19 @@ def test_anomalies_equal_a_look_at_each_sample(
         pieces = [*stored.pieces(window)]
     # Brute force: each sample's answer as a channel of its own, 0, 1 or any of both.
     t, error, lo, hi = [], [], [], []
-    for tube in sorted(map(tube_of, said), key=lambda tube: tube.first_moment):
-        for moment, low, high in zip(
-            tube.moments.tolist(), tube.values.inf, tube.values.sup, strict=True
+    for tube in sorted(map(tube_of, said), key=lambda tube: tube.first_instant):
+        for instant, low, high in zip(
+            tube.instants.tolist(), tube.values.inf, tube.values.sup, strict=True
         ):
-            band = predicted(moment, tube.time_error)
-            t.append(moment)
+            band = predicted(instant, tube.time_error)
+            t.append(instant)
             error.append(tube.time_error)
             lo.append(float(low > band.sup or high < band.inf))
             hi.append(float(not (band.inf <= low and high <= band.sup)))
-    moments = np.array(t), np.array(error)
-    gap = np.append(np.diff(moments[0]) > 15 * MS, False)
-    earliest = np.maximum.accumulate(moments[0] - moments[1])
-    latest = np.maximum(moments[0] + moments[1], earliest)
+    instants = np.array(t), np.array(error)
+    gap = np.append(np.diff(instants[0]) > 15 * MS, False)
+    earliest = np.maximum.accumulate(instants[0] - instants[1])
+    latest = np.maximum(instants[0] + instants[1], earliest)
     answers = Signal(earliest, latest, lo, hi, 10 * MS, gap)
     expected = evaluate(Channel("answer") > Fraction(1, 2), {"answer": answers})
     for piece in pieces:
@@ -161,17 +161,17 @@ async def test_every_model_is_listed_with_parameters_that_it_takes(stand: Stand)
     listed = (await stand.get("/api/v1/models")).json()
     assert [each["id"] for each in listed["items"]] == list(MODELS)
     assert listed["next"] is None
-    moments = START + 10 * MS * np.arange(100)
+    instants = START + 10 * MS * np.arange(100)
     for each in listed["items"]:
         assert each["unit"] == MODELS[each["id"]].unit
         assert each["description"]
         usual = {p["name"]: p["usual"] or {"lo": 1.0, "hi": 2.0} for p in each["parameters"]}
         bounds = {name: Interval(b["lo"], b["hi"]) for name, b in usual.items()}
         unit = each["unit"] or "F"
-        lo, hi = with_bounds(each["id"], bounds).between(moments, moments, unit)
+        lo, hi = with_bounds(each["id"], bounds).between(instants, instants, unit)
         assert np.all(np.isfinite(lo) & np.isfinite(hi) & (lo <= hi))
         required = {p["name"]: bounds[p["name"]] for p in each["parameters"] if p["required"]}
-        again = with_bounds(each["id"], required).between(moments, moments, unit)
+        again = with_bounds(each["id"], required).between(instants, instants, unit)
         assert np.array_equal(again, (lo, hi)), (
             "what is usual is what is taken where it is left out"
         )

@@ -75,7 +75,7 @@ def fill(stand: Stand, *, frames: int = 5) -> None:
             put(stand.cloud.store, stretch(k, lo, lo + 0.5, time=(first - 8, first + 2 * k)))
 
 
-def test_series_are_tubes_that_enclose_samples_and_moments(stand: Stand, way: Way) -> None:
+def test_series_are_tubes_that_enclose_samples_and_instants(stand: Stand, way: Way) -> None:
     fill(stand)
     with connected(stand, way) as client:
         one, two = client.series(NODE, CHANNEL)

@@ -77,7 +77,7 @@ class World:
     def run(self, statuses: int) -> Iterator[Written]:
         clock = Clock(START + self.reading_error, ERROR, DRIFT)
         message_writer = MessageWriter(1, Numbers(), layout=bytes(32))
-        arriving: list[tuple[int, int]] = []  # true moment of arrival, the gateway's time in it
+        arriving: list[tuple[int, int]] = []  # true instant of arrival, the gateway's time in it
         for number in range(statuses):
             now = number * self.every + int(self.random.integers(0, SECOND))
             for received_message, time in arriving:
@@ -214,7 +214,7 @@ def test_reference_clocks_that_contradict_each_other_judge_no_node(ahead: int) -
 
 
 @given(SEEDS, SEEDS, st.integers(-ERROR, ERROR), st.integers(-ERROR, ERROR))
-def test_order_of_two_nodes_moments_is_true_where_enclosures_say_it(
+def test_order_of_two_nodes_instants_is_true_where_enclosures_say_it(
     one: int, other: int, first: int, second: int
 ) -> None:
     rates = np.random.default_rng(one).uniform(-0.999 * DRIFT, 0.999 * DRIFT, 2)

@@ -17,7 +17,7 @@ from eskin_cloud.store.schema.frame_tables import patch_rows
 from sqlalchemy import func, select
 
 from eskin.monitor import parse
-from eskin.monitor.signal import MAX_MOMENT
+from eskin.monitor.signal import MAX_INSTANT
 from tests.unit.cloud.brute_force import compact_all, verdicts_of
 from tests.unit.cloud.clouds import put, standing
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, stretch
@@ -36,12 +36,12 @@ SPAN = 100 * DT
 
 
 def said(number: int, time: tuple[int, int] = (START, START)) -> Frame:
-    """The frame of so many after a moment."""
+    """The frame of so many after an instant."""
     random = np.random.default_rng(number)
     lo = np.sin(np.arange(100) / 9 + number) + random.normal(0, 0.02, 100)
     hi = lo + 1.5
     lo[random.random(100) < 0.01] = -np.inf
-    first, last = (moment + number * SPAN for moment in time)
+    first, last = (instant + number * SPAN for instant in time)
     return stretch(number, lo, hi, time=(first, last))
 
 
@@ -71,7 +71,7 @@ def answers(store: Store, window: Window) -> list[Any]:
         coarse = read_series(connection, channel, window, points=7)
         verdicts = (
             verdicts_of(connection, channel, window, parse(f"{CHANNEL} > 0.9"))
-            if max(-window.start, window.end) < MAX_MOMENT
+            if max(-window.start, window.end) < MAX_INSTANT
             else None
         )
     stated = [

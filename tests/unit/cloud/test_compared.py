@@ -49,7 +49,7 @@ async def test_comparison_states_when_and_for_how_long(stand: Stand) -> None:
     assert first["items"] + rest["items"] == above["items"]
     assert rest["next"] is None
     assert total["time_s"] == pytest.approx({"lo": 0.01, "hi": 0.02})
-    assert total["unknown_s"] == pytest.approx(0.02 + 0.001)  # after the last sample's moment
+    assert total["unknown_s"] == pytest.approx(0.02 + 0.001)  # after the last sample's instant
     assert total["entries"]["lo"] == 1
     assert 6 <= total["entries"]["hi"] <= 8
     assert total["coverage"] == 1.0
@@ -105,5 +105,5 @@ def test_client_asks_for_anomalies(stand: Stand) -> None:
         with pytest.raises(CloudError, match="value is missing"):
             client.anomalies(NODE, CHANNEL, "constant", {})
     assert [each["verdict"] for each in found] == ["certain"]
-    assert total["time_s"]["lo"] == pytest.approx(0.009)  # until the last sample's moment
+    assert total["time_s"]["lo"] == pytest.approx(0.009)  # until the last sample's instant
     assert (tube["lo"], tube["hi"], tube["unit"]) == ([2.5] * 3, [2.5] * 3, "F")

@@ -23,7 +23,7 @@ SERIES: Final = f"/api/v1/series/{NODE}/{CHANNEL}"
 EVENTS: Final = "/api/v1/events"
 EXPORT: Final = "/api/v1/export"
 BEHIND: Final = START + 1000 * DT
-MOMENTS: Final = (START - 1, START, START + 1, START + 9 * DT, BEHIND)
+INSTANTS: Final = (START - 1, START, START + 1, START + 9 * DT, BEHIND)
 """Before all samples, at one, between two, at the last, and behind."""
 
 NEVER: Final = {"time_s": {"lo": 0.0, "hi": 0.0}, "unknown_s": 0.0}
@@ -67,8 +67,8 @@ def filled(stand: Stand) -> Stand:
 async def test_nothing_is_in_an_empty_window(filled: Stand, subtests: pytest.Subtests) -> None:
     for path, asked, expected in QUESTIONS:
         with subtests.test(f"{path} {asked}"):
-            for moment in MOMENTS:
-                answer = await filled.get(path, **asked, start=moment, end=moment)
+            for instant in INSTANTS:
+                answer = await filled.get(path, **asked, start=instant, end=instant)
                 assert answer.status_code == 200, answer.text
                 said = answer.json()
                 assert {name: said[name] for name in expected} == expected

@@ -88,7 +88,7 @@ async def ask(stand: Stand, media: str, **params: Any) -> Any:
 
 
 @pytest.mark.parametrize("media", list(WRITERS))
-async def test_every_sample_is_there_with_the_moments_between_which_it_was_taken(
+async def test_every_sample_is_there_with_the_instants_between_which_it_was_taken(
     filled: Stand, media: str
 ) -> None:
     answer = await ask(filled, media, channel=[ONE, TWO])

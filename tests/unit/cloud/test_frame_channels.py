@@ -248,7 +248,7 @@ def test_runs_are_the_frames_samples(store: Store, skin: Skin, window: Window) -
     touching = {
         made.position.sequence // COLUMNS
         for made in skin.apart
-        for t in tube_of(made).moments
+        for t in tube_of(made).instants
         if window.start <= t < window.end
     }
     assert touching <= {run.sequence for run in runs}

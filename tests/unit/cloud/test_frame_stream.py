@@ -343,7 +343,7 @@ async def test_a_thousand_upgrades_leave_room_for_others(
             for _ in range(40):
                 await asyncio.gather(*(upgrade() for _ in range(25)))
             assert set(statuses) <= {101, 429, 503}
-            assert 1 <= statuses[101] <= 45  # those of one moment are counted together
+            assert 1 <= statuses[101] <= 45  # those of one instant are counted together
             assert stand.cloud.feed.subscribers == statuses[101]
             async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}") as client:
                 assert (await client.get("/healthz")).status_code in {200, 429}

@@ -237,7 +237,7 @@ def test_layout_may_change_in_mid_boot(store: Store) -> None:
 @settings(deadline=None, max_examples=60)
 def test_first_and_last_sample_are_those_of_all_cells(data: st.DataObject) -> None:
     """Skews, delays and strides included, against every cell of every patch."""
-    patches, packed, grids, moments = [], [], [], []
+    patches, packed, grids, instants = [], [], [], []
     for number in range(data.draw(st.integers(1, 3))):
         columns = data.draw(st.integers(1, 4))
         skew = tuple(data.draw(st.lists(st.integers(0, 9), min_size=columns, max_size=columns)))
@@ -258,7 +258,7 @@ def test_first_and_last_sample_are_those_of_all_cells(data: st.DataObject) -> No
                 strides=strides if any(strides) else b"",
             )
         )
-        moments += [
+        instants += [
             grid.delay + row * grid.period + skew[column]
             for row in range(5)
             for column in range(columns)
@@ -273,5 +273,5 @@ def test_first_and_last_sample_are_those_of_all_cells(data: st.DataObject) -> No
         return
     encoded = said.encode()
     fitting = fit_frame(EncodedFrame.decode(encoded), DescribedLayout.of(of, patches))
-    assert (fitting.first, fitting.last) == (min(moments), max(moments))
-    assert fitting.samples == len(moments)
+    assert (fitting.first, fitting.last) == (min(instants), max(instants))
+    assert fitting.samples == len(instants)

@@ -93,9 +93,9 @@ def test_answers_are_those_of_the_library_for_the_same_record(store: Store, seed
             low, high = (side + row * PERIOD for side in each.time)
             before = times.get(grid.first_row + row, (low, high))
             times[grid.first_row + row] = min(low, before[0]), max(high, before[1])
-    moments = np.maximum.accumulate([times[k] for k in sorted(times)])
+    instants = np.maximum.accumulate([times[k] for k in sorted(times)])
     skin = record.world.skin
-    expected = find_gestures(*record.world.bounds, moments, skin, THRESHOLD)
+    expected = find_gestures(*record.world.bounds, instants, skin, THRESHOLD)
     assert find(store) == list(expected)
 
 

@@ -30,7 +30,7 @@ from eskin.wire.frames import (
 )
 from eskin.wire.messages import Kind
 from eskin.wire.messages.cbor_map import MOST_BYTES, dump
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 from tests.unit.cloud.clouds import batch, numbers, put
 from tests.unit.cloud.messages import NODE, START, stretch
 from tests.unit.cloud.skins import (
@@ -259,7 +259,7 @@ def test_what_does_not_fit_its_layout_is_a_dead_letter(store: Store) -> None:
         replace(good, peaks=(good.peaks[0]._replace(column=3),)),
         replace(statements(6), peaks=(good.peaks[0]._replace(patch=3),)),
         replace(statements(7), gaps=(good.gaps[0]._replace(patches=(0, 3)),)),
-        replace(frame(8), time=(MOST_MOMENT - 10_000_000, MOST_MOMENT)),
+        replace(frame(8), time=(MOST_INSTANT - 10_000_000, MOST_INSTANT)),
     ]
     outcome = put(store, *wrong, frame(9), statements(10))
     assert results(outcome) == [REJECTED] * len(wrong) + [STORED] * 2

@@ -133,9 +133,9 @@ async def test_slow_subscriber_gets_fewer_and_wider_hulls(
     monkeypatch.setattr("eskin_cloud.live.stream.PAUSE_S", 1e-9)
     monkeypatch.setattr("eskin_cloud.live.stream.PATIENCE_S", -1.0)  # however quickly it reads
 
-    def said(first: int, moment: int) -> Frame:
+    def said(first: int, instant: int) -> Frame:
         lo = np.random.default_rng(first).normal(size=10)
-        return stretch(first, lo, lo + 1, time=(START + moment * DT,) * 2, coverage=0.999)
+        return stretch(first, lo, lo + 1, time=(START + instant * DT,) * 2, coverage=0.999)
 
     stated = [said(n, 10 * n) for n in range(5)] + [said(6, 10 * 6)]  # the sixth is missing
     other = stretch(7, [3.0], [4.0], channel="t02.capacitance")
@@ -155,14 +155,14 @@ async def test_slow_subscriber_gets_fewer_and_wider_hulls(
     assert [each["patch"] for each in patches] == names
     assert [event["event"] for event in heard] == ["frame"] * 3 + ["peak"]
     now, before = stand.clock(), stand.clock() - 10**9
-    latest = [format_timestamp(moment) for moment in (now, before, now)]
+    latest = [format_timestamp(instant) for instant in (now, before, now)]
     assert [hull["stored"] for hull in hulls] == latest
     # A client that breaks off before the last is stated all of it again.
     assert [event["id"] for event in heard] == ["1", "1", "1", "9"]
     for hull, frames in ((hulls[0], stated[:5]), (hulls[2], stated[5:])):
         (of_patch,) = hull["patches"]
         tubes = [tube_of(one) for one in frames]
-        assert hull["t0"] == format_timestamp(tubes[0].first_moment)
+        assert hull["t0"] == format_timestamp(tubes[0].first_instant)
         assert (of_patch["t"], of_patch["dt"]) == (0, 10 * DT * len(frames))
         assert of_patch["lo"] == [min(tube.values.inf.min() for tube in tubes)]
         assert of_patch["hi"] == [max(tube.values.sup.max() for tube in tubes)]
@@ -180,8 +180,8 @@ async def test_slow_subscriber_gets_hulls_until_there_is_room_at_once(
     async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
         await anext(slow)
         for number, wait in enumerate((0.1, 0.3, 0.01, *[0.1] * 10, 0.01, 0.1)):
-            moments = [START + (2 * number + k) * DT for k in range(2)]
-            two = (stretch(2 * number + k, time=(t, t)) for k, t in enumerate(moments))
+            instants = [START + (2 * number + k) * DT for k in range(2)]
+            two = (stretch(2 * number + k, time=(t, t)) for k, t in enumerate(instants))
             await stand.ingest(batch(*two))
             stated.append(len(events_of(await anext(slow))))
             assert await anext(slow) == b""

@@ -128,10 +128,10 @@ async def test_events_of_a_node_as_a_whole_are_kept_as_long_as_any_channel(
         store = stand.cloud.store
         describe(store, HAND, *PATCHES)
         put(store, frame(0))
-        moments = {"early": START, "late": START + 2 * DAY}
+        instants = {"early": START, "late": START + 2 * DAY}
 
         def add(connection: Connection) -> None:
-            for number, (detail, t) in enumerate(moments.items()):
+            for number, (detail, t) in enumerate(instants.items()):
                 connection.execute(
                     insert(events).values(
                         node=NODE, cursor=1000 + number, boot=1, sequence=1000 + number,

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 HASH = bytes(range(32))
 INT64 = st.integers(-(2**63), 2**63 - 1)
 COUNT = st.integers(0, 2**53 - 1)
-MOMENT = st.integers(-(2**62), 2**62)
+INSTANT = st.integers(-(2**62), 2**62)
 
 
 def same(runs: list[PatchRun], others: list[PatchRun]) -> bool:
@@ -54,7 +54,7 @@ def frames_of_a_patch(draw: st.DrawFn) -> list[PatchRun]:
         values = draw(frame_values(sampling))
         runs.append(
             PatchRun(
-                HASH, draw(COUNT), draw(COUNT), draw(COUNT), draw(MOMENT), draw(COUNT),
+                HASH, draw(COUNT), draw(COUNT), draw(COUNT), draw(INSTANT), draw(COUNT),
                 draw(st.integers(1, 10**12)), first_row, chosen, draw(COUNT),
                 draw(st.sampled_from(((), unshared))), draw(st.floats(0, 1)),
                 values.inf, values.sup,

@@ -73,10 +73,10 @@ def test_pictures_are_those_of_the_frames(
     assert np.all(found.peak <= other.peak)
     # Where frames of two rates overlap, either may state a gap that the other does not need.
     for column, taxel in enumerate(TAXELS):
-        moments = np.array([t for t, _, _ in samples_of(brought, taxel)], np.int64)
+        instants = np.array([t for t, _, _ in samples_of(brought, taxel)], np.int64)
         for picture in range(buckets.count):
             begin = buckets.start + picture * buckets.width
-            if not np.any((moments >= begin - LONGEST_STEP) & (moments < begin + buckets.width)):
+            if not np.any((instants >= begin - LONGEST_STEP) & (instants < begin + buckets.width)):
                 assert found.gap[picture, column]
                 assert other.gap[picture, column]
     assert np.all(found.n >= other.n)

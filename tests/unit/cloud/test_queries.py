@@ -74,11 +74,11 @@ windows = st.builds(
 
 def samples_of(said: list[Frame]) -> list[Sample]:
     """All samples in order of time."""
-    ordered = sorted(said, key=lambda each: (tube_of(each).first_moment, each.position))
+    ordered = sorted(said, key=lambda each: (tube_of(each).first_instant, each.position))
     found = [
         Sample(int(t), tube.dt, float(lo), float(hi))
         for tube in map(tube_of, ordered)
-        for t, lo, hi in zip(tube.moments, tube.values.inf, tube.values.sup, strict=True)
+        for t, lo, hi in zip(tube.instants, tube.values.inf, tube.values.sup, strict=True)
     ]
     return sorted(found, key=lambda sample: sample.t)
 

@@ -49,8 +49,8 @@ async def test_ingest_goes_on_between_the_steps(
         stopping = asyncio.Event()
         before = stand.cloud.store.jobs
         running = asyncio.create_task(apply_retention(stand.cloud, stopping))
-        moment = START + 3 * DAY * SECOND
-        answer = await stand.ingest(batch(stretch(1, time=(moment, moment)), node="palm"))
+        instant = START + 3 * DAY * SECOND
+        answer = await stand.ingest(batch(stretch(1, time=(instant, instant)), node="palm"))
         assert answer.json()["items"][0]["result"] == "stored"
         removed = stand.cloud.metrics.removed.labels("age")
         while removed._value.get() < 200:  # noqa: ASYNC110 - counted by the code under test

@@ -93,8 +93,8 @@ def check(store: Store, truth: Truth, random: np.random.Generator) -> None:
 
 @pytest.mark.anyio
 async def test_background_build_starts_and_stops(stand: Stand) -> None:
-    moments = [START + n * 20_000 for n in range(5)]
-    put(stand.cloud.store, *(stretch(n, time=(t, t), dt=1) for n, t in enumerate(moments)))
+    instants = [START + n * 20_000 for n in range(5)]
+    put(stand.cloud.store, *(stretch(n, time=(t, t), dt=1) for n, t in enumerate(instants)))
     compact_all(stand.cloud.store)
     stopping = asyncio.Event()
     building = asyncio.create_task(build_rollup(stand.cloud, stopping))
@@ -111,10 +111,10 @@ def _levels(store: Store) -> set[int]:
 
 
 def test_certain_stretch_ends_at_each_gap_within_a_tile(store: Store) -> None:
-    moments = [START + 100 * n for n in range(400)]
+    instants = [START + 100 * n for n in range(400)]
     put(
         store,
-        *(stretch(n, [1.0] * 30, [2.0] * 30, time=(t, t), dt=1) for n, t in enumerate(moments)),
+        *(stretch(n, [1.0] * 30, [2.0] * 30, time=(t, t), dt=1) for n, t in enumerate(instants)),
     )
     compact_all(store)
     build(store)
@@ -122,7 +122,7 @@ def test_certain_stretch_ends_at_each_gap_within_a_tile(store: Store) -> None:
         row = find_channel(connection, NODE, CHANNEL)
         found = verdicts_of(connection, row, Window(START, START + 39_930), parse("x > 0"))
     certain = [(each.first, each.last + 1) for each in found if each.verdict is Verdict.CERTAIN]
-    assert certain == [(2 * t, 2 * (t + 30)) for t in moments[:-1]] + [
-        (2 * moments[-1], 2 * moments[-1] + 59)
+    assert certain == [(2 * t, 2 * (t + 30)) for t in instants[:-1]] + [
+        (2 * instants[-1], 2 * instants[-1] + 59)
     ]
     assert all(each.missing for each in found if each.verdict is not Verdict.CERTAIN)

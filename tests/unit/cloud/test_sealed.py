@@ -62,8 +62,8 @@ def is_beat(said: Statements) -> bool:
 def wave(sequence: int) -> Any:
     rng = np.random.default_rng(sequence)
     lo = rng.normal(size=40)
-    moment = START + sequence * 40 * DT
-    return pulse(sequence, lo, lo + rng.random(40), time=(moment, moment + 200))
+    instant = START + sequence * 40 * DT
+    return pulse(sequence, lo, lo + rng.random(40), time=(instant, instant + 200))
 
 
 async def test_every_answer_encloses_what_was_sealed(stand: Stand, site: Site) -> None:
@@ -73,8 +73,8 @@ async def test_every_answer_encloses_what_was_sealed(stand: Stand, site: Site) -
     answer = (await ask(stand, token, SERIES, **WIDE, points=4)).json()
     for stated in waves:
         tube = tube_of(stated)
-        for moment, lo, hi in zip(tube.moments, tube.values.inf, tube.values.sup, strict=True):
-            at = (int(moment) - START + SECOND) // answer["dt"]
+        for instant, lo, hi in zip(tube.instants, tube.values.inf, tube.values.sup, strict=True):
+            at = (int(instant) - START + SECOND) // answer["dt"]
             assert answer["lo"][at] <= lo <= hi <= answer["hi"][at]
 
 
@@ -141,10 +141,10 @@ async def test_channel_that_is_not_biometric_cannot_be_sealed(stand: Stand, site
 async def test_sealed_peaks_stand_among_the_events_page_by_page(stand: Stand, site: Site) -> None:
     token = physician(stand)
     rng = np.random.default_rng(5)
-    moments = START + np.sort(rng.integers(0, 200, 60)) * SECOND
+    instants = START + np.sort(rng.integers(0, 200, 60)) * SECOND
     stated: list[Any] = []
-    for number, moment in enumerate(moments.tolist(), start=1):
-        time = (moment, moment + DT)
+    for number, instant in enumerate(instants.tolist(), start=1):
+        time = (instant, instant + DT)
         judged = Verdict.CERTAIN if number % 3 else Verdict.POSSIBLE
         stated.append((beat if number % 2 else peak)(number, time=time, verdict=judged))
     shuffled = [stated[index] for index in rng.permutation(60)]
@@ -174,5 +174,5 @@ async def test_sealed_peaks_stand_among_the_events_page_by_page(stand: Stand, si
     lasting = [time for time in times if time[1] >= inside["start"]]
     assert len(found) == sum(start < inside["end"] for start, _ in lasting)
     for start, _ in lasting[:2]:
-        moment = {"start": start + 1, "end": start + 1}
-        assert (await ask(stand, token, "/api/v1/events", **moment)).json()["items"] == []
+        instant = {"start": start + 1, "end": start + 1}
+        assert (await ask(stand, token, "/api/v1/events", **instant)).json()["items"] == []

@@ -37,26 +37,26 @@ async def lag_of(stand: Stand) -> Any:
 
 
 async def test_lag_of_a_node_that_seals_is_known_to_its_minutes(stand: Stand, site: Site) -> None:
-    moment = START + 90 * SECOND
-    stand.clock.now = moment + 5 * SECOND
-    await stand.ingest(site.batch(declared(), beat(1, time=(moment, moment))))
+    instant = START + 90 * SECOND
+    stand.clock.now = instant + 5 * SECOND
+    await stand.ingest(site.batch(declared(), beat(1, time=(instant, instant))))
     assert await lag_of(stand) is None, "a peak would tell when it came"
-    await stand.ingest(site.batch(pulse(2, time=(moment, moment))))
+    await stand.ingest(site.batch(pulse(2, time=(instant, instant))))
     stated = await lag_of(stand)
     assert stated == {"lo_ns": -25 * SECOND, "hi_ns": 35 * SECOND}
     assert stated["lo_ns"] <= 5 * SECOND <= stated["hi_ns"]
     stand.clock.turn(7)
-    await stand.ingest(site.batch(beat(3, time=(moment, moment))))
+    await stand.ingest(site.batch(beat(3, time=(instant, instant))))
     assert await lag_of(stand) == stated
 
 
 async def test_lag_of_a_block_in_the_clear_is_not_widened_by_sealed_ones(
     stand: Stand, site: Site
 ) -> None:
-    moment = START + 90 * SECOND
-    stand.clock.now = moment + 5 * SECOND
-    await stand.ingest(site.batch(pulse(1, time=(moment, moment))))
-    clear = stretch(2, [1.0], [2.0], time=(moment, moment), channel="t01.capacitance")
+    instant = START + 90 * SECOND
+    stand.clock.now = instant + 5 * SECOND
+    await stand.ingest(site.batch(pulse(1, time=(instant, instant))))
+    clear = stretch(2, [1.0], [2.0], time=(instant, instant), channel="t01.capacitance")
     await stand.ingest(cbor2.dumps([[NODE, clear.encode()]]))
-    await stand.ingest(site.batch(pulse(3, time=(moment, moment))))
+    await stand.ingest(site.batch(pulse(3, time=(instant, instant))))
     assert await lag_of(stand) == {"lo_ns": 5 * SECOND, "hi_ns": 5 * SECOND}

@@ -100,10 +100,10 @@ async def test_window_of_many_days_is_answered_as_that_of_a_channel_in_the_clear
     first = (START // tile + 1) * tile
     begin = first + tile // 2
     end = begin + 100 * 86_400 * SECOND
-    moments = [first + SECOND, begin + SECOND, end - SECOND, end + tile // 4]
+    instants = [first + SECOND, begin + SECOND, end - SECOND, end + tile // 4]
     said = [
         pulse(k, np.full(40, 10.0 * k), np.full(40, 10.0 * k + 1), time=(t, t))
-        for k, t in enumerate(moments, 1)
+        for k, t in enumerate(instants, 1)
     ]
     await stand.ingest(site.batch(declared(), *said))
     twins = [

@@ -172,8 +172,8 @@ async def test_year_that_a_clock_leapt_ahead_removes_nothing(
         await stand.ingest(batch(*(stretch(n) for n in range(5))))
         stopping = asyncio.Event()
         running = asyncio.create_task(apply_retention(stand.cloud, stopping))
-        for moment in (stand.clock.now, START + YEAR):
-            stand.clock.now, seen = moment, sweeps
+        for instant in (stand.clock.now, START + YEAR):
+            stand.clock.now, seen = instant, sweeps
             while sweeps < seen + 3:  # noqa: ASYNC110 - done by the code under test
                 await asyncio.sleep(0.001)
         stopping.set()

@@ -159,8 +159,8 @@ def test_runs_leave_open_where_samples_beside_them_may_hold(store: Store, error:
     random = np.random.default_rng(error)
     for number in range(10):
         level = random.choice([0.0, 1.0], 40).repeat(random.integers(1, 9))[:40]
-        moment = START + 400 * number
-        time = moment - error, moment + error
+        instant = START + 400 * number
+        time = instant - error, instant + error
         put(store, stretch(number, level, level + 0.1, time=time, dt=10))
     above = Channel(CHANNEL) > Fraction(1, 2)
     formulas = (
@@ -187,8 +187,8 @@ def test_runs_leave_open_where_samples_beside_them_may_hold(store: Store, error:
 def at(
     start: int, level: float, number: int, *, error: int = 0, n: int = 4, coverage: float = 1.0
 ) -> Frame:
-    moment = START + start
-    time = moment - error, moment + error
+    instant = START + start
+    time = instant - error, instant + error
     return stretch(number, [level] * n, [level] * n, time=time, dt=10, coverage=coverage)
 
 
@@ -237,8 +237,8 @@ def test_a_delayed_channel_in_the_future_is_counted(store: Store) -> None:
 def test_a_gap_of_a_month_is_read_at_once(store: Store) -> None:
     month = 30 * 86_400 * 10**9
     calm = np.ones(100)
-    for number, moment in enumerate((START, START + month)):
-        put(store, stretch(number, calm - 0.5, calm + 0.5, time=(moment, moment)))
+    for number, instant in enumerate((START, START + month)):
+        put(store, stretch(number, calm - 0.5, calm + 0.5, time=(instant, instant)))
     formula = Channel(CHANNEL) > Fraction(3)
     with sources_of(store, formula) as sources:
         stored = StoredVerdicts(formula, sources)

@@ -52,9 +52,9 @@ def worn(sequence: int, *, of: Layout = WORN, at: int | None = None, page: int =
         Interval(lo, lo + 0.25), LEAST_WIDTH if page else 64.0, patch=page, grid=0,
         first_row=GRID.first_row, strides=STRIDES,
     )  # fmt: skip
-    moment = first, first + 4000
+    instant = first, first + 4000
     position = Position(1, sequence)
-    return Frame(position, of.content_hash, page, sequence, moment, (GRID,), (packed,))
+    return Frame(position, of.content_hash, page, sequence, instant, (GRID,), (packed,))
 
 
 def beats(sequence: int, count: int = 2, *, of: Layout = WORN) -> Statements:

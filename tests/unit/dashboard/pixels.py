@@ -74,9 +74,9 @@ class Plot:
         """Which columns show the band."""
         return ["1" in column for column in self.columns]
 
-    def column(self, moment: int) -> int:
+    def column(self, instant: int) -> int:
         """The pixel column of an instant; before 0 and from the width on it is not shown."""
-        return (moment - self.start) * len(self.columns) // (self.end - self.start)
+        return (instant - self.start) * len(self.columns) // (self.end - self.start)
 
     def rows(self, lo: float, hi: float) -> range:
         """All pixel rows that an interval touches."""
@@ -86,9 +86,9 @@ class Plot:
         bottom = math.ceil((self.hi - lo) * scale - _SLACK)
         return range(max(0, top), min(height, max(bottom, top + 1)))
 
-    def encloses(self, moment: int, lo: float, hi: float) -> bool:
+    def encloses(self, instant: int, lo: float, hi: float) -> bool:
         """Whether the band is painted over all of an interval at an instant."""
-        column = self.columns[self.column(moment)]
+        column = self.columns[self.column(instant)]
         return all(column[row] == "1" for row in self.rows(lo, hi))
 
 

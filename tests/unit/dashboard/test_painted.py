@@ -164,13 +164,15 @@ def test_gap_is_painted_as_a_gap_and_never_as_band(
     known = [sample for sample in samples_of(series) if not near(sample[0], gap)]
     assert len(known) > 100
     assert [sample for sample in known if not band.encloses(*sample)] == []
-    clear = {band.column(moment) for moment, _, _ in known} - set(range(first - EDGE, after + EDGE))
+    clear = {band.column(instant) for instant, _, _ in known} - set(
+        range(first - EDGE, after + EDGE)
+    )
     assert [column for column in clear if missing.painted[column]] == []
 
 
-def near(moment: int, gap: range) -> bool:
-    """Whether a moment lies in a gap, or in a bucket that has to do with it."""
-    return gap.start - UNTOLD <= moment < gap.stop + UNTOLD
+def near(instant: int, gap: range) -> bool:
+    """Whether an instant lies in a gap, or in a bucket that has to do with it."""
+    return gap.start - UNTOLD <= instant < gap.stop + UNTOLD
 
 
 def cut(route: Route, gap: range, stated_by: str) -> None:

@@ -61,17 +61,17 @@ def window_of_both(replay: Replay) -> tuple[int, int]:
     def look() -> bool:
         items: list[dict[str, Any]] = replay.get("/events", **place)["items"]
         begins = sorted((parse_timestamp(item["time"]["lo"]), item["verdict"]) for item in items)
-        moments = [begin for begin, _ in begins]
+        instants = [begin for begin, _ in begins]
         lone = [
             (begin, verdict)
             for begin, verdict in begins
-            if sum(abs(begin - other) < APART for other in moments) == 1
+            if sum(abs(begin - other) < APART for other in instants) == 1
         ]
         certain = [begin for begin, verdict in lone if verdict == "certain"]
         for begin, verdict in lone:
             near = any(abs(begin - other) < HALF - APART for other in certain)
             # What lies before the oldest on the page of answers is not known.
-            whole = moments[0] + APART < begin < moments[-1] - HALF
+            whole = instants[0] + APART < begin < instants[-1] - HALF
             if verdict == "possible" and near and whole:
                 found.append(begin)
         return bool(found)

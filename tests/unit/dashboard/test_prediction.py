@@ -49,12 +49,12 @@ def test_painted_tube_encloses_what_is_predicted(live_visit: Visit, live_recorde
     wait_until(lambda: int(live_visit.chart().get("predicted", 0)) > 100, "the tube is there")
     live_visit.wait_for_chart(mode="history")
     plot = read_plot(live_visit, PREDICTED)
-    moments = plot.start + np.linspace(0, plot.end - plot.start - 1, 500).astype(np.int64)
+    instants = plot.start + np.linspace(0, plot.end - plot.start - 1, 500).astype(np.int64)
     tube = eskin.models.touch(
-        (moments - parse_timestamp(origin)) / SECOND,
+        (instants - parse_timestamp(origin)) / SECOND,
         **{name: Interval(float(lo), float(hi)) for name, lo, hi in PARAMETERS},
     ).energy
-    predicted = zip(moments.tolist(), tube.inf.tolist(), tube.sup.tolist(), strict=True)
+    predicted = zip(instants.tolist(), tube.inf.tolist(), tube.sup.tolist(), strict=True)
     assert [each for each in predicted if not plot.encloses(*each)] == []
     area = "".join(plot.columns)
     assert area.count("1") < 0.8 * len(area), "a plot that is painted all over shows nothing"

@@ -157,7 +157,7 @@ def test_arrow_goes_from_begin_to_end_on_the_skin(visit: Visit) -> None:
 
 
 @pytest.mark.nightly
-def test_window_of_the_past_is_asked_once_and_shown_at_its_moment(
+def test_window_of_the_past_is_asked_once_and_shown_at_its_instant(
     skins: SkinCloud, visit: Visit
 ) -> None:
     end = skins.end // LOOP_NS * LOOP_NS - LOOP_NS

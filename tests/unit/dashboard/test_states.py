@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 SECOND = 1_000_000_000
 CHANNEL = "palm/t01.energy"
 SERIES = f"**/api/v1/series/{CHANNEL}*"
-SAID = "The store is away: Come back in a moment."
+SAID = "The store is away: Come back in an instant."
 ROOMY = {"viewport": {"width": 1280, "height": 2400}}
 """All charts of a node are in sight."""
 SOON_MS = 500
@@ -53,7 +53,7 @@ def panel(channel: str) -> str:
 
 
 def refuse(route: Route) -> None:
-    problem = {"title": "The store is away", "status": 503, "detail": "Come back in a moment."}
+    problem = {"title": "The store is away", "status": 503, "detail": "Come back in an instant."}
     route.fulfill(status=503, json=problem)
 
 

@@ -23,9 +23,9 @@ INDIA = timezone(timedelta(hours=5, minutes=30))
 SMALL_PHONE = {"viewport": {"width": 360, "height": 740}, "has_touch": True, "is_mobile": True}
 
 
-def local(moment: int) -> str:
+def local(instant: int) -> str:
     """An instant as people in India type it."""
-    seconds, rest = divmod(moment, SECOND)
+    seconds, rest = divmod(instant, SECOND)
     return f"{datetime.fromtimestamp(seconds, INDIA):%Y-%m-%d %H:%M:%S}.{rest:09d}"
 
 

@@ -246,12 +246,14 @@ def test_departures_are_listed_and_their_violations_count(demo: Demo) -> None:
 
 
 @pytest.mark.parametrize("compacted", [False, True])
-@pytest.mark.parametrize("moment", ["time", "end"])
-def test_moment_outside_its_enclosure_is_found(moment: str, demo: Demo, *, compacted: bool) -> None:
+@pytest.mark.parametrize("instant", ["time", "end"])
+def test_instant_outside_its_enclosure_is_found(
+    instant: str, demo: Demo, *, compacted: bool
+) -> None:
     if compacted:
         demo.compact()
     true = GroundTruth.read_frames(demo.folder.truth(NODE), [demo.made[2]], node=NODE)
-    demo.rewrite(**{moment: getattr(true[demo.made[2]], moment) + SECOND})
+    demo.rewrite(**{instant: getattr(true[demo.made[2]], instant) + SECOND})
     found = demo.audit()
     assert not found.passes
     assert {e.channel: e.late for e in found.channels if e.late} == {

@@ -65,8 +65,8 @@ def test_leaf_cannot_issue(identities: Identities) -> None:
 
 @pytest.mark.parametrize("days", [-200, 200])
 def test_certificate_outside_its_validity_is_refused(identities: Identities, days: int) -> None:
-    moment = datetime.now(UTC) + timedelta(days=days)
-    trust = ChainVerifier(*identities.authority.roots, clock=lambda: moment)
+    instant = datetime.now(UTC) + timedelta(days=days)
+    trust = ChainVerifier(*identities.authority.roots, clock=lambda: instant)
     with pytest.raises(UntrustedCertificateError, match="is valid from"):
         trust.verify(chain_of(identities.node), IdentityKind.NODE)
 
@@ -165,8 +165,8 @@ def test_tls_contexts_always_check_and_never_speak_below_1_2(identities: Identit
 
 def test_older_or_overdue_revocation_list_is_refused(identities: Identities) -> None:
     present = datetime.now(UTC)
-    moment = [present]
-    trust = ChainVerifier(*identities.authority.roots, clock=lambda: moment[0])
+    instant = [present]
+    trust = ChainVerifier(*identities.authority.roots, clock=lambda: instant[0])
     file = identities.authority.revocations_file(IdentityKind.NODE)
     older = file.read_bytes()
     identities.make(IdentityKind.NODE, "elder")
@@ -175,6 +175,6 @@ def test_older_or_overdue_revocation_list_is_refused(identities: Identities) -> 
     with pytest.raises(UntrustedCertificateError, match="older than the one that stands"):
         trust.revocations(IdentityKind.NODE, older)
     trust.verify(chain_of(identities.node), IdentityKind.NODE)
-    moment[0] = present + timedelta(days=8)
+    instant[0] = present + timedelta(days=8)
     with pytest.raises(UntrustedCertificateError, match="should have been renewed"):
         trust.verify(chain_of(identities.node), IdentityKind.NODE)

@@ -42,8 +42,8 @@ def resolved(records: list[dict[Any, Any]], n: Any, t: Any, v: Any, bt: Any) -> 
     for record in records:
         base = record.get(bt, base)
         if t in record:
-            moment = base * SECOND + round(Fraction(record[t]) * SECOND)
-            found.append((record[n], moment - T0, record[v]))
+            instant = base * SECOND + round(Fraction(record[t]) * SECOND)
+            found.append((record[n], instant - T0, record[v]))
     return found
 
 

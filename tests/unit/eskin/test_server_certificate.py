@@ -96,7 +96,7 @@ def test_unusable_renewal_leaves_the_certificate_and_is_tried_again(
     assert shown(context) == der(Identity.load(own.directory).certificate) != der(own.certificate)
 
 
-def test_renewal_that_fails_for_a_moment_is_tried_again(
+def test_renewal_that_fails_for_a_instant_is_tried_again(
     identities: Identities, own: Identity, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     context = server_context(own.directory, client_certificates=False)

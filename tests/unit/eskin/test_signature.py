@@ -83,8 +83,8 @@ def test_no_other_may_sign(
 
 
 def test_expired_signer_is_refused(identities: Identities, server: Identity) -> None:
-    moment = datetime.now(UTC) + timedelta(days=4000)
-    late = ChainVerifier(*identities.authority.roots, clock=lambda: moment)
+    instant = datetime.now(UTC) + timedelta(days=4000)
+    late = ChainVerifier(*identities.authority.roots, clock=lambda: instant)
     verifier = Verifier(late, kind=IdentityKind.SERVER, name="server.cloud")
     with pytest.raises(UntrustedCertificateError, match="valid from"):
         verifier.verify(sign(b"do", own=server, topic=TOPIC), topic=TOPIC)

@@ -1,4 +1,4 @@
-"""A process that is to end does, whatever its main thread does at that moment."""
+"""A process that is to end does, whatever its main thread does at that instant."""
 
 from __future__ import annotations
 

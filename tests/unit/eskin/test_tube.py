@@ -19,19 +19,19 @@ GIVEN: dict[str, Any] = {
 def test_samples_are_drawn_in_the_middle_of_their_time() -> None:
     tube = Tube(**GIVEN)
     assert len(tube) == 2
-    assert tube.moments.tolist() == [1001, 1011]
+    assert tube.instants.tolist() == [1001, 1011]
     assert tube.time_error == 2
-    assert tube.first_moment - tube.time_error <= 1000
-    assert tube.first_moment + tube.time_error >= 1003
+    assert tube.first_instant - tube.time_error <= 1000
+    assert tube.first_instant + tube.time_error >= 1003
 
 
 @pytest.mark.parametrize(
     "part", [slice(2, 5), slice(-3, None), slice(None, None, 3), slice(7, 7), slice(1, 99, 4)]
 )
-def test_slice_keeps_the_moments_of_its_samples(part: slice) -> None:
+def test_slice_keeps_the_instants_of_its_samples(part: slice) -> None:
     tube = Tube(**{**GIVEN, "values": Interval(np.arange(8.0), np.arange(8.0) + 1.0)})
     cut = tube[part]
-    assert cut.moments.tolist() == tube.moments[part].tolist()
+    assert cut.instants.tolist() == tube.instants[part].tolist()
     assert cut.values.inf.tolist() == tube.values.inf[part].tolist()
     assert cut.values.sup.tolist() == tube.values.sup[part].tolist()
     assert (cut.unit, cut.coverage, cut.time_error) == (tube.unit, tube.coverage, tube.time_error)

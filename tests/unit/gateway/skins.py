@@ -87,8 +87,8 @@ class SkinOf:
             )  # fmt: skip
         grid = Grid(0, PERIOD, sequence * rows, rows, coverage)
         layout = self.layout.content_hash
-        moment = start, start + 500
-        return Frame(Position(boot, sequence), layout, page, 0, moment, (grid,), tuple(samples))
+        instant = start, start + 500
+        return Frame(Position(boot, sequence), layout, page, 0, instant, (grid,), tuple(samples))
 
     def peaks(self, sequence: int, *, boot: int = 1, number: int = 0) -> Statements:
         """A peak of a patch."""
@@ -96,21 +96,21 @@ class SkinOf:
 
     def statements(self, sequence: int, *, boot: int = 1, number: int = 0) -> Statements:
         """A peak of a patch, a contact and a gap."""
-        moments = EPOCH, EPOCH + 9
+        instants = EPOCH, EPOCH + 9
         return Statements(
             Position(boot, sequence),
             self.layout.content_hash,
             peaks=(
                 frames.Peak(
-                    number, 0, moments, Verdict.POSSIBLE, (0, 2), (1.0, np.inf), (0.5, 1.5), 0.99
+                    number, 0, instants, Verdict.POSSIBLE, (0, 2), (1.0, np.inf), (0.5, 1.5), 0.99
                 ),
             ),
             contacts=(
                 frames.Contact(
-                    7, moments, Verdict.CERTAIN, (1, 2), (1, 3), (0.5, 1.5), ((0.0, 0.1),) * 2, 0.9
+                    7, instants, Verdict.CERTAIN, (1, 2), (1, 3), (0.5, 1.5), ((0.0, 0.1),) * 2, 0.9
                 ),
             ),
-            gaps=(frames.Gap("flash full", moments, 2, 200, ((1, 0, 1),), (number,)),),
+            gaps=(frames.Gap("flash full", instants, 2, 200, ((1, 0, 1),), (number,)),),
         )  # fmt: skip
 
 

@@ -161,7 +161,7 @@ def test_subject_is_the_wearer_at_the_time_of_measurement(site: KeyStore) -> Non
     kept.assign("hand", bo, since=20)
     again = SubjectAssignments(KeyStore(site.directory, site._master))
     for reader in (kept, again):
-        whose = [reader.subject("hand", moment) for moment in (9, 10, 19, 20, 10**18)]
+        whose = [reader.subject("hand", instant) for instant in (9, 10, 19, 20, 10**18)]
         assert whose == [none, ada, ada, bo, bo]
     assert again.wearers() == {"hand": bo.pseudonym}
     assert kept.subject("palm", 0) != none

@@ -73,7 +73,7 @@ class Published:
         return {topic for _, topic, _ in self.items}
 
 
-def moment(text: str) -> int:
+def instant(text: str) -> int:
     whole, _, rest = text.removesuffix("Z").partition(".")
     return int(np.datetime64(whole, "s").astype(int)) * 10**9 + int(rest.ljust(9, "0"))
 
@@ -115,8 +115,8 @@ def test_patches_of_a_large_skin_are_published_and_not_its_channels() -> None:
     assert item["hi"] == (lo + 100.0).tolist()
     assert item["hull"] == {"lo": lo[0], "hi": lo[-1] + 100.0, "coverage": 1.0}
     assert (item["unit"], item["coverage"], item["n"], item["contact"]) == ("Pa", 1.0, 5, "certain")
-    assert moment(item["t0"]) == EPOCH + 15 * PERIOD
-    assert moment(item["t1"]) == EPOCH + 15 * PERIOD + 500 + 4 * PERIOD
+    assert instant(item["t0"]) == EPOCH + 15 * PERIOD
+    assert instant(item["t1"]) == EPOCH + 15 * PERIOD + 500 + 4 * PERIOD
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_every_sample_is_in_a_hull_and_no_topic_has_more_than_two_a_second(
     for sequence, (_, value) in enumerate(steps):
         sampled = EPOCH + sequence * PERIOD
         (item,) = (
-            each for each in items if moment(each["t0"]) <= sampled <= moment(each["t1"]) - 500
+            each for each in items if instant(each["t0"]) <= sampled <= instant(each["t1"]) - 500
         )
         lo, hi = (item["lo"][0], item["hi"][0]) if is_large else (item["lo"], item["hi"])
         assert lo <= value <= value + 100.0 <= hi

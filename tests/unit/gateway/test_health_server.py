@@ -131,9 +131,9 @@ def test_body_and_long_head_are_rejected(server: HealthServer) -> None:
 def now(standing_windows: None, monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The server's clock, advanced by the test; the windows of its rate limit never end."""
     del standing_windows
-    moment = [1000.0]
-    monkeypatch.setattr("eskin_gateway.ops.health_server.monotonic", lambda: moment[0])
-    return moment
+    instant = [1000.0]
+    monkeypatch.setattr("eskin_gateway.ops.health_server.monotonic", lambda: instant[0])
+    return instant
 
 
 def test_flood_gets_429_and_health_is_still_served(health: Mock, now: list[float]) -> None:

@@ -35,7 +35,7 @@ class Samples:
         ticks: Of the first one, ns.
         tube: The samples.
         truth: True values behind them; empty where they are not known.
-        time: True UTC of the frame's first moment, ns; 0 where it is not known.
+        time: True UTC of the frame's first instant, ns; 0 where it is not known.
     """
 
     position: Position

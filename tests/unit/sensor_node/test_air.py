@@ -68,7 +68,7 @@ def companions(**noise: Any) -> dict[str, Companion]:
 def sensed(
     design: TaxelSection, read_along: dict[str, Companion], seed: int, n: int
 ) -> tuple[dict[str, Floats], dict[str, Codes]]:
-    """What is true at n moments, and the codes of a taxel and what it reads along."""
+    """What is true at n instants, and the codes of a taxel and what it reads along."""
     columns = SensingColumns(design, seeds=seed, numbers=len(ROLES), companions=read_along)
     seconds = np.sort(np.random.default_rng(seed).uniform(0.0, 60.0, n))
     found = columns.sense(1, np.rint(seconds * 1e9).astype(np.int64), seconds[None])
@@ -185,10 +185,10 @@ def codes_of(design: TaxelSection, read_along: dict[str, Companion], seed: int) 
 def test_sensor_that_is_read_along_is_the_one_that_the_node_has() -> None:
     noise = {"kind": "gaussian", "sigma": 1e-3}
     design, sensor = taxel("pad", place="t05"), taxel("thermometer", noise=noise)
-    moments = np.arange(200) * 300_000_000
+    instants = np.arange(200) * 300_000_000
     codes = {
         (seed, number): SensingColumns(each, seeds=seed, numbers=number, companions=along)
-        .sense(1, moments, moments[None] / 1e9)
+        .sense(1, instants, instants[None] / 1e9)
         .readings[0]
         .codes
         for each, along, seed, number in (

@@ -73,12 +73,12 @@ def test_column_with_a_part_of_the_rate_holds_its_truth_until_a_reset(
     for taxel in ("t01", "t02"):
         found = samples_of(bench, f"{taxel}.capacitance")
         assert_truth_is_inside(found)
-        moments = [
+        instants = [
             each.ticks + k * each.tube.dt
             for each in found
             for k in range(len(each.tube.values.inf))
         ]
-        steps = {later - earlier for earlier, later in pairwise(moments)}
+        steps = {later - earlier for earlier, later in pairwise(instants)}
         if taxel == "t01":
             assert steps == {SECOND // 1000}
         else:

@@ -46,7 +46,7 @@ def test_no_file_shows_what_a_node_keeps(store: Store, path: Path) -> None:
     store.flash.commit()
     store.outbox._sequence = 1
     store.fill(3)
-    secrets = (SECRET, PATCH.quantity.encode(), *(moment.to_bytes(8, "big") for moment in TIME))
+    secrets = (SECRET, PATCH.quantity.encode(), *(instant.to_bytes(8, "big") for instant in TIME))
     assert not [secret for secret in secrets if secret in on_disk(path.parent)]
     kept = designs.waiting(store.flash)[0]
     assert (kept.body, kept.time) == (said.body, TIME)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
 
 TIMES = np.arange(2000) / 100.0
-MOMENTS = np.rint(TIMES * 1e9).astype(np.int64)
+INSTANTS = np.rint(TIMES * 1e9).astype(np.int64)
 EXACT = {
     f"{part}_tolerance": 0.0
     for part in (
@@ -156,7 +156,7 @@ def test_dead_taxel_saturates_and_its_intervals_still_hold(
     design = taxel(kind, scenario=scene, place="t05", **changes)
     random = ColumnGenerator(1, 0)
     world, frontend = build_world(design, random), build_frontend(design, random)
-    random.begin(1, MOMENTS)
+    random.begin(1, INSTANTS)
     signals = world.signals(TIMES, random)
     values = Inversion(design).measure(frontend.digitise(signals.sensed, random).codes)[quantity]
     assert np.array_equal(~values.is_common_interval[0], TIMES >= 3.0)
@@ -218,7 +218,7 @@ def test_crosstalk_of_unknown_neighbours_is_taken_in() -> None:
     design = pad_of("hand.toml", "t06", **KNOWN, adc_bits=20)
     random = ColumnGenerator(1, 0)
     world, frontend = build_world(design, random), build_frontend(design, random)
-    random.begin(1, MOMENTS)
+    random.begin(1, INSTANTS)
     signals = world.signals(TIMES, random)
     digitised = frontend.digitise(signals.sensed, random)
     for crosstalk, holds in ((0.1, True), (0.0, False)):
@@ -233,7 +233,7 @@ def test_touch_is_certain_on_a_skin_of_packaged_pads() -> None:
     design, random = pad_of("hand.toml", "t05"), ColumnGenerator(3, np.arange(len(stage.skin)))
     world = PadWorld(design, random, stage.skin.names, stage=stage)
     frontend, inversion = build_frontend(design, random), PadInversion(design)
-    random.begin(1, MOMENTS)
+    random.begin(1, INSTANTS)
     true, stimulus = world.truth(TIMES)
     digitised = frontend.digitise({"capacitance": true["capacitance"]}, random)
     measured = Inversion(design).measure(digitised.codes)["capacitance"]
@@ -259,7 +259,7 @@ def test_faults_of_a_skin_are_found_from_its_intervals(tmp_path: Path) -> None:
     design = pad_of(scene, "t05", plate_area_m2=9e-5, resistance_ohm=4e4)
     random = ColumnGenerator(1, np.arange(len(skin)))
     world, frontend = build_world(design, random, skin.names), build_frontend(design, random)
-    random.begin(1, MOMENTS[:400])
+    random.begin(1, INSTANTS[:400])
     digitised = frontend.digitise(world.signals(TIMES[:400], random).sensed, random)
     measured = Inversion(design).measure(digitised.codes)["capacitance"]
     test = SelfTest([[int(k) for k in row if k >= 0] for row in skin.neighbours])

@@ -51,7 +51,7 @@ def truth(folder: Path, text: str, place: str = "t05") -> dict[str, Floats]:
     return {name: values[0] for name, values in found.items()}
 
 
-def test_worn_layer_is_thinner_and_stiffer_from_its_moment_on(tmp_path: Path) -> None:
+def test_worn_layer_is_thinner_and_stiffer_from_its_instant_on(tmp_path: Path) -> None:
     press = TAP.replace("tap", "press").replace("1.0\nd", "4.0\nd")
     new, worn = truth(tmp_path, HEAD + press), truth(tmp_path, HEAD + press + WEAR)
     since = np.maximum(TIMES - 2.0, 0.0)

@@ -171,8 +171,8 @@ export interface GestureDocument {
   readonly kind: "tap" | "press" | "hold" | "slide" | "swipe" | "double tap" | "pinch" | "spread" | "rotation";
   readonly verdict: "possible" | "certain";
   readonly contacts: readonly number[];
-  readonly begin: SampledMomentDocument;
-  readonly end: SampledMomentDocument;
+  readonly begin: SampledInstantDocument;
+  readonly end: SampledInstantDocument;
   readonly direction: IntervalDocument | null;
   readonly angle: IntervalDocument | null;
   readonly scale: IntervalDocument | null;
@@ -363,7 +363,7 @@ export interface RemovedDocument {
   readonly before: string;
 }
 
-export interface SampledMomentDocument {
+export interface SampledInstantDocument {
   readonly lo: string | null;
   readonly hi: string | null;
 }
@@ -420,7 +420,7 @@ export interface StatedVerdictDocument {
   readonly verdict: "certain" | "possible" | "impossible";
   readonly time: TimeDocument;
   readonly final: boolean;
-  readonly because: readonly ("width" | "moment" | "gap" | "pending")[];
+  readonly because: readonly ("width" | "instant" | "gap" | "pending")[];
   readonly coverage: number;
   readonly current: boolean;
 }
@@ -482,7 +482,7 @@ export interface VerdictDocument {
   readonly end: string;
   readonly includes_end: boolean;
   readonly verdict: "certain" | "possible" | "impossible";
-  readonly because: readonly ("width" | "moment" | "gap" | "pending")[];
+  readonly because: readonly ("width" | "instant" | "gap" | "pending")[];
   readonly missing: boolean;
   readonly coverage: number;
 }

@@ -28,7 +28,7 @@ const CODES: Readonly<Record<Look, number>> = { impossible: IMPOSSIBLE, possible
 
 const CAUSES: Readonly<Record<VerdictItem["because"][number], string>> = {
   width: "width of the interval",
-  moment: "uncertain moment",
+  instant: "uncertain instant",
   gap: "gap",
   pending: "not known yet",
 };
@@ -94,7 +94,7 @@ export function touching(map: PlotMap, stretches: readonly VerdictStretch[], col
 }
 
 /** The clock at an instant, rounded to a place in one direction. */
-function printMoment(instant: Instant, decimals: 0 | 3 | 6 | 9, later: boolean): string {
+function printInstant(instant: Instant, decimals: 0 | 3 | 6 | 9, later: boolean): string {
   const step = 10n ** BigInt(9 - decimals);
   const rest = ((instant % step) + step) % step;
   return printClock(later && rest > 0n ? instant + step - rest : instant, decimals);
@@ -103,7 +103,7 @@ function printMoment(instant: Instant, decimals: 0 | 3 | 6 | 9, later: boolean):
 /**
  * What is said of stretches that lie at one place, all within the answer's range.
  *
- * Moments of a certain and an impossible one are rounded so that it is so from the one to the other; else outward.
+ * Instants of a certain and an impossible one are rounded so that it is so from the one to the other; else outward.
  */
 export function describeStretches(found: readonly VerdictStretch[], answered: Range): TipText | null {
   const [first, last] = [found[0], found.at(-1)];
@@ -116,8 +116,8 @@ export function describeStretches(found: readonly VerdictStretch[], answered: Ra
   const before = first.x0 <= answered.x0 ? " or before" : "";
   const after = last.x1 >= answered.x1 ? " or later" : "";
   const lines = [
-    { name: "since", value: `${printMoment(first.start, decimals, inward)}${before}` },
-    { name: "until", value: `${printMoment(last.end, decimals, !inward)}${after}` },
+    { name: "since", value: `${printInstant(first.start, decimals, inward)}${before}` },
+    { name: "until", value: `${printInstant(last.end, decimals, !inward)}${after}` },
     ...(because.length > 0 ? [{ name: "because", value: because.join(", ") }] : []),
     { name: "coverage", value: formatCoverage(Math.min(...found.map(({ coverage }) => coverage))) },
   ];

@@ -28,9 +28,9 @@ export interface Frame {
   /** Hash of the layout by which it is read. */
   readonly layout: Uint8Array;
   readonly page: number;
-  /** The node's clock at the first moment, ns since its start. */
+  /** The node's clock at the first instant, ns since its start. */
   readonly ticks: bigint;
-  /** Enclosure of the same moment, UTC ns. */
+  /** Enclosure of the same instant, UTC ns. */
   readonly time: readonly [bigint, bigint];
   readonly patches: readonly PatchSamples[];
 }

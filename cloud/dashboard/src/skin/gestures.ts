@@ -18,7 +18,7 @@ export interface Way {
 export interface GestureMark {
   readonly kinds: readonly string[];
   readonly verdict: GestureItem["verdict"];
-  /** From its earliest to its latest moment, in ns of the timeline; of what the window cuts, from or to there. */
+  /** From its earliest to its latest instant, in ns of the timeline; of what the window cuts, from or to there. */
   readonly begin: number;
   readonly end: number;
   readonly cutsBegin: boolean;

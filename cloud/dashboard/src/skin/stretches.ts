@@ -2,16 +2,16 @@ import type { Frame, PatchSamples } from "../frames/frame";
 import type { Timeline } from "../time/timeline";
 import type { Taxels } from "./layout";
 
-/** A decoded frame, and when its samples are from (ns of the timeline; the earliest moments). */
+/** A decoded frame, and when its samples are from (ns of the timeline; the earliest instants). */
 export interface Stretch {
   readonly page: number;
   readonly sequence: number;
-  /** The frame's first moment, from which the delays of its grids count. */
+  /** The frame's first instant, from which the delays of its grids count. */
   readonly origin: number;
   readonly begin: number;
   /** When the row after its last one is due. */
   readonly end: number;
-  /** How much later its moments may be, in ns. */
+  /** How much later its instants may be, in ns. */
   readonly error: number;
   /** By their number in the layout. */
   readonly patches: ReadonlyMap<number, PatchSamples>;

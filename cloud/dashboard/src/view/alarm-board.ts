@@ -25,8 +25,8 @@ export function alarmRoute(alarm: AlarmItem, monitor: MonitorItem | undefined): 
 }
 
 function when(text: string, now: bigint): string {
-  const moment = parseInstant(text);
-  return `${now - moment > DAY / 2n ? `${printDay(moment)} ` : ""}${printClock(moment, 0)}`;
+  const instant = parseInstant(text);
+  return `${now - instant > DAY / 2n ? `${printDay(instant)} ` : ""}${printClock(instant, 0)}`;
 }
 
 /** What is said of a monitor's latest verdict. */

@@ -122,7 +122,7 @@ export class FilmBar {
     const sums = shown.map(({ cores }) => cores.map(({ force }) => boundsOf(force)).reduce((sum, { lo, hi }) => ({ lo: sum.lo + lo, hi: sum.hi + hi }), { lo: 0, hi: 0 }));
     const most = Math.max(1e-9, ...sums.map(({ lo, hi }) => (Number.isFinite(hi) ? hi : lo)));
     const least = Math.max(0, ...sums.map(({ lo }) => lo));
-    // A moment of which little is known must not flatten all others: it is cut off.
+    // An instant of which little is known must not flatten all others: it is cut off.
     const top = least > 0 ? Math.min(most, MOST_TIMES * least) : most;
     const { palette } = this.options.context;
     const toY = (force: number): number => height - Math.min(1, force / top) * (height - 14 * ratio) - 1;

@@ -23,7 +23,7 @@ export interface FormulaFormOptions {
   readonly onStretches: (stretches: readonly VerdictStretch[]) => void;
 }
 
-const INTRODUCTION = "Certain: it holds for all values and moments that the samples leave open. Possible: for some.";
+const INTRODUCTION = "Certain: it holds for all values and instants that the samples leave open. Possible: for some.";
 const WORDING: Wording = {
   state: "The formula holds",
   never: "Impossible",

@@ -14,10 +14,10 @@ const DAY = 86_400_000_000_000n;
 /** What is said of a monitor's latest verdict: since when it holds, or when it was stated of what may have changed. */
 export function verdictText({ latest }: NodeMonitorItem, now: bigint): string {
   if (latest === null) return "no verdict yet";
-  const moment = parseInstant(latest.time.lo);
-  const day = now - moment > DAY / 2n ? `${printDay(moment)} ` : "";
+  const instant = parseInstant(latest.time.lo);
+  const day = now - instant > DAY / 2n ? `${printDay(instant)} ` : "";
   const because = latest.because.length === 0 ? "" : ` by ${latest.because.join(", ")}`;
-  const when = `${day}${printClock(moment, 2)}`;
+  const when = `${day}${printClock(instant, 2)}`;
   return latest.current ? `${latest.verdict}${because} since ${when}` : `unknown now; ${latest.verdict}${because} at ${when}`;
 }
 

@@ -12,7 +12,7 @@ export interface PictureDetail {
 
 /**
  * Reports pictures as `performance.measure` entries, for scripts with a `PerformanceObserver`. An entry lasts from the
- * begin of the picture's work to the moment at which the browser has handed the frame on. No entry is kept after
+ * begin of the picture's work to the instant at which the browser has handed the frame on. No entry is kept after
  * observers have it.
  */
 export class PictureReport {

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 from eskin_cloud.store.column_runs import ColumnRun, ColumnRuns
 from eskin_cloud.store.damage import DamagedRowError, are_countable
 from eskin_cloud.store.descriptions import find_patch
@@ -141,15 +141,15 @@ def split_column(connection: Connection, channel: Channel, window: Window) -> It
     return split_by_rows(connection, channel["node"], channel["patch"], window)
 
 
-def next_rows(connection: Connection, channel: Channel, moment: int) -> int | None:
+def next_rows(connection: Connection, channel: Channel, instant: int) -> int | None:
     """When the first row that may hold a channel begins, from a time on; ``None`` if none does."""
-    window = Window(moment, MOST_MOMENT)
+    window = Window(instant, MOST_INSTANT)
     return first_start(connection, channel["node"], channel["patch"], window)
 
 
-def previous_rows(connection: Connection, channel: Channel, moment: int) -> int | None:
+def previous_rows(connection: Connection, channel: Channel, instant: int) -> int | None:
     """When the last row that may hold a channel begins, before a time; ``None`` if none does."""
-    return last_start(connection, channel["node"], channel["patch"], moment)
+    return last_start(connection, channel["node"], channel["patch"], instant)
 
 
 def _place(patch: Patch, taxel: str) -> tuple[int, int] | None:

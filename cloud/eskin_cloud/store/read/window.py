@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from eskin.errors import QueryError
-from eskin.wire.timestamp import MOST_MOMENT, SECOND, format_timestamp, parse_timestamp
+from eskin.wire.timestamp import MOST_INSTANT, SECOND, format_timestamp, parse_timestamp
 
 DEFAULT_SPAN: Final = 60 * SECOND
 _MAX_SPAN: Final = 2**62
@@ -39,12 +39,12 @@ def parse_time(parameter: str, text: str | None) -> int | None:
     if text is None:
         return None
     try:
-        moment = parse_timestamp(text)
+        instant = parse_timestamp(text)
     except ValueError as error:
         raise QueryError(parameter, str(error)) from error
-    if abs(moment) > MOST_MOMENT:
+    if abs(instant) > MOST_INSTANT:
         raise QueryError(parameter, f"{text!r} is outside of the years 1678 to 2262")
-    return moment
+    return instant
 
 
 def parse_window(start: str | None, end: str | None, *, last: int) -> Window:
@@ -61,10 +61,12 @@ def parse_window(start: str | None, end: str | None, *, last: int) -> Window:
     begin, finish = parse_time("start", start), parse_time("end", end)
     if finish is None:
         finish = (
-            min(last + 1, MOST_MOMENT) if begin is None else max(begin, min(last + 1, MOST_MOMENT))
+            min(last + 1, MOST_INSTANT)
+            if begin is None
+            else max(begin, min(last + 1, MOST_INSTANT))
         )
     if begin is None:
-        begin = max(finish - DEFAULT_SPAN, -MOST_MOMENT)
+        begin = max(finish - DEFAULT_SPAN, -MOST_INSTANT)
     return make_window(begin, finish)
 
 
@@ -94,9 +96,9 @@ def require_ordered(start: int | None, end: int | None) -> None:
         )
 
 
-def before(moment: int, span: int) -> int:
+def before(instant: int, span: int) -> int:
     """A time minus a span, UTC ns, limited to 64 bits."""
-    return max(moment - span, -(2**63))
+    return max(instant - span, -(2**63))
 
 
 def clip(t: int, dt: int, n: int, window: Window) -> tuple[int, int]:

@@ -88,7 +88,7 @@ frames = Table(
 """Frames byte for byte.
 
 ``t`` and ``t_end`` are the middles of the first and the last sample's time, skews included;
-``t_lo`` and ``t_hi`` enclose the first moment; ``error`` is the greatest distance of a sample's
+``t_lo`` and ``t_hi`` enclose the first instant; ``error`` is the greatest distance of a sample's
 time from its middle; ``digest`` is that of ``data`` (`runtime.digest`), and ``head`` that of the
 other columns (`store.damage`). Every reader of ``data`` checks both.
 """

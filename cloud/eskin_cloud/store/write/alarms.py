@@ -378,7 +378,7 @@ def _sites(connection: Connection, nodes: Iterable[str]) -> str:
 def describe_alarm(alarm: RowMapping) -> dict[str, Any]:
     """An alarm as callers and receivers are given it."""
 
-    def moment(name: str, *, ticks: bool = False) -> str | None:
+    def instant(name: str, *, ticks: bool = False) -> str | None:
         value = alarm[name]
         if value is None:
             return None
@@ -392,11 +392,11 @@ def describe_alarm(alarm: RowMapping) -> dict[str, Any]:
         "severity": alarm["severity"],
         "verdict": alarm["verdict"],
         "state": "raised" if alarm["cleared"] is None else "cleared",
-        "began": moment("began", ticks=True),
-        "ended": moment("ended", ticks=True),
-        "raised": moment("raised"),
-        "acknowledged": moment("acknowledged"),
+        "began": instant("began", ticks=True),
+        "ended": instant("ended", ticks=True),
+        "raised": instant("raised"),
+        "acknowledged": instant("acknowledged"),
         "acknowledged_by": alarm["acknowledged_by"],
-        "escalated": moment("escalated"),
-        "cleared": moment("cleared"),
+        "escalated": instant("escalated"),
+        "cleared": instant("cleared"),
     }

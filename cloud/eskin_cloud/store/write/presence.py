@@ -74,7 +74,7 @@ def record_layout(
 
 
 def record_lag(
-    connection: Connection, cache: WriteCache, node: str, moment: tuple[int, int], *, now: int
+    connection: Connection, cache: WriteCache, node: str, instant: tuple[int, int], *, now: int
 ) -> tuple[int, int]:
     """Record the lag of a node's latest frame.
 
@@ -82,13 +82,13 @@ def record_lag(
         connection: The writer's, in a transaction.
         cache: The writer's.
         node: The node.
-        moment: Enclosure of its last sample's time, UTC ns.
+        instant: Enclosure of its last sample's time, UTC ns.
         now: UTC ns.
 
     Returns:
         An enclosure of the lag, ns, at most `MOST_LAG`.
     """
-    lag = _lag(now, moment)
+    lag = _lag(now, instant)
     row = cache.row(connection, nodes, *key_of(node))
     if row is not None:
         row["lag_lo"], row["lag_hi"] = lag
@@ -171,8 +171,8 @@ def mark_silent_offline(
     return entries
 
 
-def _lag(now: int, moment: tuple[int, int]) -> tuple[int, int]:
-    return min(now - moment[1], MOST_LAG), min(now - moment[0], MOST_LAG)
+def _lag(now: int, instant: tuple[int, int]) -> tuple[int, int]:
+    return min(now - instant[1], MOST_LAG), min(now - instant[0], MOST_LAG)
 
 
 def _new_node(node: str, position: Position, now: int) -> Row:

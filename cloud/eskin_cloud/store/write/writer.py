@@ -123,7 +123,7 @@ class Writer:
                 self._jobs.put_nowait(_Job(attempts, future, shared, frozenset(slots), group))
             except queue.Full:
                 raise StoreError(
-                    f"{self._jobs.maxsize} writes wait already; retry in a moment"
+                    f"{self._jobs.maxsize} writes wait already; retry in an instant"
                 ) from None
         if self._thread is None:
             self._run_once()

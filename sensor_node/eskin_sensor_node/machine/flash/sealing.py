@@ -21,7 +21,7 @@ from eskin.privacy.sealed_message import SALT_BYTES, whole_minutes
 from eskin.wire.frames import Gap, Statements
 from eskin.wire.messages import Position as Place
 from eskin.wire.messages.cbor_map import MOST_COUNT
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 from eskin_sensor_node.firmware.chip import StoredMessage
 from eskin_sensor_node.firmware.message_writer import STATEMENTS
 
@@ -39,7 +39,7 @@ ANSWER: Final = "answer"
 UNREADABLE: Final = "flash record unreadable"
 """The reason in a gap."""
 _EXACT: Final = Struct("<qqqq")
-"""Earliest and latest moment, samples, and what it stands for: before the body, sealed."""
+"""Earliest and latest instant, samples, and what it stands for: before the body, sealed."""
 _NONCE_BYTES: Final = 12
 _HEAD: Final = SALT_BYTES + _NONCE_BYTES
 _KEPT: Final = 256
@@ -204,7 +204,7 @@ def lost_record_gap(row: Row, layout: bytes) -> StoredMessage:
         layout: Hash of the node's layout, by which statements are read.
     """
     position = row.boot, row.sequence
-    earliest, latest = (max(-MOST_MOMENT, min(each, MOST_MOMENT)) for each in row[4:6])
+    earliest, latest = (max(-MOST_INSTANT, min(each, MOST_INSTANT)) for each in row[4:6])
     samples, messages = (max(0, min(each, MOST_COUNT)) for each in row[6:8])
     time = min(earliest, latest), max(earliest, latest)
     gap = Gap(UNREADABLE, time, messages, samples, ((row.boot, row.sequence, row.sequence),))

@@ -38,14 +38,14 @@ class Chains:
         self._random = random
 
     def measure(
-        self, sensed: Mapping[str, Floats], moments: NDArray[np.int64]
+        self, sensed: Mapping[str, Floats], instants: NDArray[np.int64]
     ) -> tuple[dict[str, Floats], dict[str, Interval]]:
-        """Run all chains on what the sensors give at moments in ns, each quantity taxels × times.
+        """Run all chains on what the sensors give at instants in ns, each quantity taxels × times.
 
         Returns:
             The quantities that come to be in the chains, and the intervals.
         """
-        self._random.begin(0, moments)
+        self._random.begin(0, instants)
         done = self._frontend.digitise(sensed, self._random)
         return done.truth, self._inversion.measure(done.codes)
 

@@ -82,10 +82,10 @@ class Run:
 
     def _batch(self, seconds: Floats) -> pa.RecordBatch:
         true, stimulus = self._pads.truth(seconds)
-        moments = np.rint(seconds * BILLION).astype(np.int64)
-        air_true, air = self._surroundings(stimulus, moments)
+        instants = np.rint(seconds * BILLION).astype(np.int64)
+        air_true, air = self._surroundings(stimulus, instants)
         capacitance = {"capacitance": true["capacitance"]}
-        measured = self._pad_chains.measure(capacitance, moments)[1]
+        measured = self._pad_chains.measure(capacitance, instants)[1]
         contacts = self._inversion.infer(
             measured["capacitance"], air["temperature"], air["humidity"]
         )
@@ -94,7 +94,7 @@ class Run:
             coil_true, _ = self._coils.truth(seconds)
             chain, seen = self._coil_chains.measure(
                 {name: coil_true[name] for name in ("inductance", "conductance", "susceptance")},
-                moments,
+                instants,
             )
             truth, intervals = truth | coil_true | chain, intervals | self._believed(seen)
         return self._rows(seconds, stimulus, truth, intervals)
@@ -121,13 +121,13 @@ class Run:
         return pa.RecordBatch.from_pydict(columns, schema=schema(self._plan.quantities))
 
     def _surroundings(
-        self, stimulus: Stimulus, moments: NDArray[np.int64]
+        self, stimulus: Stimulus, instants: NDArray[np.int64]
     ) -> tuple[Columns, dict[str, Interval]]:
         """Readings of the ambient sensors: one of each, which all taxels read along."""
         truth = {each.name: getattr(stimulus, each.name)[None, :] for each in SURROUNDINGS}
         read: dict[str, Interval] = {}
         for chains in self._around:
-            read |= chains.measure(truth, moments)[1]
+            read |= chains.measure(truth, instants)[1]
         return truth, read
 
     def _believed(self, seen: dict[str, Interval]) -> dict[str, Interval]:

@@ -133,9 +133,9 @@ class Script(Section):
             return 0.0
         begins, ends, pressures = np.array(spans).T
         slack = self.variation.time_s
-        moments = np.concatenate([begins - slack, ends + slack])
+        instants = np.concatenate([begins - slack, ends + slack])
         changes = np.concatenate([pressures, -pressures])
-        # At one moment the next contact begins before the last one ends.
-        order = np.lexsort((-changes, moments))
+        # At one instant the next contact begins before the last one ends.
+        order = np.lexsort((-changes, instants))
         together = float(np.cumsum(changes[order]).max())
         return together * (1.0 + self.variation.force)

@@ -26,7 +26,7 @@ Mask: TypeAlias = "NDArray[np.bool_]"
 
 _REST_QUALITY: Final = 10.0
 _COURSE: Final = 65
-"""Moments of a contact among which its greatest pressure is sought."""
+"""Instants of a contact among which its greatest pressure is sought."""
 
 
 class Stage:

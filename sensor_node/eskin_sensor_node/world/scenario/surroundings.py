@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 Temperature: TypeAlias = Annotated[float, Field(ge=-40, le=125)]
 Humidity: TypeAlias = Annotated[float, Field(ge=0, le=100)]
-Moment: TypeAlias = Annotated[float, Field(ge=0)]
+Instant: TypeAlias = Annotated[float, Field(ge=0)]
 # TOML has arrays only: a pair is read from one.
-TemperaturePoint: TypeAlias = Annotated[tuple[Moment, Temperature], Field(strict=False)]
-HumidityPoint: TypeAlias = Annotated[tuple[Moment, Humidity], Field(strict=False)]
+TemperaturePoint: TypeAlias = Annotated[tuple[Instant, Temperature], Field(strict=False)]
+HumidityPoint: TypeAlias = Annotated[tuple[Instant, Humidity], Field(strict=False)]
 
 
 class AmbientSection(Section):

@@ -29,7 +29,7 @@ Table = TypeVar("Table", bound=_OfTaxel)
 class FaultSection(Section):
     """A taxel that breaks permanently.
 
-    A ``stuck`` one keeps the capacitance or inductance that it has at that moment; a ``dead`` one
+    A ``stuck`` one keeps the capacitance or inductance that it has at that instant; a ``dead`` one
     has an open line, so that its converter saturates.
     """
 

@@ -205,9 +205,9 @@ class Asker:
             said = answer.json()
             begin = 0 if points == 3 else parse_timestamp(said["t0"])
             said["t"] = [begin + t for t in said["t"]]
-            for moment, *bounds in zip(said["t"], said["lo"], said["hi"], strict=True):
+            for instant, *bounds in zip(said["t"], said["lo"], said["hi"], strict=True):
                 if bounds != [None, None]:
-                    self.found[f"{channel} by {points} at {moment}"] = bounds
+                    self.found[f"{channel} by {points} at {instant}"] = bounds
         try:
             answer = await self.answer("export", channel=f"{node}/{channel}", **WINDOW)
         except AssertionError:  # httpx's: the answer was broken off

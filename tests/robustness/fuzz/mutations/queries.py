@@ -30,7 +30,7 @@ _NUMBERS: Final = (
     "9223372036854775807", "9223372036854775808", "-9223372036854775808", "1_0", "",
     "\N{ARABIC-INDIC DIGIT ONE}",
 )  # fmt: skip
-_MOMENTS: Final = (
+_INSTANTS: Final = (
     *(str(START + k * DT) for k in (-10**6, -1, 0, 1, 49, 50, 99, 100, 3000, 10**6, 10**9)),
     *(str(START + k) for k in (-1, 1)),
     "2027-01-15T08:00:00Z", "2027-01-15T08:00:00.123456789+01:00", "0", "-1",
@@ -45,7 +45,7 @@ _WORDS: Final = (
     IDS.write(START, START + 10**9, START), IDS.write(-(2**63), 2**63 - 1),
     IDS.write(5), IDS.write_name(NODE), IDS.write(0, 0, 0, 0), IDS.write(START, START, 0, 0, 0, 0),
 )  # fmt: skip
-_POOLS: Final = (_NUMBERS, _MOMENTS, _WORDS)
+_POOLS: Final = (_NUMBERS, _INSTANTS, _WORDS)
 
 
 def mutate_query(data: bytes, random: Random) -> bytes:

@@ -43,8 +43,8 @@ def check(data: bytes) -> None:
     """Read it as each."""
     text = data[:_LONGEST].decode("utf-8", "replace")
     try:
-        moment = parse_timestamp(text)
-        assert parse_timestamp(format_timestamp(moment)) == moment
+        instant = parse_timestamp(text)
+        assert parse_timestamp(format_timestamp(instant)) == instant
     except ValueError:
         pass
     try:

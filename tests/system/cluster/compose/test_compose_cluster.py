@@ -152,10 +152,10 @@ def test_server_of_the_store_that_is_killed_comes_back_and_nothing_is_lost(
 ) -> None:
     stack.kill(server)
     stack.wait_healthy(server)
-    moment = time.time_ns()
+    instant = time.time_ns()
     for cloud in CLOUDS:
         with stack.client(cloud) as client:
-            wait_for_samples_after(stack, client, moment)
+            wait_for_samples_after(stack, client, instant)
     wait_until_whole(stack)
 
 

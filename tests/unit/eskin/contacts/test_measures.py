@@ -64,8 +64,8 @@ def centroids(area: list[Fraction], places: list[float], sure: list[int]) -> lis
     found = []
     for chosen in range(2 ** len(others)):
         own = sure + [k for number, k in enumerate(others) if chosen >> number & 1]
-        moment = sum((area[k] * Fraction(places[k]) for k in own), Fraction(0))
-        found.append(moment / sum(area[k] for k in own))
+        instant = sum((area[k] * Fraction(places[k]) for k in own), Fraction(0))
+        found.append(instant / sum(area[k] for k in own))
     return found
 
 

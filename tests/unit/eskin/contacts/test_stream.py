@@ -180,7 +180,7 @@ def test_stream_of_no_samples_finds_nothing() -> None:
         [(0, 2**63), (100, 2**63)],
     ],
 )
-def test_times_that_enclose_no_moments_in_order_are_rejected(times: Any) -> None:
+def test_times_that_enclose_no_instants_in_order_are_rejected(times: Any) -> None:
     lo, hi, _ = bounds(["#", "#"])
     with pytest.raises(ContactError):
         track_contacts(lo, hi, times, skin_of(["#"]), THRESHOLD)

@@ -1,6 +1,6 @@
 """What the templates say of a truth that is known exactly, by plain Python and fractions.
 
-A truth is a list of instants, each a moment in whole ns and a set of pressed taxels. Nothing here
+A truth is a list of instants, each a time in whole ns and a set of pressed taxels. Nothing here
 is shared with what it tests, except the constants of the templates.
 """
 
@@ -57,7 +57,7 @@ class Truth:
 
     Args:
         skin: Its taxels.
-        moments: Of each instant, in ns.
+        instants: Of each instant, in ns.
         pressed: At each instant, the pressed taxels.
         templates: The constants; ``None``: only touches are sought.
     """
@@ -65,11 +65,11 @@ class Truth:
     def __init__(
         self,
         skin: Skin,
-        moments: Sequence[int],
+        instants: Sequence[int],
         pressed: Sequence[frozenset[int]],
         templates: Templates | None = None,
     ) -> None:
-        self._moments, self._pressed = moments, pressed
+        self._instants, self._pressed = instants, pressed
         starts, others = skin.starts.tolist(), skin.neighbours.tolist()
         self._near = [others[starts[k] : starts[k + 1]] for k in range(len(skin))]
         self._positions = [tuple(map(Fraction, row)) for row in skin.positions.tolist()]
@@ -110,7 +110,7 @@ class Truth:
     def kind_of(self, touch: Touch) -> str | None:
         """The kind of one touch."""
         t = self._templates
-        lasts = self._moments[touch.last] - self._moments[touch.first]
+        lasts = self._instants[touch.last] - self._instants[touch.first]
         columns = list(zip(*touch.places.values(), strict=True))
         if max(max(column) - min(column) for column in columns) <= Fraction(t.still_m):
             if lasts <= t.tap_ns:
@@ -145,7 +145,7 @@ class Truth:
         if self.kind_of(first) != "tap" or self.kind_of(second) != "tap":
             return
         t = self._templates
-        pause = self._moments[second.first] - self._moments[first.last]
+        pause = self._instants[second.first] - self._instants[first.last]
         way = _minus(second.places[second.first], first.places[first.first])
         if pause <= t.pause_ns and _dot(way, way) <= Fraction(t.apart_m) ** 2:
             yield Found("double tap", (first, second), first.first, second.last)
@@ -153,7 +153,7 @@ class Truth:
     def _pair(self, one: Touch, two: Touch) -> Iterator[Found]:
         t = self._templates
         first, last = max(one.first, two.first), min(one.last, two.last)
-        if self._moments[last] - self._moments[first] < t.together_ns:
+        if self._instants[last] - self._instants[first] < t.together_ns:
             return
         was = _minus(two.places[first], one.places[first])
         became = _minus(two.places[last], one.places[last])

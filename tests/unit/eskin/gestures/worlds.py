@@ -37,16 +37,16 @@ class World:
 
     Attributes:
         skin: The taxels.
-        moments: The truth's moments, also of instants before and after the record.
+        instants: The truth's instants, also of instants before and after the record.
         pressed: The taxels that are pressed then.
         begin: First instant of the record.
         certain: In the record, the taxels that are known to be pressed.
         possible: Those that are not known not to be.
-        times: Enclosures of the record's moments.
+        times: Enclosures of the record's instants.
     """
 
     skin: Skin
-    moments: Sequence[int]
+    instants: Sequence[int]
     pressed: Sets
     begin: int
     certain: Sets
@@ -69,7 +69,7 @@ class World:
 
     def truth(self) -> Truth:
         """What the oracle says."""
-        return Truth(self.skin, self.moments, self.pressed, TEMPLATES)
+        return Truth(self.skin, self.instants, self.pressed, TEMPLATES)
 
 
 def draw_world(random: np.random.Generator, *, known: bool = False) -> World:
@@ -89,14 +89,14 @@ def draw_world(random: np.random.Generator, *, known: bool = False) -> World:
     if known:
         for k in (0, 1, -2, -1):
             pressed[k] = frozenset()
-    moments = np.cumsum(random.integers(6, 15, len(pressed)))
-    times = np.stack([moments, moments], axis=1)
+    instants = np.cumsum(random.integers(6, 15, len(pressed)))
+    times = np.stack([instants, instants], axis=1)
     if not known:
         times[:, 0] -= random.integers(0, 4, len(times))
         times[:, 1] += random.integers(0, 4, len(times))
         np.maximum.accumulate(times, axis=0, out=times)
         times[:, 0] = np.minimum.accumulate(times[::-1, 0])[::-1]
-        times = np.stack([np.minimum(times[:, 0], moments), np.maximum(times[:, 1], moments)], 1)
+        times = np.stack([np.minimum(times[:, 0], instants), np.maximum(times[:, 1], instants)], 1)
     own = slice(margin, margin + count)
     doubt = 0.0 if known else float(random.choice([0.0, 0.01, 0.05, 0.3]))
     certain = [frozenset(k for k in each if random.random() >= doubt) for each in pressed[own]]
@@ -117,7 +117,7 @@ def draw_world(random: np.random.Generator, *, known: bool = False) -> World:
         lost = int(random.integers(count))
         certain[lost], possible[lost] = frozenset(), frozenset(range(len(skin)))
     spans = [(int(low), int(high)) for low, high in times[own]]
-    return World(skin, moments.tolist(), pressed, margin, certain, possible, spans)
+    return World(skin, instants.tolist(), pressed, margin, certain, possible, spans)
 
 
 def _draw_fingers(random: np.random.Generator, skin: Skin, count: int) -> Sets:
@@ -271,7 +271,7 @@ def _fits(answer: Gesture, true: Found, world: World, known: dict[int, frozenset
         )
     ):
         return False
-    begin, end = world.moments[true.first], world.moments[true.last]
+    begin, end = world.instants[true.first], world.instants[true.last]
     return (
         within(begin, answer.begin)
         and within(end, answer.end)
@@ -305,10 +305,10 @@ def scale_within(scale: float | None, bounds: tuple[float, float] | None) -> boo
     return bounds[0] - _SLACK <= scale <= bounds[1] + _SLACK
 
 
-def within(moment: int, bounds: tuple[int | None, int | None]) -> bool:
-    """Whether a moment lies within bounds, of which each may be open."""
+def within(instant: int, bounds: tuple[int | None, int | None]) -> bool:
+    """Whether an instant lies within bounds, of which each may be open."""
     low, high = bounds
-    return (low is None or low <= moment) and (high is None or moment <= high)
+    return (low is None or low <= instant) and (high is None or instant <= high)
 
 
 def angle_within(angle: float | None, bounds: tuple[float, float] | None) -> bool:

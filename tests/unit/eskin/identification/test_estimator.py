@@ -26,7 +26,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 class Record:
-    """Constraints at random moments, with bounds that may be missing, and a random drift.
+    """Constraints at random instants, with bounds that may be missing, and a random drift.
 
     Up to ``wrong`` of any ``memory`` kept constraints do not hold the true parameter.
     """
@@ -39,8 +39,8 @@ class Record:
         self.earliest = self.latest - draw.integers(0, 2 * MINUTE, n) * draw.integers(0, 2)
         slow, fast = sorted(draw.choice([-1e-8, -3e-9, 0.0, 2e-9, 1e-8], 2).tolist())
         self.rates = slow, fast
-        # At a true moment between both ends, strictly ascending moments are not needed.
-        moments = [
+        # At a true instant between both ends, strictly ascending instants are not needed.
+        instants = [
             mpmath.mpf(int(draw.integers(a, b + 1)))
             for a, b in zip(self.earliest.tolist(), self.latest.tolist(), strict=True)
         ]
@@ -50,8 +50,8 @@ class Record:
         spread = 10.0 ** draw.uniform(-12.0, -1.0)
         lo, hi = [], []
         misses = np.zeros(n, bool)
-        for k, moment in enumerate(moments):
-            true = float(self.at(moment))
+        for k, instant in enumerate(instants):
+            true = float(self.at(instant))
             low, high = true * (1 - spread * draw.uniform()), true * (1 + spread * draw.uniform())
             low, high = np.nextafter(low, 0.0), np.nextafter(high, np.inf)
             if wrong and draw.uniform() < 0.2 and not misses[max(0, k - 3 * memory) :].any():

@@ -41,11 +41,11 @@ def samples(draw: st.DrawFn, *, exact: bool) -> list[Sample]:
 
 
 def some_world(samples: list[Sample], chance: random.Random) -> tuple[list[Fraction], list[float]]:
-    """Moments in order and values, extreme ones more often."""
+    """Instants in order and values, extreme ones more often."""
     while True:
-        moments = [Fraction(chance.randint(each.earliest, each.latest)) for each in samples]
-        if moments == sorted(moments):
-            return moments, [chance.choice((each.lo, each.hi)) for each in samples]
+        instants = [Fraction(chance.randint(each.earliest, each.latest)) for each in samples]
+        if instants == sorted(instants):
+            return instants, [chance.choice((each.lo, each.hi)) for each in samples]
 
 
 TIMES = [Fraction(half, 2) for half in range(-8, 50)]
@@ -96,9 +96,9 @@ def test_exact_formulas_have_a_witness_of_both(
     for upward in product((False, True), repeat=2):
         values = {}
         for (name, each), up in zip((("p", p), ("q", q)), upward, strict=True):
-            moments = [Fraction(one.earliest) for one in each]
+            instants = [Fraction(one.earliest) for one in each]
             ends = [one.hi if up else one.lo for one in each]
-            values[name] = held(each, moments, ends, PERIOD, always(1e3 if up else -1e3))
+            values[name] = held(each, instants, ends, PERIOD, always(1e3 if up else -1e3))
         truths.append(Truth(values))
     for t in TIMES:
         if verdict_at(found, t) is Verdict.POSSIBLE:

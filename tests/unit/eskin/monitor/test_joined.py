@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 
 
 def drawn(random: np.random.Generator) -> dict[str, Signal]:
-    """Two channels with gaps whose moments overlap those of their neighbours."""
+    """Two channels with gaps whose instants overlap those of their neighbours."""
     found = {}
     for name in "ab":
         n = int(random.integers(0, 9))
-        moments = np.cumsum(random.integers(1, 12, n))
+        instants = np.cumsum(random.integers(1, 12, n))
         error = random.integers(0, 25, n)
-        earliest = np.maximum.accumulate(moments - error) if n else moments
+        earliest = np.maximum.accumulate(instants - error) if n else instants
         lo = random.integers(-4, 4, n).astype(float)
         hi = lo + random.integers(0, 3, n)
         gap = random.random(n) < 0.2
-        latest = np.maximum(moments + error, earliest)
+        latest = np.maximum(instants + error, earliest)
         found[name] = Signal(earliest, latest, lo, hi, 10, gap, until=int(random.integers(90, 130)))
     return found
 
@@ -58,10 +58,10 @@ def test_verdicts_of_joined_samples_are_the_same_or_possible(
 
 def test_clocks_that_are_seconds_wrong_are_compared() -> None:
     n, second = 20_000, 10**9
-    moments = np.arange(n) * second // 1000
+    instants = np.arange(n) * second // 1000
     signals = {
         name: Signal(
-            moments - second, moments + second, np.full(n, level), np.full(n, level + 0.5), 10**6
+            instants - second, instants + second, np.full(n, level), np.full(n, level + 0.5), 10**6
         )
         for name, level in (("a", 1.0), ("b", 0.0))
     }

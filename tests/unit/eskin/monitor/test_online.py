@@ -108,20 +108,20 @@ def test_a_long_record_is_decided_as_a_whole() -> None:
         "(abs(p) > 0.5 implies eventually[0,200ms] p < 0.2) and once[0,300ms] q > 0.5 or p < q - 1"
     )
     count, period = 2000, 20_000_000
-    moments = np.arange(count, dtype=np.int64) * period
+    instants = np.arange(count, dtype=np.int64) * period
     noise = np.random.default_rng(1).normal(size=(2, count))
-    values = np.sin(np.pi * moments / 1e9) + 0.2 * noise
+    values = np.sin(np.pi * instants / 1e9) + 0.2 * noise
     monitor, taken, size = Monitor(formula, {"p": "1", "q": "1"}), [], 0
     for first in range(0, count, 7):
         part = slice(first, first + 7)
         for name, column in zip("pq", values, strict=True):
             lo, hi = column[part] - 0.1, column[part] + 0.1
-            monitor.extend(name, moments[part], moments[part] + 1000, lo, hi, period)
+            monitor.extend(name, instants[part], instants[part] + 1000, lo, hi, period)
         taken += monitor.take()
         size = max(size, len(monitor))
     assert size < 100
     signals = {
-        name: Signal(moments, moments + 1000, column - 0.1, column + 0.1, period)
+        name: Signal(instants, instants + 1000, column - 0.1, column + 0.1, period)
         for name, column in zip("pq", values, strict=True)
     }
     whole = [*evaluate(formula, signals).pieces(last=2 * int(taken[-1].end or 0))]

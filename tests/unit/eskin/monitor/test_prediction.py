@@ -41,9 +41,9 @@ def swinging(origin: int = START) -> Prediction:
     return Prediction(MODEL, SWING, origin)
 
 
-def exactly(moment: int, origin: int = START) -> Interval:
+def exactly(instant: int, origin: int = START) -> Interval:
     found: Interval = MODELS[MODEL].function(
-        Interval(float(Fraction(moment - origin, 10**9))),
+        Interval(float(Fraction(instant - origin, 10**9))),
         minimum_capacitance=Interval(9e-12, 11e-12),
         maximum_capacitance=Interval(95e-12, 105e-12),
         frequency=Interval(2.0),
@@ -59,7 +59,7 @@ def test_a_range_of_time_encloses_all_that_is_predicted_in_it(
     first, last = np.array([START + begin]), np.array([START + begin + span])
     lo, hi = swinging().between(first, last, "F")
     inner = exactly(min(int(first[0]) + int(span * part), int(last[0])))
-    # A thin moment's own rounding is not part of what must be enclosed.
+    # A thin instant's own rounding is not part of what must be enclosed.
     assert lo[0] <= inner.sup
     assert hi[0] >= inner.inf
 
@@ -67,8 +67,8 @@ def test_a_range_of_time_encloses_all_that_is_predicted_in_it(
 @pytest.mark.parametrize("origin", [-(2**63) + 10, -5, 0, START, 2**63 - 1])
 def test_model_times_enclose_the_exact_ones_however_far(origin: int) -> None:
     ends = (-(2**63) + 1, -(2**62), -1, 0, 1, START, START + 1, 2**62, 2**63 - 1)
-    moments = np.array(ends)
-    lo, hi = swinging(origin).between(moments, moments, "F")
+    instants = np.array(ends)
+    lo, hi = swinging(origin).between(instants, instants, "F")
     assert np.all(lo <= hi)
     whole = swinging(START).between(np.array([START]), np.array([START + 10**9]), "F")
     assert np.all((lo >= whole[0]) & (hi <= whole[1]))
@@ -84,9 +84,9 @@ def test_a_deviation_from_a_constant_is_that_of_each_value_in_the_interval(
 ) -> None:
     p, q = band
     prediction = Prediction("constant", (PredictionParameter("value", Fraction(p), Fraction(q)),))
-    moments = 10 * MS * np.arange(len(samples))
+    instants = 10 * MS * np.arange(len(samples))
     lo, hi = np.array(samples, np.float64).T
-    found = deviation(Signal(moments, moments, lo, hi, 10 * MS), prediction)
+    found = deviation(Signal(instants, instants, lo, hi, 10 * MS), prediction)
     for k, (low, high) in enumerate(samples):
         # The deviation is convex, and linear between whole numbers: so its ends are at them.
         exact = [max(p - x, x - q) for x in range(low, high + 1)]
@@ -99,12 +99,12 @@ def test_a_deviation_from_a_constant_is_that_of_each_value_in_the_interval(
 
 
 def sampled(moved: dict[int, float], n: int = 50) -> Signal:
-    moments = START + 10 * MS * np.arange(n)
-    bands = [exactly(int(t)) for t in moments]
+    instants = START + 10 * MS * np.arange(n)
+    bands = [exactly(int(t)) for t in instants]
     middle = np.array([float(band.mid) for band in bands])
     for k, by in moved.items():
         middle[k] += by
-    return Signal(moments, moments, middle - 1e-15, middle + 1e-15, 10 * MS, unit="F")
+    return Signal(instants, instants, middle - 1e-15, middle + 1e-15, 10 * MS, unit="F")
 
 
 def test_an_anomaly_is_certain_offline_and_online() -> None:
@@ -143,10 +143,10 @@ def test_a_channel_and_its_deviation_stay_alike_after_a_wrong_sample(
     formula = (Deviation(source="p", prediction=swinging()) > 0) & (Channel("p") > 0)
     monitor = Monitor(formula, {"p": "F"})
     at, lo, hi = wrong
-    moments = [START + 10 * MS, at]
+    instants = [START + 10 * MS, at]
     monitor.push("p", START, START, 5e-10, 6e-10, period=10 * MS)
     with pytest.raises(MonitorError):
-        monitor.extend("p", moments, moments, [5e-10, lo], [6e-10, hi], 10 * MS)
+        monitor.extend("p", instants, instants, [5e-10, lo], [6e-10, hi], 10 * MS)
     monitor.push("p", START + 30 * MS, START + 30 * MS, 5e-10, 6e-10, period=10 * MS)
     assert len(monitor) in {4, 6}  # as many of both
     assert monitor.verdicts.at(START + 30 * MS).name == "CERTAIN"

@@ -87,12 +87,12 @@ def scene(
     return {name: draw(chance, errors, beta, epochs) for name in "pq"}
 
 
-MOMENTS = np.arange(COUNT) * PERIOD
+INSTANTS = np.arange(COUNT) * PERIOD
 
 
 def signal(world: World, beta: tuple[float, float] = BETA, *, shared: bool = True) -> Signal:
     error = SharedError(ALPHA, beta, world.epoch, NAME) if shared else None
-    return Signal(MOMENTS, MOMENTS, world.lo, world.hi, PERIOD, until=100, shared=error)
+    return Signal(INSTANTS, INSTANTS, world.lo, world.hi, PERIOD, until=100, shared=error)
 
 
 @settings(max_examples=300)
@@ -175,7 +175,7 @@ def test_online_verdicts_are_those_of_the_record(text: str) -> None:
             for name in names:
                 each = worlds[name]
                 monitor.extend(
-                    *(name, MOMENTS[part], MOMENTS[part], each.lo[part], each.hi[part], PERIOD),
+                    *(name, INSTANTS[part], INSTANTS[part], each.lo[part], each.hi[part], PERIOD),
                     epoch=each.epoch[part],
                 )
             taken += monitor.take()
@@ -190,7 +190,7 @@ def test_a_difference_within_an_epoch_is_as_wide_as_its_own_errors() -> None:
     own = 2.0**-4
     lo, hi = 2.0 * (1.0 - own + BETA[0]), 2.5 * (1.0 + own + BETA[1])
     p = Signal(
-        MOMENTS, MOMENTS, np.full(COUNT, lo), np.full(COUNT, hi), PERIOD, until=100,
+        INSTANTS, INSTANTS, np.full(COUNT, lo), np.full(COUNT, hi), PERIOD, until=100,
         shared=SharedError(ALPHA, BETA),
     )  # fmt: skip
     for bound, expected in ((0.32, Verdict.CERTAIN), (0.31, Verdict.POSSIBLE)):

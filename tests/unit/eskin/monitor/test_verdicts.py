@@ -39,7 +39,7 @@ def test_a_sample_before_a_gap_is_held_for_one_period() -> None:
     assert found.codes_at([-1, 0, 9, 10, 49, 50, 51, 60]).tolist() == [P, C, C, P, P, C, P, P]
 
 
-def test_an_uncertain_moment_leaves_its_edges_open() -> None:
+def test_an_uncertain_instant_leaves_its_edges_open() -> None:
     found = verdicts(
         "p > 3", Sample(0, 2, 5, 5), Sample(10, 14, 1, 1, gap=True), Sample(40, 40, 5, 5)
     )
@@ -47,7 +47,7 @@ def test_an_uncertain_moment_leaves_its_edges_open() -> None:
     assert found.codes_at(times).tolist() == [P, P, P, C, C, P, P, I, I, P, P]
 
 
-def test_order_narrows_moments() -> None:
+def test_order_narrows_instants() -> None:
     found = verdicts("p > 3", Sample(0, 9, 5, 5), Sample(2, 3, 1, 1), Sample(20, 20, 1, 1))
     assert found.codes_at([2, 3, 8]).tolist() == [P, I, I]
 
@@ -103,7 +103,7 @@ def test_because_names_the_weakest_cause() -> None:
     assert found.because(40) is Because.GAP
     assert found.because(60) is Because.PENDING
     moved = verdicts("p > 3", Sample(0, 0, 5, 5), Sample(10, 14, 1, 1), Sample(20, 20, 1, 1))
-    assert moved.because(12) is Because.MOMENT
+    assert moved.because(12) is Because.INSTANT
 
 
 def test_an_alarm_can_tell_known_causes_from_missing_data() -> None:
@@ -129,8 +129,8 @@ def test_witness() -> None:
 
 
 def test_coverage_counts_distinct_samples_of_the_horizon() -> None:
-    moments = np.arange(10) * 10
-    each = Signal(moments, moments, [1.0] * 10, [2.0] * 10, 10, coverage=0.99)
+    instants = np.arange(10) * 10
+    each = Signal(instants, instants, [1.0] * 10, [2.0] * 10, 10, coverage=0.99)
     near = evaluate(parse("p > 0 and p > 1"), {"p": each})
     window = evaluate(parse("always[0,20ns] p > 0 or always[10ns,20ns] p > 1"), {"p": each})
     assert 0.979 < near.coverage(35) <= 0.99

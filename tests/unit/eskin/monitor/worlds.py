@@ -67,19 +67,19 @@ def signal(samples: list[Sample], period: int, **options: object) -> Signal:
 
 def held(
     samples: list[Sample],
-    moments: list[Fraction],
+    instants: list[Fraction],
     values: list[float],
     period: int,
     unknown: Callable[[Fraction], float],
 ) -> Callable[[Fraction], float]:
-    """The value at each time for one choice of moments, values, and what is not known."""
+    """The value at each time for one choice of instants, values, and what is not known."""
 
     def value(t: Fraction) -> float:
-        last = max((k for k, moment in enumerate(moments) if moment <= t), default=-1)
+        last = max((k for k, instant in enumerate(instants) if instant <= t), default=-1)
         if last < 0:
             return unknown(t)
-        pending = last == len(samples) - 1 and t > moments[last]
-        lost = samples[last].gap and t >= moments[last] + period
+        pending = last == len(samples) - 1 and t > instants[last]
+        lost = samples[last].gap and t >= instants[last] + period
         return unknown(t) if pending or lost else values[last]
 
     return value

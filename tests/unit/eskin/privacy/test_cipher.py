@@ -168,7 +168,7 @@ def test_nonces_of_a_key_never_repeat_over_messages_and_starts(keystore: KeyStor
     assert len(seen) == 400
 
 
-def test_erased_key_reads_nothing_from_that_moment(keystore: KeyStore) -> None:
+def test_erased_key_reads_nothing_from_that_instant(keystore: KeyStore) -> None:
     made, reader = veiled(keystore), Decryptor(keystore)
     reader.decrypt("hand", made)
     keystore.erase(made.subject)

@@ -72,12 +72,12 @@ def judged(*questions: Any) -> list[Any]:
 
 
 def now_status(sequence: int) -> Status:
-    """A status of this moment."""
+    """A status of this instant."""
     return replace(status(sequence), time=(time.time_ns() - 10**9, time.time_ns()))
 
 
 def now_frame(sequence: int, skin: SkinOf) -> Frame:
-    """A frame that ends at this moment."""
+    """A frame that ends at this instant."""
     now = time.time_ns() - 5 * PERIOD
     return replace(skin.frame(sequence), time=(now, now))
 

@@ -1,4 +1,4 @@
-"""Columns of a skin: samples enclose the truth, at the same moments whatever the cut."""
+"""Columns of a skin: samples enclose the truth, at the same instants whatever the cut."""
 
 from __future__ import annotations
 
@@ -80,14 +80,14 @@ def test_samples_do_not_depend_on_how_stretches_are_cut(
 
 
 def test_a_boot_draws_other_noise_and_keeps_the_parts(press: NodeSettings) -> None:
-    moments = np.arange(200) * 20 * MILLI
+    instants = np.arange(200) * 20 * MILLI
     first, again, second = (
-        columns_of(press, boot=boot).sense(moments).readings[0].codes["current"]
+        columns_of(press, boot=boot).sense(instants).readings[0].codes["current"]
         for boot in (1, 1, 2)
     )
     assert first.tobytes() == again.tobytes() != second.tobytes()
     assert np.abs(first.mean(axis=1) - second.mean(axis=1)).max() < 0.5
-    other = columns_of(press, seed=8).sense(moments).readings[0].codes["current"]
+    other = columns_of(press, seed=8).sense(instants).readings[0].codes["current"]
     assert np.abs(first.mean(axis=1) - other.mean(axis=1)).max() > 1.0
 
 

@@ -1,4 +1,4 @@
-"""Random numbers of columns are functions of seed, taxel, boot and moment."""
+"""Random numbers of columns are functions of seed, taxel, boot and instant."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def test_blocks_are_those_of_philox(counter: str, key: str, result: str) -> None
 
 @given(seeds, st.integers(0, 2**20), st.lists(st.integers(0, 2**40), min_size=1, max_size=5))
 @settings(max_examples=25, deadline=None)
-def test_a_draw_depends_on_its_taxel_and_moment_alone(
-    seed: int, boot: int, moments: list[int]
+def test_a_draw_depends_on_its_taxel_and_instant_alone(
+    seed: int, boot: int, instants: list[int]
 ) -> None:
-    taxels, times = np.array([5, 0, 2**31]), np.array(moments)
+    taxels, times = np.array([5, 0, 2**31]), np.array(instants)
     together = ColumnGenerator(seed, taxels)
     together.begin(boot, times)
     uniform, normal = together.uniform(0.0, 1.0), together.normal(0.0, 1.0)

@@ -157,8 +157,8 @@ class Recorder:
             taxel: str = "",
             patches: Sequence[int] = (),
         ) -> Record:
-            moment = [str(each) for each in time]
-            step = {"gap": reason, "broken": taxel, "time": moment, "samples": samples}
+            instant = [str(each) for each in time]
+            step = {"gap": reason, "broken": taxel, "time": instant, "samples": samples}
             self.job["steps"].append(step | {"patches": list(patches)})
             rest = messages, lost, sequence, taxel, patches
             return gap(message_writer, reason, time, samples, *rest)
@@ -180,8 +180,8 @@ class Recorder:
             given["heard"] = (
                 None if message_writer.gateway_time is None else str(message_writer.gateway_time)
             )
-            moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
-            self.job["steps"].append(given | moment)
+            instant = {"time": [str(each) for each in time], "uptime": str(uptime)}
+            self.job["steps"].append(given | instant)
             stated = time, profile, description, uptime, storage, cause
             return status(message_writer, *stated, **more)
 
@@ -231,8 +231,8 @@ class Recorder:
             return act()
         finally:
             self._deciding = False
-            moment = [str(each) for each in time]
-            self.job["steps"].append({**step, "time": moment, "answers": list(self._answers)})
+            instant = [str(each) for each in time]
+            self.job["steps"].append({**step, "time": instant, "answers": list(self._answers)})
 
     def _watch_supply(self, monkeypatch: pytest.MonkeyPatch) -> None:
         make, watch = EnergyManager.__init__, EnergyManager.watch
@@ -252,8 +252,8 @@ class Recorder:
             return rest(manager, time)
 
         def recalled(manager: EnergyManager, record: bytes, time: tuple[int, int]) -> None:
-            moment = [str(each) for each in time]
-            self.job["steps"].append({"recall": record.hex(), "time": moment})
+            instant = [str(each) for each in time]
+            self.job["steps"].append({"recall": record.hex(), "time": instant})
             recall(manager, record, time)
 
         monkeypatch.setattr(EnergyManager, "rest", rested)

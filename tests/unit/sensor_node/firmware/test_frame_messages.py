@@ -35,7 +35,7 @@ from eskin.wire.frames import (
 )
 from eskin.wire.messages import Position, Status
 from eskin.wire.messages.cbor_map import MOST_COUNT
-from eskin.wire.timestamp import MOST_MOMENT
+from eskin.wire.timestamp import MOST_INSTANT
 from tests.unit.eskin.wire.frames import examples
 from tests.unit.eskin.wire.frames.matrices import matrices, samplings
 
@@ -46,8 +46,8 @@ PLACE = Position(3, 17)
 HASH = examples.LAYOUT.content_hash
 DAY = 86_400 * 10**9
 COUNTS = st.integers(0, MOST_COUNT)
-MOMENTS = st.integers(-MOST_MOMENT, MOST_MOMENT)
-TIMES = st.tuples(MOMENTS, MOMENTS).map(lambda pair: (min(pair), max(pair)))
+INSTANTS = st.integers(-MOST_INSTANT, MOST_INSTANT)
+TIMES = st.tuples(INSTANTS, INSTANTS).map(lambda pair: (min(pair), max(pair)))
 REALS = st.floats(allow_nan=False)
 BOUNDS = st.tuples(REALS, REALS).map(lambda pair: (min(pair), max(pair)))
 SHARES = st.floats(0.0, 1.0)

@@ -34,7 +34,7 @@ def seldom(kind: str) -> dict[str, Any]:
     return table(kind, sampling_Hz=100.0)
 
 
-def alone(given: Any, folder: Path, member: RosterEntry, moments: list[int]) -> tuple[Any, Any]:
+def alone(given: Any, folder: Path, member: RosterEntry, instants: list[int]) -> tuple[Any, Any]:
     """Messages and truth of one node that runs by itself."""
     flash = open_flash(folder / "flash.sqlite", epoch=member.boot)
     outbox = build_outbox(
@@ -43,7 +43,7 @@ def alone(given: Any, folder: Path, member: RosterEntry, moments: list[int]) -> 
     truth = GroundTruth(folder / "truth.sqlite", limit=2**30)
     design = given.model_copy(update={"node": given.node.model_copy(update={"seed": member.seed})})
     node, _ = build_node(design, outbox=outbox, truth=truth, start=member.start)
-    for ticks in moments:
+    for ticks in instants:
         node.advance(ticks)
     node.finish()
     said = [(each.position[1], each.kind, each.body) for each in waiting(flash)]
@@ -54,7 +54,7 @@ def alone(given: Any, folder: Path, member: RosterEntry, moments: list[int]) -> 
     return said, {p.sequence: (t.time, t.end, t.values.tobytes()) for p, t in known.items()}
 
 
-def together(design: Any, members: list[RosterEntry], moments: list[int]) -> tuple[Any, Any]:
+def together(design: Any, members: list[RosterEntry], instants: list[int]) -> tuple[Any, Any]:
     cohort = Cohort(Roster(design, members))
     said: list[Any] = [[] for _ in members]
     known: list[Any] = [{} for _ in members]
@@ -66,7 +66,7 @@ def together(design: Any, members: list[RosterEntry], moments: list[int]) -> tup
                 begin, end = (cohort.true_times(t)[each.row] for t in (each.begin, each.end))
                 known[each.row][each.sequence] = begin, end, each.values.tobytes()
 
-    for ticks in moments:
+    for ticks in instants:
         while cohort.next_due <= ticks:
             for _ in cohort.advance(cohort.next_due):
                 pass
@@ -91,14 +91,14 @@ def test_same_bytes_and_truth_as_alone(kind: str, seeds: list[int], stretch: flo
             sampling={"stretch_ms": stretch},
         )
         members = [RosterEntry(s, 1 + k, START + k) for k, s in enumerate(seeds)]
-        moments = [k * max(SECOND, round(2e6 * stretch)) // 4 for k in range(1, 5)]
-        said, known = together(design, members, moments)
+        instants = [k * max(SECOND, round(2e6 * stretch)) // 4 for k in range(1, 5)]
+        said, known = together(design, members, instants)
         kinds = {each for _, each, _ in said[0]}
         assert kinds >= ({FRAME, STATEMENTS} if kind == "capacitive" else {FRAME})
         for row, member in enumerate(members):
             home = Path(folder) / str(row)
             home.mkdir()
-            assert (said[row], known[row]) == alone(design, home, member, moments)
+            assert (said[row], known[row]) == alone(design, home, member, instants)
 
 
 @effort(max_examples=2, deadline=None)
@@ -116,17 +116,17 @@ def test_skin_takes_the_same_crosstalk_back_as_alone(seeds: list[int], stretch: 
             sampling={"stretch_ms": stretch},
         )
         members = [RosterEntry(s, 1 + k, START + k) for k, s in enumerate(seeds)]
-        moments = [k * SECOND for k in range(1, 7)]
-        said, known = together(design, members, moments)
+        instants = [k * SECOND for k in range(1, 7)]
+        said, known = together(design, members, instants)
         for row, member in enumerate(members):
             home = Path(folder) / str(row)
             home.mkdir()
-            assert (said[row], known[row]) == alone(design, home, member, moments)
+            assert (said[row], known[row]) == alone(design, home, member, instants)
 
 
 @given(seed=st.integers(0, 2**63 - 1), ticks=st.integers(-(10**14), 10**14))
 @effort(max_examples=30, deadline=None)
-def test_moment_is_enclosed_also_before_the_cohort_s_start(seed: int, ticks: int) -> None:
+def test_instant_is_enclosed_also_before_the_cohort_s_start(seed: int, ticks: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         design = settings(Path(folder), clock={"drift_ppm": 100.0})
         roster = Roster(design, [RosterEntry(seed, 1, START)])

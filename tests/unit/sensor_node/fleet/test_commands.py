@@ -56,10 +56,10 @@ def test_member_after_a_command_equals_a_single_node(
     singles = [Single(bench, row, tmp_path / str(row)) for row in (0, 1)]
     member, alone = MemberControls(bench.shard, 1), NodeControls(singles[1].node)
     assert member.restore({}) == alone.restore({})
-    for moment, name, arguments in orders:
-        bench.run_to(moment)
+    for instant, name, arguments in orders:
+        bench.run_to(instant)
         for single in singles:
-            single.run_to(moment)
+            single.run_to(instant)
         assert member.apply(name, arguments) == alone.apply(name, arguments)
     bench.run_to(4.1)
     bench.finish()
@@ -84,9 +84,9 @@ def test_columns_with_a_part_of_the_rate_equal_a_single_node_s(
         (2.1, "set", {"rate": 12.5, "taxel": "t01"}),
         (9.3, "reset", {}),
     ]
-    for moment, name, arguments in orders:
-        bench.run_to(moment)
-        single.run_to(moment)
+    for instant, name, arguments in orders:
+        bench.run_to(instant)
+        single.run_to(instant)
         assert name == "set" or not bench.shard.singles
         assert member.apply(name, arguments) == alone.apply(name, arguments)
     bench.run_to(11.1)
@@ -165,8 +165,8 @@ def test_status_of_a_member_with_a_supply_encloses_its_true_energy(
     make: Callable[..., Bench],
 ) -> None:
     bench = make(energy={"on": True})
-    for moment in range(1, 4):
-        bench.run_to(float(moment))
+    for instant in range(1, 4):
+        bench.run_to(float(instant))
         for row, node in bench.shard.singles.items():
             node.record_status()
             reported = decode(bench.said(row)[-1][1])

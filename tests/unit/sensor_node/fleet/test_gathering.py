@@ -34,10 +34,10 @@ THRESHOLD, GAIN, SMOOTHING, RATE, PEAKS, ADAPTIVE, CALIBRATE, RESET = range(len(
 
 def play(bench: Bench, singles: list[Single], orders: list[tuple[int, set[int], int]]) -> None:
     """Give orders to members and to single nodes: fifth of a second, members, command."""
-    for moment, rows, number in sorted(orders, key=lambda order: order[0]):
-        bench.run_to(moment / 5)
+    for instant, rows, number in sorted(orders, key=lambda order: order[0]):
+        bench.run_to(instant / 5)
         for row in rows:
-            singles[row].run_to(moment / 5)
+            singles[row].run_to(instant / 5)
             name, arguments = COMMANDS[number]
             state = singles[row].controls.apply(name, arguments)
             assert bench.controls(row).apply(name, arguments) == state

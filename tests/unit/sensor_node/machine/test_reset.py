@@ -114,7 +114,7 @@ def test_watchdog_resets_firmware_that_hangs(
     last = max(each.tube.time[1] for each in samples_of(bench) if each.position.boot == 1)
     (gap,) = gaps_of(bench)
     assert gap.reason == "watchdog reset"
-    # It hangs at 0.2 s, its last sign of life: t01's frame of that moment.
+    # It hangs at 0.2 s, its last sign of life: t01's frame of that instant.
     assert bench.node.machine.booted == 8 * SECOND + SECOND // 5 + START_UP
     assert bench.node.machine.cause is ResetCause.WATCHDOG
     assert last <= gap.time[0] + SECOND // 4

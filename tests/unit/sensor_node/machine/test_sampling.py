@@ -81,7 +81,7 @@ def test_an_interrupt_each_sample_certainly_costs_more_energy(lives: dict[int, L
 
 @pytest.mark.parametrize("depth", [FRAME, 1, 7])
 def test_jitter_stays_within_its_bound(lives: dict[int, Life], depth: int) -> None:
-    # Three taxels ask at one moment: one is served at once, the last one after the others.
+    # Three taxels ask at one instant: one is served at once, the last one after the others.
     least = min(least for least, _ in lives[depth].latencies)
     most = max(most for _, most in lives[depth].latencies)
     assert (least, most) == (WAKE_NS, most_latency(3))

@@ -91,14 +91,14 @@ def run(
 ) -> dict[int, int]:
     """The engine's verdict at each instant of a sample."""
     monitor, sources = build(formula, scale, drift)
-    moments = {
+    instants = {
         scale * PERIODS[name] * k
         for name, codes in samples.items()
         for k, code in enumerate(codes)
         if code is not None
     }
     verdicts = {}
-    for now in sorted(moments):
+    for now in sorted(instants):
         for name, codes in samples.items():
             place, rest = divmod(now, scale * PERIODS[name])
             code = codes[place] if rest == 0 and place < len(codes) else None
@@ -115,17 +115,17 @@ def run(
 def signal_of(
     name: str,
     codes: list[int | None],
-    moment: Callable[[int], int] = lambda tick: tick,
+    instant: Callable[[int], int] = lambda tick: tick,
     scale: int = 1,
     until: int = 1000,
 ) -> Signal:
     period = scale * PERIODS[name]
     kept = [k for k, code in enumerate(codes) if code is not None]
     gap = [codes[k + 1] is None if k + 1 < len(codes) else True for k in kept]
-    moments = [moment(period * k) for k in kept]
+    instants = [instant(period * k) for k in kept]
     lo = [float(codes[k]) - 1.0 for k in kept]  # type: ignore[arg-type]
     return Signal(
-        *(moments, moments, lo, np.array(lo) + 1.0, period, np.array(gap, bool)),
+        *(instants, instants, lo, np.array(lo) + 1.0, period, np.array(gap, bool)),
         unit="1",
         until=until,
     )
@@ -139,8 +139,8 @@ def test_verdicts_are_those_of_the_library(
     samples = {"p": p, "q": q}
     found = run(formula, samples)
     record = evaluate(formula, {name: signal_of(name, each) for name, each in samples.items()})
-    moments = np.array(sorted(found), np.int64)
-    assert [found[now] for now in moments.tolist()] == record.codes_at(moments).tolist()
+    instants = np.array(sorted(found), np.int64)
+    assert [found[now] for now in instants.tolist()] == record.codes_at(instants).tolist()
 
 
 LONG = (
@@ -170,9 +170,9 @@ def test_verdicts_of_a_long_record_are_those_of_the_library(text: str) -> None:
     formula, samples = parse(text), records(1)
     found = run(formula, samples)
     signals = {name: signal_of(name, each, until=5000) for name, each in samples.items()}
-    moments = np.array(sorted(found), np.int64)
-    codes = evaluate(formula, signals).codes_at(moments)
-    assert [found[now] for now in moments.tolist()] == codes.tolist()
+    instants = np.array(sorted(found), np.int64)
+    codes = evaluate(formula, signals).codes_at(instants)
+    assert [found[now] for now in instants.tolist()] == codes.tolist()
     assert len(set(codes.tolist())) > 1
 
 

@@ -35,8 +35,8 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[SkinBench]
     made.close()
 
 
-def last_moment(frame: Frame) -> int:
-    """From a frame's first moment to its last sample, ns."""
+def last_instant(frame: Frame) -> int:
+    """From a frame's first instant to its last sample, ns."""
     return max(
         grid.delay + (grid.rows - 1) * grid.period + max(PATCHES[each.patch].skew or (0,))
         for each in frame.patches
@@ -51,7 +51,7 @@ def test_each_page_of_each_stretch_is_one_frame_that_encloses_the_truth(bench: S
     assert [frame.position for frame in frames] == [Position(1, k) for k in range(60)]
     for frame in frames:
         frame.require_layout(LAYOUT, PATCHES)
-        truth, last = truths[frame.position], last_moment(frame)
+        truth, last = truths[frame.position], last_instant(frame)
         assert frame.time[0] <= truth.time <= frame.time[1]
         assert frame.time[0] + last <= bench.clock.true_time(frame.ticks + last)
         assert bench.clock.true_time(frame.ticks + last) <= frame.time[1] + last

@@ -1,7 +1,7 @@
 """Random formulas, and random knowledge of their channels.
 
-Times lie on a coarse grid and values on few numbers, so that ends of windows meet ends of moments,
-and bounds meet thresholds.
+Times lie on a coarse grid and values on few numbers, so that ends of windows meet those of
+enclosures, and bounds meet thresholds.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ class Scene:
 
     @cached_property
     def instants(self) -> list[int]:
-        """Ends of moments and holds, what is beside them, and what lies far off."""
-        ends = {t for samples in self.known.values() for pair in samples.moments for t in pair}
+        """Ends of enclosures and holds, what is beside them, and what lies far off."""
+        ends = {t for samples in self.known.values() for pair in samples.enclosures for t in pair}
         ends |= {s.until for s in self.known.values() if s.until is not None}
         ends |= {t + samples.period for samples in self.known.values() for t in ends}
         near = {t + shift for t in ends or {0} for shift in (-self.step, -1, 0, 1, self.step)}
@@ -76,20 +76,20 @@ def draw_scene(random: Random, *, depth: int = 3, samples: int = 8) -> Scene:
     depth = random.randint(1, depth)
     names = NAMES[: 1 + (random.random() < 0.4)]
     formula = _draw_formula(random, times, names, depth)
-    exact_moments = random.random() < 0.6
-    if exact_moments and random.random() < 0.7:
+    exact_instants = random.random() < 0.6
+    if exact_instants and random.random() < 0.7:
         while directions(formula) is None:
             formula = _draw_formula(random, times, names, depth)
     counts = (*range(samples + 1), *range(samples // 2, samples + 1))
     known = {
-        name: draw_samples(random, random.choice(counts), step, exact=exact_moments)
+        name: draw_samples(random, random.choice(counts), step, exact=exact_instants)
         for name in sorted(set(channels(formula)))
     }
     return Scene(formula, known, step)
 
 
 def draw_samples(random: Random, count: int, step: int, *, exact: bool) -> Samples:
-    """Samples of a channel, with exact moments or with some uncertain ones."""
+    """Samples of a channel, with exact enclosures or with some uncertain ones."""
     now = random.randint(-2, 2)
     kilo = random.random() < 0.3
     earliest, latest, lo, hi = [], [], [], []
@@ -102,7 +102,7 @@ def draw_samples(random: Random, count: int, step: int, *, exact: bool) -> Sampl
         lo.append(low)
         hi.append(high)
     gap = tuple(random.random() < 0.12 for _ in range(count))
-    # Any moments can ascend.
+    # Any enclosures can ascend.
     latest = [max(b, *(t + step for t in earliest[:k]), earliest[k]) for k, b in enumerate(latest)]
     return Samples(
         tuple(earliest),

@@ -29,7 +29,7 @@ class Outcome:
 
     Attributes:
         scenes: How many were drawn.
-        exact: How many have exact moments and a formula that the parser calls exact.
+        exact: How many have exact enclosures and a formula that the parser calls exact.
         verdicts: How many of each verdict were compared.
         wrong: A line for each scene with a verdict that is wrong, or says too little.
     """
@@ -70,7 +70,7 @@ def _compare(scene: Scene, random: Random, outcome: Outcome) -> str:
     verdicts = ask(scene)
     units = {name: signal(samples).unit for name, samples in scene.known.items()}
     exact = bool(is_exact(verdicts.formula, units)) and all(
-        samples.exact_moments for samples in scene.known.values()
+        samples.exact_instants for samples in scene.known.values()
     )
     outcome.exact += exact
     lower, upper = enclose_truth(scene.formula, scene.known)

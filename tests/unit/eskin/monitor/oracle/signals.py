@@ -22,8 +22,8 @@ class Samples:
     """Samples of a channel, in order.
 
     Attributes:
-        earliest: Least moment of each, in nanoseconds.
-        latest: Greatest moment of each.
+        earliest: Least instant of each, in nanoseconds.
+        latest: Greatest instant of each.
         lo: Least value of each.
         hi: Greatest value of each.
         period: How long a sample holds before a gap, in nanoseconds.
@@ -45,34 +45,34 @@ class Samples:
         return len(self.earliest)
 
     @property
-    def exact_moments(self) -> bool:
+    def exact_instants(self) -> bool:
         return self.earliest == self.latest
 
     @cached_property
-    def moments(self) -> list[tuple[int, int]]:
-        """The moments that are possible in their order; where one ascends, without its end."""
+    def enclosures(self) -> list[tuple[int, int]]:
+        """The enclosures that are possible in their order; where one ascends, without its end."""
         least = list(accumulate(self.earliest, max))
         greatest = list(accumulate(reversed(self.latest), min))[::-1]
         return list(zip(least, greatest, strict=True))
 
     def _may_have_begun(self, k: int, t: Instant) -> bool:
-        """Whether a sample's moment may be at an instant, or before it."""
-        least = self.moments[k][0]
-        return t > least or (t == least and (k == 0 or self.moments[k - 1][0] < least))
+        """Whether a sample's instant may be at an instant, or before it."""
+        least = self.enclosures[k][0]
+        return t > least or (t == least and (k == 0 or self.enclosures[k - 1][0] < least))
 
     def sets(self) -> Trace[frozenset[Interval]]:
         """The intervals that may hold at each instant; unknown is the whole line."""
         n = len(self)
-        times = {t for pair in self.moments for t in pair}
+        times = {t for pair in self.enclosures for t in pair}
         times |= {t + self.period for t in times}
         if self.until is not None:
             times.add(self.until)
 
         def value(t: Instant) -> frozenset[Interval]:
             held: set[Interval] = set()
-            for k, (least, greatest) in enumerate(self.moments):
+            for k, (least, greatest) in enumerate(self.enclosures):
                 following = k + 1 < n
-                if not self._may_have_begun(k, t) or (following and t >= self.moments[k + 1][1]):
+                if not self._may_have_begun(k, t) or (following and t >= self.enclosures[k + 1][1]):
                     continue
                 if not self.gap[k] or t < greatest + self.period:
                     held.add((self.lo[k], self.hi[k]))
@@ -80,7 +80,7 @@ class Samples:
                     held.add(ANY)
                 if not following and t > least and self._may_have_ended(t):
                     held.add(ANY)
-            if not n or t < self.moments[0][1]:
+            if not n or t < self.enclosures[0][1]:
                 held.add(ANY)
             return frozenset(held)
 
@@ -92,28 +92,28 @@ class Samples:
 
     def signal(
         self,
-        moments: Sequence[Instant],
+        enclosures: Sequence[Instant],
         values: Sequence[Rational],
         elsewhere: Trace[Rational],
     ) -> Trace[Rational]:
         """One possible signal.
 
         Args:
-            moments: Of the samples, in order.
+            enclosures: Of the samples, in order.
             values: Of the samples.
             elsewhere: Where none holds.
         """
-        times = {*moments, *(t + self.period for t in moments), *elsewhere.times}
+        times = {*enclosures, *(t + self.period for t in enclosures), *elsewhere.times}
         if self.until is not None:
             times.add(self.until)
 
         def value(t: Instant) -> Rational:
-            k = bisect_right(moments, t) - 1
+            k = bisect_right(enclosures, t) - 1
             if k < 0:
                 return elsewhere(t)
-            lost = self.gap[k] and t >= moments[k] + self.period
-            last = k + 1 == len(moments)
-            pending = last and t > moments[k] and self._may_have_ended(t)
+            lost = self.gap[k] and t >= enclosures[k] + self.period
+            last = k + 1 == len(enclosures)
+            pending = last and t > enclosures[k] and self._may_have_ended(t)
             return elsewhere(t) if lost or pending else values[k]
 
         return make(times, value)

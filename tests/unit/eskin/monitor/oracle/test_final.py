@@ -70,7 +70,7 @@ def test_verdicts_are_final_once_samples_came_for_all_that_they_look_at() -> Non
     for seed in range(SCENES):
         scene = draw_scene(Random(f"in time {seed}"))
         verdicts = ask(scene)
-        ends = [samples.moments[-1][0] for samples in scene.known.values() if len(samples)]
+        ends = [samples.enclosures[-1][0] for samples in scene.known.values() if len(samples)]
         if len(ends) < len(scene.known):
             continue
         _, future = reach(scene.formula)

@@ -27,7 +27,7 @@ def without(cause: Because, samples: Samples, middle: Samples) -> Samples:
     """Samples that leave nothing open for one cause."""
     if cause is Because.WIDTH:
         return replace(samples, hi=samples.lo)
-    if cause is Because.MOMENT:
+    if cause is Because.INSTANT:
         return replace(samples, earliest=middle.earliest, latest=middle.earliest)
     return replace(samples, gap=(False,) * len(samples))
 
@@ -56,7 +56,7 @@ def test_a_reason_that_is_taken_away_is_not_named() -> None:
         scene = draw_scene(random)
         if has_expressions(scene) or any(samples.kilo for samples in scene.known.values()):
             continue  # rounding is a width, too
-        cause = random.choice((Because.WIDTH, Because.MOMENT, Because.GAP))
+        cause = random.choice((Because.WIDTH, Because.INSTANT, Because.GAP))
         known = {}
         for name, samples in scene.known.items():
             ascending = tuple(k * scene.step for k in range(len(samples)))
@@ -64,8 +64,8 @@ def test_a_reason_that_is_taken_away_is_not_named() -> None:
         changed = replace(scene, known=known)
         verdicts = ask(changed)
         past, future = reach(scene.formula)
-        begin = max((s.moments[0][1] if len(s) else inf for s in known.values()), default=0)
-        end = min((s.moments[-1][0] if len(s) else -inf for s in known.values()), default=0)
+        begin = max((s.enclosures[0][1] if len(s) else inf for s in known.values()), default=0)
+        end = min((s.enclosures[-1][0] if len(s) else -inf for s in known.values()), default=0)
         for t in changed.instants[:: max(1, len(changed.instants) // 8)]:
             named = verdicts.because(t)
             open_ones += bool(named)
@@ -122,8 +122,8 @@ def test_coverage_counts_each_sample_that_a_verdict_rests_on() -> None:
         for t in random.sample(scene.instants, 2):
             rests = near = 0
             for name, samples in scene.known.items():
-                for k, (first, _) in enumerate(samples.moments):
-                    ends = samples.moments[k + 1][1] if k + 1 < len(samples) else inf
+                for k, (first, _) in enumerate(samples.enclosures):
+                    ends = samples.enclosures[k + 1][1] if k + 1 < len(samples) else inf
                     near += first <= t + future and ends >= t - past
                     for lo, hi in ((-FAR, -FAR), (FAR, FAR), (-FAR, FAR)):
                         other = replace(

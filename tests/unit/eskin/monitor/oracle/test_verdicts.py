@@ -31,9 +31,9 @@ def test_verdicts_on_random_scenes_are_those_of_the_definition(part: int) -> Non
 
 def held(values: Sequence[tuple[float, float]], unit: str = "Pa", period: int = 10) -> Signal:
     """Samples a period apart from 0 on, and one more than its values to close the last."""
-    moments = np.arange(len(values)) * period
+    enclosures = np.arange(len(values)) * period
     lo, hi = np.array(values).T
-    return Signal(moments, moments, lo, hi, period, unit=unit, until=len(values) * period)
+    return Signal(enclosures, enclosures, lo, hi, period, unit=unit, until=len(values) * period)
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ def few_worlds(random: Random) -> Scene:
         scene = draw_scene(random, depth=2, samples=8)
         count = 1
         for samples in scene.known.values():
-            spread = sum(a < b for a, b in samples.moments)
+            spread = sum(a < b for a, b in samples.enclosures)
             wide = sum(a < b for a, b in zip(samples.lo, samples.hi, strict=True))
             count *= 2 ** (spread + 1) * 4**wide
         if len(scene.known) and 2 < count <= MOST_WORLDS:
@@ -86,7 +86,7 @@ def test_formulas_of_one_direction_are_decided_by_two_worlds() -> None:
 
 
 @pytest.mark.nightly
-def test_comparisons_are_exact_at_each_instant_also_where_moments_are_uncertain() -> None:
+def test_comparisons_are_exact_at_each_instant_also_where_instants_are_uncertain() -> None:
     """Each comparison of one channel that is possible at an instant has both kinds of worlds."""
     possible = 0
     for seed in range(SCENES // 40):
@@ -98,7 +98,7 @@ def test_comparisons_are_exact_at_each_instant_also_where_moments_are_uncertain(
         name = (atom.left if isinstance(atom.left, Channel) else atom.right).name  # type: ignore[union-attr]
         known = {name: draw_samples(random, 3, 4, exact=False)}
         lower, upper = enclose_truth(atom, known)
-        for t in sorted({u + d for pair in known[name].moments for u in pair for d in (0, 2)}):
+        for t in sorted({u + d for pair in known[name].enclosures for u in pair for d in (0, 2)}):
             near = range(t - 2, t + 3)  # as many on each side as samples may be
             found = {holds(atom, world)(t) for world in every_world(atom, known, near)}
             assert (lower(t), upper(t)) == (min(found), max(found)), (seed, t)

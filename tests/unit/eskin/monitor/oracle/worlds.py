@@ -1,4 +1,4 @@
-"""The worlds that agree with what is known: signals with one moment and one value a sample."""
+"""The worlds that agree with what is known: signals with one instant and one value a sample."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ def constant(value: Rational) -> Trace[Rational]:
 def extreme(formula: Formula, known: Signals, *, best: bool) -> World | None:
     """The world in which a formula holds most, or least.
 
-    None where moments are uncertain, or a channel occurs in no one direction.
+    None where enclosures are uncertain, or a channel occurs in no one direction.
     """
     found = directions(formula)
-    if found is None or not all(known[name].exact_moments for name in found):
+    if found is None or not all(known[name].exact_instants for name in found):
         return None
     return next(level_worlds(formula, known, best=best))
 
 
 def level_worlds(formula: Formula, known: Signals, *, best: bool) -> Iterator[World]:
-    """Worlds of exact moments in which a formula may hold most, or least.
+    """Worlds of exact enclosures in which a formula may hold most, or least.
 
     A channel that works in one direction is far on its side. Others are everywhere as near as they
     can be to one value: far above or below, and each that decides a comparison.
@@ -81,9 +81,9 @@ def values(samples: Samples, k: int, near: Sequence[Rational]) -> list[Rational]
     return list(dict.fromkeys((lo, hi, *inner)))
 
 
-def moments(samples: Samples, k: int, near: Sequence[Instant]) -> list[Instant]:
-    """Ends of a sample's moments, and other instants within."""
-    least, greatest = samples.moments[k]
+def enclosures(samples: Samples, k: int, near: Sequence[Instant]) -> list[Instant]:
+    """Ends of a sample's enclosures, and other instants within."""
+    least, greatest = samples.enclosures[k]
     middle = Fraction(least + greatest) / 2
     within = (t for t in near if least < t < greatest)
     return list(dict.fromkeys((least, greatest, middle, *within)))
@@ -110,12 +110,12 @@ def every_world(formula: Formula, known: Signals, instants: Sequence[Instant]) -
 def every_corner(
     samples: Samples, near: Sequence[Rational], instants: Sequence[Instant]
 ) -> Iterator[Trace[Rational]]:
-    """Signals from all corners of values and moments of one channel.
+    """Signals from all corners of values and enclosures of one channel.
 
     Where no sample holds, the signal is far above or far below.
     """
     count = range(len(samples))
-    times = [t for t in product(*(moments(samples, k, instants) for k in count)) if in_order(t)]
+    times = [t for t in product(*(enclosures(samples, k, instants) for k in count)) if in_order(t)]
     heights = list(product(*(values(samples, k, near) for k in count)))
     for chosen, height, other in product(times, heights, (-FAR, FAR)):
         yield samples.signal(chosen, height, constant(other))
@@ -126,10 +126,10 @@ def draw_signal(
 ) -> Trace[Rational]:
     """A signal from random corners; where no sample holds, it may change at any instant."""
     chosen: list[Instant] = []
-    for k, (least, greatest) in enumerate(samples.moments):
+    for k, (least, greatest) in enumerate(samples.enclosures):
         before = chosen[-1] if chosen else least - 1
-        after = samples.moments[k + 1][1] if k + 1 < len(samples) else greatest + 1
-        allowed = [t for t in moments(samples, k, instants) if before < t < after]
+        after = samples.enclosures[k + 1][1] if k + 1 < len(samples) else greatest + 1
+        allowed = [t for t in enclosures(samples, k, instants) if before < t < after]
         middle = Fraction(max(before, least) + greatest) / 2
         chosen.append(random.choice(allowed or [middle]))
     heights = [random.choice(values(samples, k, near)) for k in range(len(samples))]

@@ -1,6 +1,6 @@
 """Verdicts are those of rtamt on each end, where discrete and dense time mean the same.
 
-Samples have exact moments a period apart, and windows are multiples of the period. The argument is
+Samples have exact instants a period apart, and windows are multiples of the period. The argument is
 by cells, from a sample until before the next. A comparison is constant in each cell. So are
 ``not``, ``and``, ``or``, ``implies`` and windows of what is: a window that moves within a cell
 meets the same cells. So is ``φ until[0,b] ψ``, whose witness is now, or the begin of a later cell.
@@ -109,10 +109,10 @@ def draw_signals(random: Random) -> Signals:
     for name in NAMES:
         lo = [random.randint(-1, 4) for _ in range(SAMPLES)]
         width = [random.choice((0, 0, 0, 1, 2)) for _ in range(SAMPLES)]
-        moments = tuple(k * PERIOD for k in range(SAMPLES))
+        instants = tuple(k * PERIOD for k in range(SAMPLES))
         known[name] = Samples(
-            moments,
-            moments,
+            instants,
+            instants,
             tuple(exact(low + 0.5) for low in lo),
             tuple(exact(low + wide + 0.5) for low, wide in zip(lo, width, strict=True)),
             PERIOD,

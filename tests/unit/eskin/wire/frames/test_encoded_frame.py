@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 FRAMES = [each for each in (FRAME, *SMALL) if isinstance(each, Frame)]
 COUNTS = st.integers(0, 2**53 - 1) | st.sampled_from((0, 23, 24, 255, 256, 65_535, 65_536, 2**32))
-MOMENTS = st.tuples(st.integers(-(2**62), 2**62), st.integers(0, 2**33))
+INSTANTS = st.tuples(st.integers(-(2**62), 2**62), st.integers(0, 2**33))
 
 
 @st.composite
@@ -57,7 +57,7 @@ def frames(draw: st.DrawFn) -> Frame:
     patches.sort(key=lambda each: each.patch)
     used = list(dict.fromkeys(each.grid for each in patches))
     kept = {each.patch: replace(each, grid=used.index(each.grid)) for each in patches}
-    early, width = draw(MOMENTS)
+    early, width = draw(INSTANTS)
     return Frame(
         Position(draw(COUNTS), draw(COUNTS)),
         draw(st.binary(min_size=32, max_size=32)),

@@ -245,9 +245,9 @@ def test_frame_of_any_values_is_no_longer_than_its_limit(
                 strides=strides, unshared=unshared,
             )
         )  # fmt: skip
-    moments = (2**63 - 2, 2**63 - 1)
+    instants = (2**63 - 2, 2**63 - 1)
     try:
-        frame = Frame(Position(most, most), bytes(32), 255, most, moments, (grid,), tuple(patches))
+        frame = Frame(Position(most, most), bytes(32), 255, most, instants, (grid,), tuple(patches))
     except MessageError:
         bytes_of_codes = [Sampling(rows, c, most).limit for c, _ in shapes]
         assert sum(bytes_of_codes) + 120 * len(shapes) + 138 > MOST_BYTES
@@ -266,8 +266,8 @@ def test_a_full_page_of_the_worst_values_reaches_its_limit() -> None:
         PatchSamples.pack(values, 64.0, patch=1900 + k, grid=0, first_row=most, epoch=most)
         for k in range(12)
     ]
-    moments = (2**63 - 2, 2**63 - 1)
-    frame = Frame(Position(most, most), bytes(32), 255, most, moments, (grid,), tuple(samples))
+    instants = (2**63 - 2, 2**63 - 1)
+    frame = Frame(Position(most, most), bytes(32), 255, most, instants, (grid,), tuple(samples))
     assert 60_000 < frame.limit <= MOST_BYTES
     assert frame.limit - 3 * len(samples) - 4 <= len(frame.encode()) <= frame.limit
     one_more = (*samples, replace(samples[-1], patch=1950))

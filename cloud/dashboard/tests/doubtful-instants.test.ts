@@ -6,7 +6,7 @@ import { Timeline } from "../src/time/timeline";
 import { hullWithin } from "../src/tube/entries";
 import { channel, MS, ORIGIN, run, series, SIGNAL } from "./channels";
 
-/** A channel whose moments may be wrong by 30 ms, and what its store was asked for; of over 500 ms it answers with hulls. */
+/** A channel whose instants may be wrong by 30 ms, and what its store was asked for; of over 500 ms it answers with hulls. */
 function doubtful(): { readonly data: ChannelData; readonly asked: string[] } {
   const asked: string[] = [];
   const client = new Client({
@@ -23,8 +23,8 @@ function doubtful(): { readonly data: ChannelData; readonly asked: string[] } {
   return { data: new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: channel(1000), edge: new LiveEdge() }), asked };
 }
 
-describe("a window of the past of doubtful moments", () => {
-  test("takes in what may lie in it, wherever its moments are in their error of time", async () => {
+describe("a window of the past of doubtful instants", () => {
+  test("takes in what may lie in it, wherever its instants are in their error of time", async () => {
     const { data, asked } = doubtful();
     await data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);
     expect(hullWithin(data.history, 500 * MS, 510 * MS).hi).toBe(9);
@@ -50,7 +50,7 @@ describe("a window of the past of doubtful moments", () => {
     expect(hullWithin(data.history, 500 * MS, 510 * MS).hi).toBe(9);
   });
 
-  test("is asked for as narrowly as its own moments let it be, however wrong the stream's were", async () => {
+  test("is asked for as narrowly as its own instants let it be, however wrong the stream's were", async () => {
     const { data, asked } = doubtful();
     data.take(run(1000, 1050, { time_error: 3_600_000 * MS }), 0, null);
     await data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);

@@ -1,4 +1,4 @@
-"""Moments keep their nanoseconds through RFC 3339 and back."""
+"""Instants keep their nanoseconds through RFC 3339 and back."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 from eskin.wire.timestamp import EARLIEST, LATEST, format_timestamp, parse_timestamp
 
 
-@given(moment=st.integers(EARLIEST, LATEST))
-def test_text_comes_back_to_the_nanosecond(moment: int) -> None:
-    text = format_timestamp(moment)
-    assert parse_timestamp(text) == moment
+@given(instant=st.integers(EARLIEST, LATEST))
+def test_text_comes_back_to_the_nanosecond(instant: int) -> None:
+    text = format_timestamp(instant)
+    assert parse_timestamp(text) == instant
     assert len(text) == 30
 
 
 @pytest.mark.parametrize(
-    ("text", "moment"),
+    ("text", "instant"),
     [
         ("1970-01-01T00:00:00Z", 0),
         ("1970-01-01T00:00:00.5Z", 500_000_000),
@@ -27,8 +27,8 @@ def test_text_comes_back_to_the_nanosecond(moment: int) -> None:
         ("-7", -7),
     ],
 )
-def test_reads_rfc_3339_and_integers(text: str, moment: int) -> None:
-    assert parse_timestamp(text) == moment
+def test_reads_rfc_3339_and_integers(text: str, instant: int) -> None:
+    assert parse_timestamp(text) == instant
 
 
 @pytest.mark.parametrize(
