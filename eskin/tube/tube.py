@@ -32,8 +32,8 @@ class Tube:
     """Equally spaced interval samples of one quantity.
 
     A tube states samples: the quantity lay in the interval at the instant of each. What is read
-    into the time between is up to the reader. A chart draws each sample as wide as its period, and a
-    monitor (`eskin.monitor`) reads samples that are held until the next one.
+    into the time between is up to the reader. A chart draws each sample as wide as its period, and
+    a monitor (`eskin.monitor`) reads samples that are held until the next one.
 
     Attributes:
         time: Enclosure ``(earliest, latest)`` of the first sample's instant, UTC ns since 1970.

@@ -102,8 +102,8 @@ class PendingCommands:
 class CommandPublisher:
     """Publishes pending commands. Not thread-safe.
 
-    A command is retained, so that a node which wakes briefly finds it at once. It is published again
-    until it is answered, because a broker may lose retained messages.
+    A command is retained, so that a node which wakes briefly finds it at once. It is published
+    again until it is answered, because a broker may lose retained messages.
 
     Args:
         commands: The pending commands.
