@@ -1,6 +1,6 @@
 """Sealing under a subject's key, and reading it again: AES-256-GCM.
 
-Nonces never repeat: every veiler draws a salt at its start (`eskin.privacy.derivation`).
+Nonces never repeat: each encryptor draws a salt at its start (`eskin.privacy.derivation`).
 """
 
 from __future__ import annotations

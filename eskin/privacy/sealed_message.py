@@ -52,7 +52,7 @@ class SealedMessage:
         kind: What is inside: such a message, or (``ENCRYPTED``) bytes that are none.
         subject: Whose: a pseudonym.
         time: UTC ns, whole minutes that enclose the message's.
-        salt: Drawn at the veiler's start; gives, with the subject's key, the key of this message.
+        salt: Drawn at the encryptor's start; gives, with the subject's key, this message's key.
         number: Counts what was sealed under this salt: the nonce.
         ciphertext: Of AES-256-GCM, with its tag.
         mac: 8 bytes of HMAC-SHA-256 over node and plaintext under the subject's key: two sealings

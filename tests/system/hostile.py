@@ -94,7 +94,7 @@ class Hostile:
         self.port = free_port()
         self.malice = Malice()
         self._server = server
-        self._doorkeeper = ClientAuth(identities.ca)
+        self._client_auth = ClientAuth(identities.ca)
         self._ready = Event()
         self._thread = Thread(target=lambda: asyncio.run(self._serve()), daemon=True)
 
@@ -109,7 +109,7 @@ class Hostile:
 
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        broker = HostileBroker(self._server, doorkeeper=self._doorkeeper, port=self.port)
+        broker = HostileBroker(self._server, client_auth=self._client_auth, port=self.port)
         broker.malice = self.malice
         await broker.start()
         self._ready.set()

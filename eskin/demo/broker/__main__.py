@@ -19,7 +19,7 @@ from eskin.runtime.logs import start_logs
 async def serve(directory: Path, authority: Path, port: int) -> None:
     """Serve until SIGTERM or SIGINT."""
     identity = Identity.load(directory)
-    broker = LoopbackBroker(identity, doorkeeper=ClientAuth(authority), port=port)
+    broker = LoopbackBroker(identity, client_auth=ClientAuth(authority), port=port)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):

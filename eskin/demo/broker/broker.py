@@ -116,12 +116,12 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
 
     Args:
         identity: The broker's own, of kind server.
-        doorkeeper: Decides which clients may connect.
+        client_auth: Decides which clients may connect.
         port: Where to listen.
     """
 
-    def __init__(self, identity: Identity, *, doorkeeper: ClientAuth, port: int) -> None:
-        self._doorkeeper = doorkeeper
+    def __init__(self, identity: Identity, *, client_auth: ClientAuth, port: int) -> None:
+        self._client_auth = client_auth
         self._identity = identity
         self._connections: Counter[bytes] = Counter()
         directory = identity.directory
@@ -165,7 +165,7 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         tls = writer.get_ssl_info()
         try:
             certificate = tls.getpeercert(binary_form=True) if tls else None
-            party = self._doorkeeper.admit(certificate)
+            party = self._client_auth.admit(certificate)
         except IdentityError as error:
             await _close(writer)
             raise MQTTError(str(error)) from error
@@ -185,13 +185,13 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         """Each second, end what changed revocation lists forbid."""
         while True:
             await asyncio.sleep(_LOOK_S)
-            if self._doorkeeper.refresh():
+            if self._client_auth.refresh():
                 for session, _ in list(self.sessions.values()):
                     await self._check_again(session)
 
     async def _check_again(self, session: Session) -> None:
         try:
-            self._doorkeeper.admit(session.attributes[CERTIFICATE])
+            self._client_auth.admit(session.attributes[CERTIFICATE])
         except IdentityError as error:
             log.warning("ended: client=%.200r reason=%s", session.client_id, error)
             # From here on nothing more is taken from it or given to it, even if it hangs.

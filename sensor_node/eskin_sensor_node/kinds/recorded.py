@@ -47,8 +47,8 @@ class RecordedWorld(World):
     def __init__(self, taxel: Recorded, random: ColumnGenerator) -> None:
         recording = read_recording(taxel.recording)
         self._series = recording.channel(taxel.channel)
-        for complaint in recording.complaints:
-            log.warning("recording is not whole: %s", complaint)
+        for error in recording.errors:
+            log.warning("recording is not whole: %s", error)
         recorded = self._series.values
         self._thin = bool(np.all(recorded.inf == recorded.sup))
         values = recorded * Interval(taxel.scale)

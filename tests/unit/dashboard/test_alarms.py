@@ -39,15 +39,15 @@ def test_alarm_is_defined_shown_acknowledged_and_deleted(
     live_visit.wait_for_chart(mode="live")
     page.get_by_text("Ask with a formula").click()
     page.get_by_test_id("formula").fill(FORMULA)
-    name, complaint = page.get_by_test_id("watch-name"), page.get_by_test_id("watch-complaint")
+    name, error = page.get_by_test_id("watch-name"), page.get_by_test_id("watch-error")
     name.fill("Always on")
-    complaint.wait_for()
+    error.wait_for()
     assert name.get_attribute("aria-invalid") == "true"
     watch, answer = page.get_by_test_id("watch"), page.get_by_test_id("watch-answer")
     watch.click()
     assert watch.inner_text() == "Raise an alarm", "nothing is asked with a bad name"
     name.fill(NAME)
-    complaint.wait_for(state="hidden")
+    error.wait_for(state="hidden")
     assert name.get_attribute("aria-invalid") == "false"
     watch.click()
     certain = page.get_by_test_id("checked-certain")

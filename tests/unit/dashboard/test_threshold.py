@@ -45,7 +45,7 @@ def test_threshold_totals_equal_the_answer_of_the_api(
 
 
 @pytest.mark.nightly
-def test_complaint_about_a_level_outlasts_live_answers(visit: Visit) -> None:
+def test_error_about_a_level_outlasts_live_answers(visit: Visit) -> None:
     visit.open("palm/t01.energy?live=10s")
     level = visit.page.get_by_test_id("threshold-level")
     answer = visit.page.get_by_test_id("threshold-answer")
@@ -84,7 +84,7 @@ def test_slow_answer_is_awaited_while_the_window_moves(visit: Visit) -> None:
 
 
 @pytest.mark.nightly
-def test_complaint_stays_while_the_window_moves_and_goes_with_its_question(
+def test_error_stays_while_the_window_moves_and_goes_with_its_question(
     visit: Visit, recorded: int
 ) -> None:
     window = history("palm/t01.energy", recorded - 3 * SECOND, recorded)

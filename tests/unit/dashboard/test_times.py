@@ -95,20 +95,20 @@ def test_what_is_no_range_is_said_beside_the_field(
     visit.wait_for_window(None)
     visit.page.get_by_test_id("times").click()
     fill(visit.page, start, end)
-    complaint = visit.page.get_by_test_id("time-complaint")
-    complaint.get_by_text(said).wait_for()
+    error = visit.page.get_by_test_id("time-error")
+    error.get_by_text(said).wait_for()
     marks = [field.get_attribute("aria-invalid") for field in fields(visit.page)]
     assert marks == ["true" if field == wrong else "false" for field in range(2)]
     assert fields(visit.page)[wrong].evaluate("(field) => field === document.activeElement")
     assert visit.window() == window
-    # What is being typed stays wherever the window goes, with its complaint.
+    # What is being typed stays wherever the window goes, with its error.
     visit.page.get_by_test_id("earlier").click()
     visit.wait_for_window(window)
     assert fields(visit.page)[0].input_value() == start
-    assert said in complaint.inner_text()
+    assert said in error.inner_text()
     fill(visit.page, format_timestamp(recorded - 2 * SECOND), format_timestamp(recorded))
     wait_until(lambda: visit.window() == (recorded - 2 * SECOND, recorded), "it goes there")
-    assert complaint.inner_text() == ""
+    assert error.inner_text() == ""
 
 
 @pytest.mark.nightly
@@ -185,7 +185,7 @@ def test_times_fit_on_a_small_phone(visit: Visit) -> None:
     visit.wait_for_answers()
     visit.page.get_by_test_id("times").click()
     fill(visit.page, "2026-01-31 12:00:00.123456789", "never")
-    visit.page.get_by_test_id("time-complaint").get_by_text("is not a time").wait_for()
+    visit.page.get_by_test_id("time-error").get_by_text("is not a time").wait_for()
     page, window = visit.evaluate("() => [document.documentElement.scrollWidth, innerWidth]")
     assert window == 360
     assert page <= window

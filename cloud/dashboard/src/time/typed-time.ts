@@ -52,23 +52,23 @@ export interface TypedRange {
 }
 
 /** What is wrong with a typed range, and in which of its fields. */
-export interface RangeComplaint {
+export interface RefusedRange {
   readonly field: "from" | "to";
   readonly text: string;
 }
 
 const EXAMPLE = "2026-01-31 12:00:00, or with a zone 2026-01-31T12:00:00Z";
 
-function complain(field: "from" | "to", text: string): RangeComplaint {
+function refuse(field: "from" | "to", text: string): RefusedRange {
   if (text.trim() === "") return { field, text: `The field "${field}" is empty. Type a time such as ${EXAMPLE}.` };
   return { field, text: `"${text.trim()}" is not a time. Type one such as ${EXAMPLE}.` };
 }
 
 /** Reads a range from two fields, or returns what is wrong with it. */
-export function readTypedRange(first: string, last: string): TypedRange | RangeComplaint {
+export function readTypedRange(first: string, last: string): TypedRange | RefusedRange {
   const [from, to] = [parseTypedInstant(first), parseTypedInstant(last)];
-  if (from === null) return complain("from", first);
-  if (to === null) return complain("to", last);
+  if (from === null) return refuse("from", first);
+  if (to === null) return refuse("to", last);
   if (from < to) return { from, to };
   return { field: "to", text: `The end must be after the start: ${last.trim()} is not after ${first.trim()}.` };
 }

@@ -147,7 +147,7 @@ const NAME = /^[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?$/;
 const TAKEN = new Set(["evaluation"]);
 
 /** Why the cloud would refuse a monitor's name; null where it would not. */
-export function nameComplaint(name: string): string | null {
+export function nameError(name: string): string | null {
   if (TAKEN.has(name)) return `"${name}" is taken by the cloud itself; choose another name.`;
   return NAME.test(name) ? null : `"${name}" is no name: write at most 63 small letters, digits and dashes between them, such as left-grip.`;
 }
@@ -155,10 +155,10 @@ export function nameComplaint(name: string): string | null {
 /** Defines a monitor of the formula that is written, once its last hour was shown. */
 export class WatchForm {
   readonly root: HTMLElement;
-  private readonly name = element("input", { type: "text", placeholder: "name", "aria-label": "name of the monitor", "aria-describedby": "watch-complaint", autocomplete: "off", spellcheck: "false", "data-testid": "watch-name" });
+  private readonly name = element("input", { type: "text", placeholder: "name", "aria-label": "name of the monitor", "aria-describedby": "watch-error", autocomplete: "off", spellcheck: "false", "data-testid": "watch-name" });
   private readonly level = element("select", { "aria-label": "what raises an alarm" }, element("option", { value: "certain" }, "when certain"), element("option", { value: "possible" }, "when possible"));
   private readonly watch = element("button", { type: "submit", class: "plain", "data-testid": "watch" }, "Raise an alarm");
-  private readonly complaint = element("p", { id: "watch-complaint", class: "answer bad", role: "alert", hidden: true, "data-testid": "watch-complaint" });
+  private readonly error = element("p", { id: "watch-error", class: "answer bad", role: "alert", hidden: true, "data-testid": "watch-error" });
   private readonly answer = element("p", { class: "answer", role: "status", "data-testid": "watch-answer" });
   /** The formula whose last hour was shown: the next press defines a monitor of it. */
   private checked: string | null = null;
@@ -171,7 +171,7 @@ export class WatchForm {
       void this.press();
     });
     this.name.addEventListener("input", () => this.judgeName());
-    this.root = element("div", { class: "watch" }, form, this.complaint, this.answer);
+    this.root = element("div", { class: "watch" }, form, this.error, this.answer);
   }
 
   /** Call when another formula is written: it was not checked. */
@@ -188,10 +188,10 @@ export class WatchForm {
 
   private judgeName(): boolean {
     const name = this.name.value.trim();
-    const wrong = name === "" ? null : nameComplaint(name);
+    const wrong = name === "" ? null : nameError(name);
     this.name.setAttribute("aria-invalid", String(wrong !== null));
-    this.complaint.hidden = wrong === null;
-    this.complaint.textContent = wrong;
+    this.error.hidden = wrong === null;
+    this.error.textContent = wrong;
     return wrong === null;
   }
 

@@ -94,7 +94,7 @@ export class ThresholdForm {
     void this.ask(this.applied, range);
   }
 
-  /** While what was typed cannot be asked, the complaint stays, and no answer overwrites it. */
+  /** While what was typed cannot be asked, the error stays, and no answer overwrites it. */
   private get invalid(): boolean {
     return this.level.getAttribute("aria-invalid") === "true";
   }

@@ -1,7 +1,7 @@
 import type { View } from "../state/route";
 import type { Range } from "../state/window";
 import { NS_PER_SECOND } from "../time/instant";
-import { nameZone, printTypedInstant, type RangeComplaint, readTypedRange, type TypedRange } from "../time/typed-time";
+import { nameZone, printTypedInstant, type RefusedRange, readTypedRange, type TypedRange } from "../time/typed-time";
 import type { Context } from "./context";
 import { button, element } from "./element";
 
@@ -23,7 +23,7 @@ const QUICK: readonly { readonly name: string; readonly label: string; readonly 
 const SECOND = 1e9;
 
 function timeField(name: "from" | "to"): HTMLInputElement {
-  return element("input", { type: "text", name, autocomplete: "off", spellcheck: "false", "aria-describedby": "time-zone time-complaint", "data-testid": `time-${name}` });
+  return element("input", { type: "text", name, autocomplete: "off", spellcheck: "false", "aria-describedby": "time-zone time-error", "data-testid": `time-${name}` });
 }
 
 /** Goes to a stretch of time that is typed, or to the last hour, day, week or month of the data. */
@@ -33,7 +33,7 @@ export class TimeForm {
   readonly root = element("form", { id: "time-form", class: "times", "aria-label": "time range", hidden: true, "data-testid": "time-form" });
   private readonly fields = { from: timeField("from"), to: timeField("to") };
   private readonly zone = element("p", { id: "time-zone", "data-testid": "time-zone" });
-  private readonly complaint = element("p", { id: "time-complaint", class: "complaint", role: "alert", "data-testid": "time-complaint" });
+  private readonly error = element("p", { id: "time-error", class: "range-error", role: "alert", "data-testid": "time-error" });
   /** Whether the fields hold input that was not submitted. */
   private edited = false;
 
@@ -42,7 +42,7 @@ export class TimeForm {
     const last = element("span", { class: "last" }, element("span", { "aria-hidden": "true" }, "Last"), element("span", { class: "group" }, ...quick));
     const typed = (["from", "to"] as const).map((name) => element("label", {}, element("span", {}, name), this.fields[name]));
     const show = element("button", { type: "submit", class: "plain", "data-testid": "time-show" }, "Show");
-    this.root.append(last, ...typed, show, this.zone, this.complaint);
+    this.root.append(last, ...typed, show, this.zone, this.error);
     this.root.addEventListener("input", () => {
       this.edited = true;
     });
@@ -85,12 +85,12 @@ export class TimeForm {
 
   private write(range: TypedRange | null): void {
     for (const name of ["from", "to"] as const) this.fields[name].value = range === null ? "" : printTypedInstant(range[name]);
-    this.complain(null);
+    this.showError(null);
   }
 
   private submit(): void {
     const read = readTypedRange(this.fields.from.value, this.fields.to.value);
-    if ("field" in read) this.complain(read);
+    if ("field" in read) this.showError(read);
     else this.go(read);
   }
 
@@ -98,7 +98,7 @@ export class TimeForm {
   private goLast(ns: bigint): void {
     const extent = this.options.extent();
     if (extent === null) {
-      this.complain({ field: null, text: "There is no data yet." });
+      this.showError({ field: null, text: "There is no data yet." });
       return;
     }
     const to = this.options.context.timeline.toInstant(Math.ceil(extent.x1));
@@ -113,8 +113,8 @@ export class TimeForm {
     context.announce(`Showing ${printTypedInstant(from)} to ${printTypedInstant(to)}.`);
   }
 
-  private complain(wrong: RangeComplaint | { readonly field: null; readonly text: string } | null): void {
-    this.complaint.textContent = wrong?.text ?? "";
+  private showError(wrong: RefusedRange | { readonly field: null; readonly text: string } | null): void {
+    this.error.textContent = wrong?.text ?? "";
     for (const name of ["from", "to"] as const) this.fields[name].setAttribute("aria-invalid", String(wrong?.field === name));
     if (wrong?.field) this.fields[wrong.field].focus();
   }

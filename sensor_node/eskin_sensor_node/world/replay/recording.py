@@ -58,13 +58,13 @@ class Recording:
     Attributes:
         file: Where it was read.
         series: Channel to what was recorded.
-        complaints: What is wrong with it, each with file, place and reason: gaps, and what ended
+        errors: What is wrong with it, each with file, place and reason: gaps, and what ended
             the reading early. What stood before is in the series.
     """
 
     file: Path
     series: dict[str, Series]
-    complaints: tuple[RecordingError, ...]
+    errors: tuple[RecordingError, ...]
 
     def channel(self, name: str) -> Series:
         """One channel.

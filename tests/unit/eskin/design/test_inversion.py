@@ -167,7 +167,7 @@ def test_point_gets_its_region() -> None:
 
 
 @pytest.mark.parametrize(
-    ("space", "resolution", "complaint"),
+    ("space", "resolution", "reason"),
     [
         ({}, 0.1, "no parameter"),
         ({"distance": (1e-3, 5e-3)}, 0.1, "distance: .* is no Interval; give eskin.Interval"),
@@ -178,9 +178,9 @@ def test_point_gets_its_region() -> None:
     ],
 )
 def test_unusable_space_is_refused(
-    space: Mapping[str, Interval], resolution: float, complaint: str
+    space: Mapping[str, Interval], resolution: float, reason: str
 ) -> None:
-    with pytest.raises(DesignError, match=complaint):
+    with pytest.raises(DesignError, match=reason):
         invert(BAND, space, resolution=resolution)
 
 
@@ -202,7 +202,7 @@ def test_unusable_requirement_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("for_every", "pieces", "complaint"),
+    ("for_every", "pieces", "reason"),
     [
         (TOUCH, 0, "pieces: 0"),
         (TOUCH, 2.5, "pieces: 2.5"),
@@ -212,11 +212,11 @@ def test_unusable_requirement_is_refused() -> None:
     ],
 )
 def test_values_that_cannot_be_divided_are_refused(
-    for_every: Any, pieces: Any, complaint: str
+    for_every: Any, pieces: Any, reason: str
 ) -> None:
-    with pytest.raises(DesignError, match=complaint):
+    with pytest.raises(DesignError, match=reason):
         Within(capacitance, lo=1e-13, for_every=for_every, pieces=pieces)
-    with pytest.raises(DesignError, match=complaint):
+    with pytest.raises(DesignError, match=reason):
         Narrower(
             capacitance, width=1.0, tolerance={"distance": 0.1}, for_every=for_every, pieces=pieces
         )

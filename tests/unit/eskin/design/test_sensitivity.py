@@ -132,7 +132,7 @@ def test_what_cannot_be_differentiated_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "pieces", "complaint"),
+    ("value", "pieces", "reason"),
     [
         (1.0, 4, "x: 1.0 is no Interval"),
         (Interval(1.0, np.inf), 4, "no bounded interval"),
@@ -141,6 +141,6 @@ def test_what_cannot_be_differentiated_is_named() -> None:
         (Interval(-4.0, -1.0), 4, "no value on a part"),
     ],
 )
-def test_box_that_cannot_be_divided_is_refused(value: Any, pieces: int, complaint: str) -> None:
-    with pytest.raises(DesignError, match=complaint):
+def test_box_that_cannot_be_divided_is_refused(value: Any, pieces: int, reason: str) -> None:
+    with pytest.raises(DesignError, match=reason):
         sensitivity(lambda x: 2.0 * np.sqrt(x), {"x": value}, pieces=pieces)

@@ -1,4 +1,4 @@
-"""What is veiled is read with the subject's key alone, and in its own place alone."""
+"""What is encrypted is read with the subject's key alone, and in its own place alone."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ EMPTY = SealedMessage(
 )
 
 
-def veiled(keystore: KeyStore, message: Message = STATEMENTS) -> SealedMessage:
+def encrypted(keystore: KeyStore, message: Message = STATEMENTS) -> SealedMessage:
     said = SUMMARY if isinstance(message, Frame) else message
     return Encryptor().encrypt(keystore.create("Ada"), "hand", said, message.encode())
 
 
 @every_kind
-def test_veiled_message_is_read_byte_for_byte(keystore: KeyStore, message: Message) -> None:
-    wire = veiled(keystore, message).encode()
+def test_encrypted_message_is_read_byte_for_byte(keystore: KeyStore, message: Message) -> None:
+    wire = encrypted(keystore, message).encode()
     assert is_sealed(wire)
     again = SealedMessage.decode(wire)
     assert again.encode() == wire
@@ -63,12 +63,12 @@ def test_veiled_message_is_read_byte_for_byte(keystore: KeyStore, message: Messa
 
 
 @every_kind
-def test_veiled_message_is_as_the_documented_cddl_says(
+def test_encrypted_message_is_as_the_documented_cddl_says(
     keystore: KeyStore, message: Message
 ) -> None:
     rule = re.sub(r"(?m)^message = .*$", "message = sealed", CDDL.read_text())
     schema = pycddl.Schema(rule)
-    fields = cbor2.loads(veiled(keystore, message).encode())
+    fields = cbor2.loads(encrypted(keystore, message).encode())
     schema.validate_cbor(cbor2.dumps(fields))
     for change in ({4: "t05.bioelectric", 5: 7}, {4: bytes(32), 5: 1}, {77: 1}):
         with pytest.raises(pycddl.ValidationError):
@@ -77,15 +77,15 @@ def test_veiled_message_is_as_the_documented_cddl_says(
 
 @every_kind
 def test_place_is_of_its_kind(keystore: KeyStore, message: Message) -> None:
-    made = veiled(keystore, message)
+    made = encrypted(keystore, message)
     for kind in set(Kind) - {made.kind}:
         with pytest.raises(MessageError):
             SealedMessage.decode(replace(made, kind=kind).encode())
 
 
 @every_kind
-def test_veiled_bytes_tell_the_minute_and_no_value(keystore: KeyStore, message: Message) -> None:
-    made = veiled(keystore, message)
+def test_encrypted_bytes_show_the_minute_and_no_value(keystore: KeyStore, message: Message) -> None:
+    made = encrypted(keystore, message)
     lo, hi = made.time
     first, last = span(SUMMARY if isinstance(message, Frame) else message)
     assert lo <= first <= last <= hi < lo + 3 * MINUTE
@@ -116,16 +116,16 @@ def test_whole_minutes_enclose_a_time(lo: int, longer: int) -> None:
     ],
     ids=str,
 )
-def test_veiled_message_is_read_in_its_own_place_alone(
+def test_encrypted_message_is_read_in_its_own_place_alone(
     keystore: KeyStore, change: dict[str, object]
 ) -> None:
-    moved = replace(veiled(keystore), **change)  # type: ignore[arg-type]
+    moved = replace(encrypted(keystore), **change)  # type: ignore[arg-type]
     with pytest.raises(BrokenSealError):
         Decryptor(keystore).decrypt("hand", moved)
 
 
-def test_veiled_message_is_of_its_own_node_and_subject_alone(keystore: KeyStore) -> None:
-    made = veiled(keystore)
+def test_encrypted_message_is_of_its_own_node_and_subject_alone(keystore: KeyStore) -> None:
+    made = encrypted(keystore)
     with pytest.raises(BrokenSealError):
         Decryptor(keystore).decrypt("palm", made)
     with pytest.raises(BrokenSealError):
@@ -133,7 +133,7 @@ def test_veiled_message_is_of_its_own_node_and_subject_alone(keystore: KeyStore)
 
 
 def test_any_flipped_bit_of_the_ciphertext_is_refused(keystore: KeyStore) -> None:
-    made = veiled(keystore)
+    made = encrypted(keystore)
     for index in range(0, len(made.ciphertext), 7):
         body = bytearray(made.ciphertext)
         body[index] ^= 1 << index % 8
@@ -169,7 +169,7 @@ def test_nonces_of_a_key_never_repeat_over_messages_and_starts(keystore: KeyStor
 
 
 def test_erased_key_reads_nothing_from_that_instant(keystore: KeyStore) -> None:
-    made, reader = veiled(keystore), Decryptor(keystore)
+    made, reader = encrypted(keystore), Decryptor(keystore)
     reader.decrypt("hand", made)
     keystore.erase(made.subject)
     with pytest.raises(NoKeyError, match="its key is destroyed"):
@@ -186,6 +186,6 @@ def test_erased_key_reads_nothing_from_that_instant(keystore: KeyStore) -> None:
         replace(EMPTY, subject="Ada").encode(),
     ],
 )
-def test_what_is_no_veiled_message_is_refused(data: bytes) -> None:
+def test_what_is_no_encrypted_message_is_refused(data: bytes) -> None:
     with pytest.raises(MessageError):
         SealedMessage.decode(data)

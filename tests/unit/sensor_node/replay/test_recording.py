@@ -36,7 +36,7 @@ def parquet(folder: Path, **columns: Any) -> Path:
 def test_good_recording_is_read_whole(tmp_path: Path) -> None:
     found = read_recording(written(tmp_path, HEAD + "".join(GOOD)))
     series = found.channel("a")
-    assert found.complaints == ()
+    assert found.errors == ()
     assert series.times.tolist() == [k * 10_000_000 for k in range(10)]
     assert series.values.inf.tolist() == series.values.sup.tolist() == [k + 1.5 for k in range(10)]
     assert series.period == 10_000_000
@@ -69,16 +69,16 @@ def test_fault_gives_one_line_and_what_stood_before_is_kept(name: str, tmp_path:
     if not name.startswith("mid-line"):
         path.write_text(path.read_text() + "0.06,a,9\n")
     found = read_recording(path)
-    assert len(found.complaints) == 1
-    assert str(found.complaints[0]).startswith(f"{path}: {said}")
-    assert "\n" not in str(found.complaints[0])
+    assert len(found.errors) == 1
+    assert str(found.errors[0]).startswith(f"{path}: {said}")
+    assert "\n" not in str(found.errors[0])
     assert found.channel("a").values.inf.tolist() == [1.5, 2.5, 3.5, 4.5, 5.5]
 
 
 def test_bytes_that_are_no_text_end_the_reading(tmp_path: Path) -> None:
     path = written(tmp_path, (HEAD + GOOD[0]).encode() + b"0.01,\xff,1\n")
     found = read_recording(path)
-    assert str(found.complaints[0]).startswith(f"{path}: line 3: it is no CSV")
+    assert str(found.errors[0]).startswith(f"{path}: line 3: it is no CSV")
     assert len(found.channel("a").times) == 1
 
 
@@ -86,7 +86,7 @@ def test_gap_is_read_and_stored_as_a_gap(tmp_path: Path) -> None:
     path = written(tmp_path, HEAD + "".join(GOOD[:4] + GOOD[7:]))
     found = read_recording(path)
     series = found.channel("a")
-    assert [str(each) for each in found.complaints] == [
+    assert [str(each) for each in found.errors] == [
         f"{path}: line 6: gap of 0.04 s in a before this; it is kept as a gap"
     ]
     assert series.gaps == ((30_000_000, 70_000_000),)
@@ -97,7 +97,7 @@ def test_gap_is_read_and_stored_as_a_gap(tmp_path: Path) -> None:
 def test_channels_are_apart_and_may_alternate(tmp_path: Path) -> None:
     rows = "".join(f"{k},{name},{k}{k}\n" for k in range(4) for name in ("b", "a"))
     found = read_recording(written(tmp_path, HEAD + rows))
-    assert found.complaints == ()
+    assert found.errors == ()
     assert found.channel("a").values.inf.tolist() == [0.0, 11.0, 22.0, 33.0]
     with pytest.raises(RecordingError, match=r"channel: 'c' is not in it; it has b, a"):
         found.channel("c")
@@ -167,7 +167,7 @@ def test_parquet_equals_csv(tmp_path: Path) -> None:
 def test_parquet_errors_name_their_row(changes: dict[str, Any], said: str, tmp_path: Path) -> None:
     columns = {"time": [0.0, 0.1, 0.2], "channel": ["a"] * 3, "value": [1.0, 2.0, 3.0]} | changes
     found = read_recording(parquet(tmp_path, **columns))
-    assert [str(each) for each in found.complaints] == [f"{tmp_path / 'rec.parquet'}: {said}"]
+    assert [str(each) for each in found.errors] == [f"{tmp_path / 'rec.parquet'}: {said}"]
     assert len(found.channel("a").times) == 2
 
 
@@ -185,7 +185,7 @@ def what_is_kept(path: Path) -> tuple[int, list[str]]:
     except RecordingError as error:
         return 0, [str(error)]
     kept = len(found.series["a"].times) if "a" in found.series else 0
-    return kept, [str(each) for each in found.complaints]
+    return kept, [str(each) for each in found.errors]
 
 
 @settings(max_examples=100, deadline=None, database=None)
@@ -217,4 +217,4 @@ def test_file_cut_anywhere_keeps_its_whole_lines(
     else:
         found = read_recording(path)
         assert len(found.channel("a").times) == lines
-        assert len(found.complaints) == (0 if text.endswith("\n") else 1)
+        assert len(found.errors) == (0 if text.endswith("\n") else 1)

@@ -1,4 +1,4 @@
-"""The embedded broker's doorkeeper reads the CA's revocation lists while it runs."""
+"""The embedded broker's client_auth reads the CA's revocation lists while it runs."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ def der(identity: Identity) -> bytes:
 
 def test_revoked_certificate_is_refused_and_a_broken_list_changes_nothing(tmp_path: Path) -> None:
     own = Identities(tmp_path)
-    doorkeeper = ClientAuth(own.ca)
-    assert doorkeeper.admit(der(own.node)).name == "fingertip"
-    assert not doorkeeper.refresh()
+    client_auth = ClientAuth(own.ca)
+    assert client_auth.admit(der(own.node)).name == "fingertip"
+    assert not client_auth.refresh()
     own.authority.revoke("fingertip")
-    assert doorkeeper.refresh()
+    assert client_auth.refresh()
     with pytest.raises(UntrustedCertificateError, match="revoked"):
-        doorkeeper.admit(der(own.node))
-    assert doorkeeper.admit(der(own.gateway)).kind is IdentityKind.GATEWAY
+        client_auth.admit(der(own.node))
+    assert client_auth.admit(der(own.gateway)).kind is IdentityKind.GATEWAY
     listed = own.authority.revocations_file(IdentityKind.NODE)
     foreign = Identities(tmp_path / "foreign").authority.revocations_file(IdentityKind.NODE)
     for bad in (listed.read_bytes()[:100], foreign.read_bytes()):
         listed.write_bytes(bad)
-        assert not doorkeeper.refresh()
+        assert not client_auth.refresh()
         with pytest.raises(UntrustedCertificateError, match="revoked"):
-            doorkeeper.admit(der(own.node))
+            client_auth.admit(der(own.node))
     again = own.make(IdentityKind.NODE, "fingertip")
-    assert doorkeeper.admit(der(again)).name == "fingertip"
+    assert client_auth.admit(der(again)).name == "fingertip"
 
 
 def test_certificate_of_another_ca_or_none_is_refused(tmp_path: Path) -> None:
     own, foreign = Identities(tmp_path), Identities(tmp_path / "foreign")
-    doorkeeper = ClientAuth(own.ca)
+    client_auth = ClientAuth(own.ca)
     for shown in (None, b"", der(foreign.node)):
         with pytest.raises(IdentityError):
-            doorkeeper.admit(shown)
+            client_auth.admit(shown)
 
 
 def test_missing_list_lets_no_client_start(tmp_path: Path) -> None:
