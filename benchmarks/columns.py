@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from eskin_sensor_node.columns import build
 from eskin_sensor_node.node.factory import build_clock
-from eskin_sensor_node.tools.budget import Design
+from eskin_sensor_node.tools.budget import NodeDesign
 from eskin_sensor_node.world.scenario import Stage, read_scenario
 
 from benchmarks.report import Row, at_most
@@ -21,7 +21,7 @@ from eskin.wire.frames import PatchSamples
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from eskin_sensor_node.columns import PadColumns, Stretch
+    from eskin_sensor_node.columns import PadColumns, SkinStretch
     from eskin_sensor_node.settings import NodeSettings
 
 _SEED: Final = 1
@@ -63,7 +63,7 @@ def parts(hertz: float) -> dict[str, float]:
 
 
 def _settings(hertz: float) -> NodeSettings:
-    settings = Design.named("paper-hand").settings
+    settings = NodeDesign.named("paper-hand").settings
     skin = settings.skin.model_dump() | {"sampling_hz": hertz}
     return settings.model_copy(update={"skin": type(settings.skin)(**skin)})
 
@@ -77,7 +77,7 @@ def _advance(columns: PadColumns) -> Callable[[int], object]:
     return lambda _: list(columns.advance(columns.next_due))
 
 
-def _pack(columns: PadColumns, stretch: Stretch) -> list[Any]:
+def _pack(columns: PadColumns, stretch: SkinStretch) -> list[Any]:
     return [
         PatchSamples.pack(
             Interval(each.lo, each.hi),

@@ -87,13 +87,13 @@ def audit(data: Data = _DATA) -> None:
     from rich.progress import Progress
 
     from eskin.demo.audit import audit as compare
-    from eskin.demo.layout import Layout
+    from eskin.demo.layout import DemoFolder
 
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("comparing samples", total=None)
         found = compare(
-            Layout(data.resolve()),
+            DemoFolder(data.resolve()),
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     show(_table(found.channels))

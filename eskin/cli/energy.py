@@ -11,7 +11,7 @@ import typer
 from eskin.errors import SettingsError
 
 if TYPE_CHECKING:
-    from eskin_sensor_node.tools.budget import Budget, Design
+    from eskin_sensor_node.tools.budget import Budget, NodeDesign
 
     from eskin.interval import Interval
 
@@ -31,18 +31,18 @@ def energy(
     profile: Named = None, config: Config = None, seconds: Seconds = None, as_json: AsJson = False
 ) -> None:
     """Tell what a node spends and harvests in each mode, from its firmware really running."""
-    from eskin_sensor_node.tools.budget import Design
+    from eskin_sensor_node.tools.budget import NodeDesign
     from eskin_sensor_node.tools.budget.design import SECONDS
 
     if (profile is None) == (config is None):
         raise SettingsError("--profile", "give either --profile NAME or --config FILE.toml")
-    design = Design.read(config) if config is not None else Design.named(str(profile))
+    design = NodeDesign.read(config) if config is not None else NodeDesign.named(str(profile))
     budgets = _measure(design, SECONDS if seconds is None else seconds)
     said = _json(budgets) if as_json else _table(budgets)
     typer.echo(said)
 
 
-def _measure(design: Design, seconds: int) -> list[Budget]:
+def _measure(design: NodeDesign, seconds: int) -> list[Budget]:
     from eskin_sensor_node.tools.budget import Budget
     from rich.console import Console
     from rich.progress import Progress

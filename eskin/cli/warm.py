@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     Steps: TypeAlias = dict[str, Callable[[], object]]
 
 
-class Part(StrEnum):
+class WarmedPart(StrEnum):
     """What uses the kernels."""
 
     NOTEBOOK = "notebook"
@@ -28,17 +28,17 @@ class Part(StrEnum):
     @property
     def package(self) -> str:
         """The package that it needs."""
-        packages = {Part.NOTEBOOK: "eskin", Part.NODE: "eskin_sensor_node"}
+        packages = {WarmedPart.NOTEBOOK: "eskin", WarmedPart.NODE: "eskin_sensor_node"}
         return packages.get(self, f"eskin_{self}")
 
     @property
     def is_installed(self) -> bool:
         """Whether its package is here, and for all but notebooks the extra ``stack``."""
-        return find_spec(self.package) is not None and (self is Part.NOTEBOOK or _has_stack())
+        return find_spec(self.package) is not None and (self is WarmedPart.NOTEBOOK or _has_stack())
 
 
 Parts = Annotated[
-    list[Part] | None,
+    list[WarmedPart] | None,
     typer.Argument(help="What to compile for; by default for all that is installed."),
 ]
 
@@ -60,7 +60,7 @@ def warm(parts: Parts = None) -> None:
             "nothing can be written beside the sources; set NUMBA_CACHE_DIR to a folder that lasts",
         )
     steps: Steps = {}
-    for part in parts or [each for each in Part if each.is_installed]:
+    for part in parts or [each for each in WarmedPart if each.is_installed]:
         steps |= _STEPS[part]()
     began = time.monotonic()
     console = Console(stderr=True)
@@ -101,9 +101,9 @@ def _of_node() -> Steps:
     return STEPS
 
 
-_STEPS: dict[Part, Callable[[], Steps]] = {
-    Part.NOTEBOOK: _of_notebook,
-    Part.GATEWAY: _of_gateway,
-    Part.CLOUD: _of_cloud,
-    Part.NODE: _of_node,
+_STEPS: dict[WarmedPart, Callable[[], Steps]] = {
+    WarmedPart.NOTEBOOK: _of_notebook,
+    WarmedPart.GATEWAY: _of_gateway,
+    WarmedPart.CLOUD: _of_cloud,
+    WarmedPart.NODE: _of_node,
 }

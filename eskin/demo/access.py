@@ -10,11 +10,11 @@ from eskin.demo.ports import LOOPBACK
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, write_whole
 
 if TYPE_CHECKING:
-    from eskin.demo.layout import Layout
+    from eskin.demo.layout import DemoFolder
     from eskin.demo.settings_files import Ports
 
 
-def write_access(layout: Layout, ports: Ports, token: str) -> None:
+def write_access(layout: DemoFolder, ports: Ports, token: str) -> None:
     """Write the file, mode 0600.
 
     Raises:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from datetime import timedelta
     from pathlib import Path
 
-    from eskin.demo.layout import Layout
+    from eskin.demo.layout import DemoFolder
 
 BROKER: Final = "server.broker"
 CLOUD: Final = "server.cloud"
@@ -36,7 +36,9 @@ NEEDED: Final = frozenset({BROKER, CLOUD, GATEWAY, SITE})
 _HOSTS: Final = ("127.0.0.1", "localhost")
 
 
-def prepare_identities(layout: Layout, nodes: Sequence[str], *, lifetime: timedelta) -> list[str]:
+def prepare_identities(
+    layout: DemoFolder, nodes: Sequence[str], *, lifetime: timedelta
+) -> list[str]:
     """Make or renew all identities, and sign all revocation lists anew.
 
     Args:
@@ -60,7 +62,7 @@ def prepare_identities(layout: Layout, nodes: Sequence[str], *, lifetime: timede
     return revoked
 
 
-def renew_identities(layout: Layout, nodes: Sequence[str], *, lifetime: timedelta) -> None:
+def renew_identities(layout: DemoFolder, nodes: Sequence[str], *, lifetime: timedelta) -> None:
     """Renew what is due, and the revocation lists; all processes take it without a restart.
 
     Raises:

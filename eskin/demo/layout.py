@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class DemoFolder:
     """The demo's data folder.
 
     Attributes:

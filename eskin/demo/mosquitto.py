@@ -12,7 +12,7 @@ from eskin.mosquitto import revoked, versions
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin.demo.layout import Layout
+    from eskin.demo.layout import DemoFolder
     from eskin.demo.settings_files import Ports
     from eskin.runtime.files.stamp import Version
 
@@ -31,7 +31,7 @@ class Mosquitto(SupervisedProcess):
         ports: Where it listens.
     """
 
-    def __init__(self, program: Path, *, layout: Layout, ports: Ports) -> None:
+    def __init__(self, program: Path, *, layout: DemoFolder, ports: Ports) -> None:
         argv = [str(program), "-c", str(write_mosquitto(layout, ports))]
         super().__init__("broker", argv, log_file=layout.logs / "broker.log")
         self._identity = broker_identity(layout)

@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 
 from eskin.demo.access import write_access
 from eskin.demo.identities import NEEDED, prepare_identities, renew_identities
-from eskin.demo.layout import Layout
+from eskin.demo.layout import DemoFolder
 from eskin.demo.ports import LOOPBACK, free_ports, require_free
 from eskin.demo.settings_files import PROFILES, Ports, node_profiles
 from eskin.demo.stack import Stack
@@ -85,14 +85,14 @@ def run_demo(
         SettingsError: The folder or the port cannot be used.
         EskinError: A process did not come up.
     """
-    layout = Layout(data.resolve())
+    layout = DemoFolder(data.resolve())
     with _locked(layout), _stop_on_signals():
         with suppress(_Stop):
             _run(layout, options, command=command, console=console)
         console.print(f"Stopped; the data stay in {layout.root}", soft_wrap=True, highlight=False)
 
 
-def _run(layout: Layout, options: Options, *, command: str, console: Console) -> None:
+def _run(layout: DemoFolder, options: Options, *, command: str, console: Console) -> None:
     mosquitto = None if options.embedded_broker else find_mosquitto()
     ports = _ports(options.port, one_for_all_parties=mosquitto is None)
     count = options.nodes or (len(PROFILES) if options.skin is None else 1)
@@ -144,7 +144,7 @@ def _ports(people: int, *, one_for_all_parties: bool) -> Ports:
     return Ports(people, ingest, BrokerPorts(nodes, gateways, clients), gateway)
 
 
-def _require_own(layout: Layout, revoked: frozenset[str]) -> None:
+def _require_own(layout: DemoFolder, revoked: frozenset[str]) -> None:
     """Refuse to start without a part that everything needs."""
     if revoked:
         name = min(revoked)
@@ -155,7 +155,7 @@ def _require_own(layout: Layout, revoked: frozenset[str]) -> None:
         )
 
 
-def _open_store(layout: Layout, ports: Ports) -> tuple[str, str]:
+def _open_store(layout: DemoFolder, ports: Ports) -> tuple[str, str]:
     """Make the store, a token for scripts, and a login URL for a person."""
     layout.store.parent.mkdir(parents=True, exist_ok=True)
     scopes = (Scope.READ, Scope.OPERATE, Scope.BIOMETRIC)
@@ -167,7 +167,7 @@ def _open_store(layout: Layout, ports: Ports) -> tuple[str, str]:
 
 
 def _greet(
-    console: Console, layout: Layout, login: str, command: str, mosquitto: Path | None
+    console: Console, layout: DemoFolder, login: str, command: str, mosquitto: Path | None
 ) -> None:
     broker = "embedded (amqtt)" if mosquitto is None else f"Mosquitto ({mosquitto})"
 
@@ -209,7 +209,7 @@ def _progress(console: Console) -> Progress:
 
 
 @contextmanager
-def _locked(layout: Layout) -> Iterator[None]:
+def _locked(layout: DemoFolder) -> Iterator[None]:
     """Keep a second demo off the folder."""
     try:
         owner = LockFile(layout.owned)

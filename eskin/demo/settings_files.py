@@ -21,7 +21,7 @@ from eskin.identity.identity import CHAIN_FILE
 from eskin.mosquitto import BrokerPorts, configuration
 
 if TYPE_CHECKING:
-    from eskin.demo.layout import Layout
+    from eskin.demo.layout import DemoFolder
 
 PROFILES: Final = ("fingertip", "palm", "forearm", "hand")
 """The nodes that come with eskin; the demo takes them in turn."""
@@ -73,7 +73,7 @@ def skin_names() -> list[str]:
     return [name for name in profile_names() if "skin" in Profile.read(name).sections]
 
 
-def write_cloud(layout: Layout, ports: Ports) -> Path:
+def write_cloud(layout: DemoFolder, ports: Ports) -> Path:
     """Write the cloud's settings."""
     return _write(
         layout.settings("cloud"),
@@ -92,7 +92,7 @@ def write_cloud(layout: Layout, ports: Ports) -> Path:
     )
 
 
-def write_gateway(layout: Layout, ports: Ports) -> Path:
+def write_gateway(layout: DemoFolder, ports: Ports) -> Path:
     """Write the gateway's settings."""
     return _write(
         layout.settings("gateway"),
@@ -111,7 +111,7 @@ def write_gateway(layout: Layout, ports: Ports) -> Path:
     )
 
 
-def write_node(layout: Layout, name: str, profile_name: str) -> Path:
+def write_node(layout: DemoFolder, name: str, profile_name: str) -> Path:
     """Write a node's settings from its profile, unless they are there: then they are the user's."""
     path = layout.node_settings(name)
     if path.exists():
@@ -142,7 +142,7 @@ def node_environment(ports: Ports, speed: float | None) -> dict[str, str]:
     return broker if speed is None else broker | {"ESKIN_NODE_SPEED": repr(speed)}
 
 
-def write_mosquitto(layout: Layout, ports: Ports) -> Path:
+def write_mosquitto(layout: DemoFolder, ports: Ports) -> Path:
     """Write Mosquitto's configuration."""
     text = configuration(
         host=LOOPBACK,
@@ -158,7 +158,7 @@ def write_mosquitto(layout: Layout, ports: Ports) -> Path:
     return path
 
 
-def broker_identity(layout: Layout) -> Path:
+def broker_identity(layout: DemoFolder) -> Path:
     """Folder of the broker's identity."""
     return layout.identity(BROKER)
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from eskin.demo.layout import Layout
+    from eskin.demo.layout import DemoFolder
 
 _PATIENCE_S: Final = 600.0
 _POLL_S: Final = 0.05
@@ -56,7 +56,7 @@ class Stack:
 
     def __init__(
         self,
-        layout: Layout,
+        layout: DemoFolder,
         ports: Ports,
         nodes: Mapping[str, str],
         *,

@@ -193,7 +193,7 @@ def _most(lengths: list[int | None]) -> int | None:
     return max(known, default=0) if len(known) == len(lengths) else None
 
 
-class Quantity(NamedTuple):
+class ExpressionValue(NamedTuple):
     """An expression's value.
 
     Attributes:
@@ -207,7 +207,7 @@ class Quantity(NamedTuple):
 
 def comparison_of(
     atom: Atom, columns: Columns, units: Mapping[str, str]
-) -> tuple[Quantity, Quantity]:
+) -> tuple[ExpressionValue, ExpressionValue]:
     """Both sides of a comparison in one unit.
 
     Args:
@@ -250,12 +250,12 @@ def as_interval(value: Fraction | Interval | None) -> Interval:
 
 def _measure(  # noqa: PLR0911 - a line for each kind of expression
     node: Expression, columns: Columns, units: Mapping[str, str]
-) -> Quantity:
+) -> ExpressionValue:
     """Evaluate an expression; units are checked in the same walk."""
     if isinstance(node, Channel):
-        return Quantity(columns.get(node.variable), unit_of(units[node.name]))
+        return ExpressionValue(columns.get(node.variable), unit_of(units[node.name]))
     if isinstance(node, Constant):
-        return Quantity(node.value, _constant_unit(node))
+        return ExpressionValue(node.value, _constant_unit(node))
     parts = [_measure(part, columns, units) for part in node.parts if isinstance(part, Expression)]
     if isinstance(node, Negate | Absolute):
         value, unit = parts[0]
@@ -263,8 +263,10 @@ def _measure(  # noqa: PLR0911 - a line for each kind of expression
         if value is None:
             return parts[0]
         if isinstance(node, Negate):
-            return Quantity(-value, unit)
-        return Quantity(max(value, -value) if isinstance(value, Fraction) else abs(value), unit)
+            return ExpressionValue(-value, unit)
+        return ExpressionValue(
+            max(value, -value) if isinstance(value, Fraction) else abs(value), unit
+        )
     if isinstance(node, Multiply | Divide):
         return _product(node, *parts)
     if isinstance(node, Add | Subtract):
@@ -272,7 +274,7 @@ def _measure(  # noqa: PLR0911 - a line for each kind of expression
     found = parts[0]
     for part in parts[1:]:
         one, other = _alike(found, part, node)
-        found = Quantity(_extreme(node, one.value, other.value), one.unit or other.unit)
+        found = ExpressionValue(_extreme(node, one.value, other.value), one.unit or other.unit)
     return found
 
 
@@ -286,14 +288,14 @@ class Columns(dict["Variable", Interval]):
 
 
 def _narrowed(
-    node: Expression, found: Quantity, columns: Columns, units: Mapping[str, str]
-) -> Quantity:
+    node: Expression, found: ExpressionValue, columns: Columns, units: Mapping[str, str]
+) -> ExpressionValue:
     if not isinstance(found.value, Interval):
         return found
     linear = linear_of(node, units)
     if linear is None or linear.unit != found.unit:
         return found
-    return Quantity(columns.narrow(linear, found.value), found.unit)
+    return ExpressionValue(columns.narrow(linear, found.value), found.unit)
 
 
 class Linear(NamedTuple):
@@ -369,7 +371,9 @@ def _extreme(
     return x.lesser(y) if least else x.greater(y)
 
 
-def _product(node: Multiply | Divide, one: Quantity, other: Quantity) -> Quantity:
+def _product(
+    node: Multiply | Divide, one: ExpressionValue, other: ExpressionValue
+) -> ExpressionValue:
     for part in (one, other):
         _require_ratio(node, part.unit)
     power = 1 if isinstance(node, Multiply) else -1
@@ -379,17 +383,17 @@ def _product(node: Multiply | Divide, one: Quantity, other: Quantity) -> Quantit
     if isinstance(y, Fraction) and y == 0 and power < 0:
         raise MonitorError("a division by 0; correct the constant", column=node.column, value=0)
     if x is None or y is None:
-        return Quantity(None, unit)
+        return ExpressionValue(None, unit)
     if isinstance(x, Fraction) and isinstance(y, Fraction):
-        return Quantity(x * y if power > 0 else x / y, unit)
+        return ExpressionValue(x * y if power > 0 else x / y, unit)
     left, right = as_interval(x), as_interval(y)
     if power > 0:
-        return Quantity(left * right, unit)
+        return ExpressionValue(left * right, unit)
     holds_zero = (right.inf <= 0.0) & (right.sup >= 0.0)
-    return Quantity(Interval.where(holds_zero, Interval.entire(), left / right), unit)
+    return ExpressionValue(Interval.where(holds_zero, Interval.entire(), left / right), unit)
 
 
-def _sum(node: Add | Subtract, one: Quantity, other: Quantity) -> Quantity:
+def _sum(node: Add | Subtract, one: ExpressionValue, other: ExpressionValue) -> ExpressionValue:
     minus = isinstance(node, Subtract)
     u, v = one.unit, other.unit
     offsets = [unit is not None and unit.offset != 0 for unit in (u, v)]
@@ -419,11 +423,11 @@ def _sum(node: Add | Subtract, one: Quantity, other: Quantity) -> Quantity:
         x, y = _alike(one, other, node)
         unit = x.unit or y.unit
     if x.value is None or y.value is None:
-        return Quantity(None, unit)
+        return ExpressionValue(None, unit)
     if isinstance(x.value, Fraction) and isinstance(y.value, Fraction):
-        return Quantity(x.value - y.value if minus else x.value + y.value, unit)
+        return ExpressionValue(x.value - y.value if minus else x.value + y.value, unit)
     left, right = as_interval(x.value), as_interval(y.value)
-    return Quantity(left - right if minus else left + right, unit)
+    return ExpressionValue(left - right if minus else left + right, unit)
 
 
 def _require_ratio(node: Expression, unit: Unit | None) -> None:
@@ -448,7 +452,9 @@ def _constant_unit(node: Constant) -> Unit | None:
     return unit
 
 
-def _alike(one: Quantity, other: Quantity, node: Node) -> tuple[Quantity, Quantity]:
+def _alike(
+    one: ExpressionValue, other: ExpressionValue, node: Node
+) -> tuple[ExpressionValue, ExpressionValue]:
     """Two quantities in one unit; a constant is converted rather than a channel, as it is exact."""
     if one.unit is None or other.unit is None or one.unit == other.unit:
         return one, other
@@ -457,10 +463,10 @@ def _alike(one: Quantity, other: Quantity, node: Node) -> tuple[Quantity, Quanti
     return one, _converted(other, one.unit, node)
 
 
-def _converted(given: Quantity, unit: Unit, node: Node) -> Quantity:
+def _converted(given: ExpressionValue, unit: Unit, node: Node) -> ExpressionValue:
     value, own = given
     if own is None or own == unit:
-        return Quantity(value, unit)
+        return ExpressionValue(value, unit)
     if own.dimension != unit.dimension:
         raise MonitorError(
             f"units do not fit in {node}: one side is in {own}, the other in {unit}; "
@@ -471,11 +477,11 @@ def _converted(given: Quantity, unit: Unit, node: Node) -> Quantity:
     ratio = own.scale / unit.scale
     offset = (own.offset - unit.offset) / unit.scale
     if value is None:
-        return Quantity(None, unit)
+        return ExpressionValue(None, unit)
     if isinstance(value, Fraction):
-        return Quantity(value * ratio + offset, unit)
+        return ExpressionValue(value * ratio + offset, unit)
     moved = value if ratio == 1 else value * enclosed(ratio)
-    return Quantity(moved if offset == 0 else moved + enclosed(offset), unit)
+    return ExpressionValue(moved if offset == 0 else moved + enclosed(offset), unit)
 
 
 def is_exact(formula: Formula, units: Mapping[str, str] | None = None) -> Exactness:

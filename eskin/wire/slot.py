@@ -33,7 +33,7 @@ def even_groups(number: int) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class Share(Generic[T]):
+class SlotShare(Generic[T]):
     """Items of the nodes of one group of slots, which one transaction may write.
 
     Attributes:
@@ -49,7 +49,7 @@ class Share(Generic[T]):
 
 def share_out(
     items: Iterable[T], node_of: Callable[[T], str], groups: Sequence[int]
-) -> list[Share[T]]:
+) -> list[SlotShare[T]]:
     """Share items out by the groups of their nodes' slots.
 
     Args:
@@ -57,17 +57,17 @@ def share_out(
         node_of: Gives an item's node.
         groups: The group of each slot.
     """
-    shares: dict[int, Share[T]] = {}
+    shares: dict[int, SlotShare[T]] = {}
     for number, item in enumerate(items):
         slot = slot_of(node_of(item))
-        own = shares.setdefault(groups[slot], Share())
+        own = shares.setdefault(groups[slot], SlotShare())
         own.slots.add(slot)
         own.numbers.append(number)
         own.items.append(item)
     return list(shares.values())
 
 
-def in_order(shares: Iterable[Share[T]], results: Iterable[Sequence[U]]) -> list[U]:
+def in_order(shares: Iterable[SlotShare[T]], results: Iterable[Sequence[U]]) -> list[U]:
     """The results of all items, in the items' order.
 
     Args:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from eskin_sensor_node.fleet.service import warm_up as warm_up_fleet
 from eskin_sensor_node.node.offline import warm_up
 from eskin_sensor_node.profile import profile_names
-from eskin_sensor_node.tools.budget import Design
+from eskin_sensor_node.tools.budget import NodeDesign
 from eskin_sensor_node.tools.budget.skin_work import skin_work
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def _warm_up_node(profile: str) -> None:
-    settings = Design.named(profile).settings
+    settings = NodeDesign.named(profile).settings
     if settings.skin.present:
         skin_work(settings, 1, lambda _: None)
     else:
@@ -26,7 +26,7 @@ def _warm_up_node(profile: str) -> None:
 def _warm_up_fleets() -> None:
     """Their nodes measure into columns of arrays, which are other types."""
     for profile in profile_names():
-        settings = Design.named(profile).settings
+        settings = NodeDesign.named(profile).settings
         if not settings.skin.present:
             warm_up_fleet(settings)
 

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
-class Stretch(NamedTuple):
+class VerdictStretch(NamedTuple):
     """A stretch with one verdict, in ticks: 2t is the instant t in ns, 2t + 1 just after it.
 
     Attributes:
@@ -66,7 +66,7 @@ class Episodes:
         """Since when the formula is impossible, while an episode goes on."""
         return self._quiet
 
-    def add(self, stretches: Iterable[Stretch]) -> list[Edge]:
+    def add(self, stretches: Iterable[VerdictStretch]) -> list[Edge]:
         """Add the stretches that come next; returns where episodes begin and end."""
         found = []
         for each in stretches:
@@ -84,7 +84,7 @@ class Episodes:
                     self.is_open, self._quiet = False, None
         return found
 
-    def _raises(self, stretch: Stretch) -> bool:
+    def _raises(self, stretch: VerdictStretch) -> bool:
         if stretch.verdict is Verdict.POSSIBLE:
             return self._on_possible and (self._missing or not stretch.missing)
         return stretch.verdict is Verdict.CERTAIN

@@ -12,7 +12,7 @@ from eskin.errors import EskinError, MonitorError
 from eskin.interval import Verdict
 from eskin.monitor import Monitor, horizon
 from eskin.monitor.runs import Runs
-from eskin_cloud.alarms.episodes import Edge, Episodes, Stretch
+from eskin_cloud.alarms.episodes import Edge, Episodes, VerdictStretch
 from eskin_cloud.query.channel_runs import ChannelSource, as_signal, read_around
 from eskin_cloud.query.formula_channels import channel_places, parse_formula
 from eskin_cloud.query.stored_verdicts import MOST_READS, StoredVerdicts
@@ -127,7 +127,7 @@ class LiveMonitor:
         self.formula = parse_formula(row["formula"])
         self.places = channel_places(self.formula, row["node"])
         self.settled: int = row["settled"]
-        self.latest: Stretch | None = None
+        self.latest: VerdictStretch | None = None
         self.problem: str | None = None
         self.position: FeedPosition | None = None
         self._since: int = row["changed"]
@@ -249,7 +249,9 @@ class LiveMonitor:
         if now - last <= silence or self._episodes.is_open:
             return []
         since = max(2 * last + 1, self.settled)
-        return self._add([Stretch(since, since, Verdict.POSSIBLE, missing=True)], settles=False)
+        return self._add(
+            [VerdictStretch(since, since, Verdict.POSSIBLE, missing=True)], settles=False
+        )
 
     def _evaluate_stored(self, sources: dict[str, ChannelSource], end: int) -> list[AlarmChange]:
         """Evaluate stored samples up to an instant, or as far as one call may."""
@@ -257,7 +259,7 @@ class LiveMonitor:
         for most in (_READS, MOST_READS):
             stored = StoredVerdicts(self.formula, sources, most_reads=most)
             found = [
-                Stretch(max(each.first, self.settled), each.last, each.verdict, each.missing)
+                VerdictStretch(max(each.first, self.settled), each.last, each.verdict, each.missing)
                 for each in stored.pieces(window)
                 if each.last >= self.settled
             ]
@@ -306,7 +308,7 @@ class LiveMonitor:
             return []
         least = max(self._since, self.settled // 2 - LATE_NS)
         begin = max(self._late - self._future, least)
-        stretches: list[Stretch] = []
+        stretches: list[VerdictStretch] = []
         if 2 * begin < self.settled:
             stretches = self._stretches_around(sources, begin, least)
         self._late = None
@@ -330,14 +332,16 @@ class LiveMonitor:
 
     def _stretches_around(
         self, sources: dict[str, ChannelSource], begin: int, least: int
-    ) -> list[Stretch]:
+    ) -> list[VerdictStretch]:
         """Verdicts from before an instant, where no episode goes on, up to what is settled."""
         end = -(-self.settled // 2)
         margin = _MARGIN_NS
         while True:
             start = max(begin - margin, least)
             found = [
-                Stretch(each.first, min(each.last, self.settled - 1), each.verdict, each.missing)
+                VerdictStretch(
+                    each.first, min(each.last, self.settled - 1), each.verdict, each.missing
+                )
                 for each in StoredVerdicts(self.formula, sources).pieces(Window(start, end))
                 if each.first < self.settled
             ]
@@ -350,7 +354,9 @@ class LiveMonitor:
                 return found
             margin *= _WIDER
 
-    def _add(self, stretches: Sequence[Stretch], *, settles: bool = True) -> list[AlarmChange]:
+    def _add(
+        self, stretches: Sequence[VerdictStretch], *, settles: bool = True
+    ) -> list[AlarmChange]:
         if not stretches:
             return []
         if settles:
@@ -395,9 +401,9 @@ class LiveMonitor:
         return int((samples.first - samples.error)[-1]) - 1
 
 
-def _stretches(pieces: Iterable[Piece], since: int, held: Runs | None) -> list[Stretch]:
+def _stretches(pieces: Iterable[Piece], since: int, held: Runs | None) -> list[VerdictStretch]:
     """Verdicts from a tick on; `held` are the ticks at which they could hold by samples."""
-    found: list[Stretch] = []
+    found: list[VerdictStretch] = []
     for each in pieces:
         first = since if each.start is None else 2 * each.start + (not each.includes_start)
         assert each.end is not None  # noqa: S101 - later samples may always come
@@ -406,12 +412,12 @@ def _stretches(pieces: Iterable[Piece], since: int, held: Runs | None) -> list[S
         if first > last:
             continue
         if each.verdict is not Verdict.POSSIBLE or held is None:
-            found.append(Stretch(first, last, each.verdict, missing=False))
+            found.append(VerdictStretch(first, last, each.verdict, missing=False))
             continue
         known = held & Runs.between(first, last)
         for runs, missing in ((known, False), (~known & Runs.between(first, last), True)):
             found += [
-                Stretch(int(a), int(b), each.verdict, missing=missing)
+                VerdictStretch(int(a), int(b), each.verdict, missing=missing)
                 for a, b in zip(runs.first, runs.last, strict=True)
             ]
     return sorted(found)

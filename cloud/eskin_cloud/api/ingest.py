@@ -16,7 +16,7 @@ from eskin.errors import StoreError
 from eskin.privacy import SealedMessage
 from eskin.runtime.http_server.problems import documented
 from eskin.wire.messages import Result
-from eskin.wire.slot import Share, in_order
+from eskin.wire.slot import SlotShare, in_order
 from eskin_cloud.api.dependencies import CloudState
 from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import Received, apart, received
@@ -114,7 +114,7 @@ async def _store(
             dead_letters=most,
         )
 
-    async def write(share: Share[ParsedMessage]) -> IngestResult:
+    async def write(share: SlotShare[ParsedMessage]) -> IngestResult:
         written = store.write_slots(
             share.slots,
             partial(work, ingest, share.items),

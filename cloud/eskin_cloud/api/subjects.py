@@ -18,7 +18,7 @@ from eskin_cloud.api.dependencies import Access, Administrator, BiometricReader,
 from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
-from eskin_cloud.privacy.key_access import Reader
+from eskin_cloud.privacy.key_access import RequestReader
 from eskin_cloud.privacy.sealed_rows import event_rows, open_row
 from eskin_cloud.schemas.access import SubjectDocument
 from eskin_cloud.schemas.base import NoQuery, PageDocument, dump, page
@@ -112,7 +112,7 @@ async def get_export(
     Each line is the samples of a channel in a frame, or an event in JSON, in the order of storing.
     A line with `damaged` stands for a message that is damaged in the store.
     """
-    reader = Reader(cloud.key_access.require(access.holder.scopes), access.opened)
+    reader = RequestReader(cloud.key_access.require(access.holder.scopes), access.opened)
     site = await asyncio.to_thread(_require_site, cloud, subject, query.site)
     audit_entry = AuditEntry(
         access.actor.name, access.actor.address, Action.SUBJECT_EXPORTED, subject, site
@@ -145,7 +145,7 @@ def _require_site(cloud: AppState, subject: str, site: str | None) -> str:
 
 
 def stream_lines(
-    cloud: AppState, access: Access, reader: Reader, site: str, subject: str
+    cloud: AppState, access: Access, reader: RequestReader, site: str, subject: str
 ) -> Iterator[bytes]:
     """A subject's lines, for as long as the reader may read."""
     last = -1
@@ -172,7 +172,9 @@ def stream_lines(
         last = rows[-1]["cursor"]
 
 
-def _lines(cloud: AppState, reader: Reader, row: dict[str, Any]) -> list[Mapping[str, object]]:
+def _lines(
+    cloud: AppState, reader: RequestReader, row: dict[str, Any]
+) -> list[Mapping[str, object]]:
     node = row["node"]
     opened = open_row(reader, row)
     if opened is None:

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
     from eskin.privacy.cipher import Sealable
     from eskin.wire.frames import DescribedLayout
-    from eskin_cloud.privacy.sealed_rows import Reader
+    from eskin_cloud.privacy.sealed_rows import SealedReader
     from eskin_cloud.store.read.lookup import Channel
 
 MOST: Final = 20_000
@@ -75,7 +75,7 @@ class SealedPage(NamedTuple):
 
 @contextmanager
 def decrypted_window(
-    connection: Connection, reader: Reader, channel: Channel, window: Window
+    connection: Connection, reader: SealedReader, channel: Channel, window: Window
 ) -> Iterator[tuple[Connection, Channel]]:
     """A store in memory with a channel's frames around a window, and the channel there.
 
@@ -102,7 +102,7 @@ def decrypted_window(
 @contextmanager
 def decrypted_frames(
     connection: Connection,
-    reader: Reader,
+    reader: SealedReader,
     node: str,
     places: Sequence[SealedPage],
     window: Window,
@@ -183,7 +183,9 @@ def _require_few(rows: Sequence[RowMapping]) -> None:
         raise QueryError("start", f"to end are over {MOST_BYTES} sealed bytes; ask for less")
 
 
-def _open(reader: Reader, sealed: Sequence[RowMapping]) -> list[tuple[RowMapping, Sealable, bytes]]:
+def _open(
+    reader: SealedReader, sealed: Sequence[RowMapping]
+) -> list[tuple[RowMapping, Sealable, bytes]]:
     """What can be opened; the rest is missing, as a gap is."""
     found: list[tuple[RowMapping, Sealable, bytes]] = []
     lost: NoKeyError | None = None

@@ -57,7 +57,7 @@ def _unapplied_erasures(
     return {(row["site"], row["subject"]) for row in found} - known
 
 
-class Reader:
+class RequestReader:
     """Opens sealed messages for one request, and notes whose.
 
     Args:
@@ -136,7 +136,7 @@ class KeyAccess:
 
     def reader(
         self, scopes: Iterable[Scope], connection: Connection, opened: set[tuple[str, str]]
-    ) -> Reader:
+    ) -> RequestReader:
         """A reader of sealed messages of subjects that are not erased.
 
         Args:
@@ -150,7 +150,7 @@ class KeyAccess:
         """
         self.require(scopes)
         self.apply_erasures(connection)
-        return Reader(self, opened)
+        return RequestReader(self, opened)
 
     def require(self, scopes: Iterable[Scope]) -> Self:
         """Refuse a caller who may not read biometric data.

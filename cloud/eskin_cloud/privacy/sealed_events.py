@@ -17,12 +17,12 @@ from eskin_cloud.store.schema.sealed_tables import sealed_messages
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping, Select
 
-    from eskin_cloud.privacy.sealed_rows import Reader
+    from eskin_cloud.privacy.sealed_rows import SealedReader
     from eskin_cloud.query.events import EventQuery
 
 
 def find_sealed_events(
-    connection: Connection, reader: Reader, question: EventQuery
+    connection: Connection, reader: SealedReader, question: EventQuery
 ) -> list[dict[str, Any]]:
     """The first sealed events that answer a question, in its order; one more than its limit.
 
@@ -69,7 +69,7 @@ def _sure(found: list[dict[str, Any]], limit: int, row: RowMapping, *, rising: b
     return bool(row["t_lo"] > last if rising else row["t_hi"] < last)
 
 
-def _open(connection: Connection, reader: Reader, row: RowMapping) -> list[dict[str, Any]]:
+def _open(connection: Connection, reader: SealedReader, row: RowMapping) -> list[dict[str, Any]]:
     try:
         opened = open_row(reader, row)
     except NoKeyError:

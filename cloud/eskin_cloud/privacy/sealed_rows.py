@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from eskin.wire.frames import DescribedLayout
 
 
-class Reader(Protocol):
+class SealedReader(Protocol):
     """Opens what is sealed."""
 
     def read(self, node: str, sealed: SealedMessage, /) -> tuple[Sealable, bytes]:
@@ -48,7 +48,9 @@ def event_rows(
     return [row | {"cursor": cursor, "number": k} for k, row in enumerate(rows)]
 
 
-def open_row(reader: Reader, row: Mapping[str, Any] | RowMapping) -> tuple[Sealable, bytes] | None:
+def open_row(
+    reader: SealedReader, row: Mapping[str, Any] | RowMapping
+) -> tuple[Sealable, bytes] | None:
     """What a row holds; ``None`` where it is not as it was written.
 
     Args:

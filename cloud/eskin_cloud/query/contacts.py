@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from eskin.contacts import Contacts
     from eskin.interval import Floats
     from eskin.wire.frames import DescribedLayout, Patch
-    from eskin_cloud.store.descriptions import Share
+    from eskin_cloud.store.descriptions import SkinShare
     from eskin_cloud.store.patch_run import PatchRun
 
 UNIT: Final = "Pa"
@@ -141,7 +141,7 @@ class ContactSkin:
     def read_at(
         self,
         connection: Connection,
-        shares: Sequence[Share],
+        shares: Sequence[SkinShare],
         described: DescribedLayout,
         t: int,
     ) -> Pressures:
@@ -209,7 +209,7 @@ class ContactSkin:
         return find_contacts(lo, hi, self.skin, self.least)
 
 
-def find_common_end(connection: Connection, shares: Iterable[Share]) -> int | None:
+def find_common_end(connection: Connection, shares: Iterable[SkinShare]) -> int | None:
     """The latest time up to which all nodes of a skin have sent samples, UTC ns.
 
     A node that is later by `LONGEST_HOLD` than another one is silent, and is not waited for.

@@ -191,7 +191,7 @@ def collect_damaged_rows() -> Iterator[list[object]]:
         _current.reset(token)
 
 
-class Header(Protocol):
+class RowHeader(Protocol):
     """The columns that describe a row's ``data``."""
 
     @property
@@ -210,7 +210,7 @@ class Header(Protocol):
         """The value of column ``head``; ``None`` if a damaged column has another type."""
 
 
-def is_intact(head: Header, own: int, data: bytes | None = None) -> bool:
+def is_intact(head: RowHeader, own: int, data: bytes | None = None) -> bool:
     """Whether a row's header is intact, and its data; a damaged row is reported.
 
     Args:

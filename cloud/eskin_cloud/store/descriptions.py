@@ -81,7 +81,7 @@ class Description(NamedTuple):
     biometric: int = 0
 
 
-class Share(NamedTuple):
+class SkinShare(NamedTuple):
     """What one node samples of a skin.
 
     Attributes:
@@ -289,7 +289,7 @@ def find_stated_layouts(
     return found
 
 
-def find_shares(connection: Connection, node: str, described: DescribedLayout) -> list[Share]:
+def find_shares(connection: Connection, node: str, described: DescribedLayout) -> list[SkinShare]:
     """Which nodes sample the patches of a layout, in its order.
 
     Args:
@@ -304,7 +304,7 @@ def find_shares(connection: Connection, node: str, described: DescribedLayout) -
         stated = controller.node == node or described.hash in find_descriptions(
             connection, controller.node, [described.hash]
         )
-        found.append(Share(controller.node, range(own[0].start, own[-1].stop), stated))
+        found.append(SkinShare(controller.node, range(own[0].start, own[-1].stop), stated))
     return found
 
 

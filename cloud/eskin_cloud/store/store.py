@@ -14,7 +14,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from eskin.errors import StoreError
 from eskin.runtime.sqlite_integrity import UNREADABLE
-from eskin.wire.slot import SLOTS, Share, even_groups, share_out, slot_of
+from eskin.wire.slot import SLOTS, SlotShare, even_groups, share_out, slot_of
 from eskin_cloud.store.damage import damaged_rows
 from eskin_cloud.store.db_errors import explain
 from eskin_cloud.store.integrity import check_small_tables
@@ -180,7 +180,7 @@ class Store:
         """Queue work on the rows of one node. See `write_slots`."""
         return self.write_slots([slot_of(node)], work)
 
-    def shares(self, items: Iterable[T], node_of: Callable[[T], str]) -> list[Share[T]]:
+    def shares(self, items: Iterable[T], node_of: Callable[[T], str]) -> list[SlotShare[T]]:
         """Share items out by the groups of their nodes' slots, which are written apart."""
         return share_out(items, node_of, self._groups)
 

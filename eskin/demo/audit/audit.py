@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin.demo.audit.channel import ChannelAudit
-    from eskin.demo.layout import Layout
+    from eskin.demo.layout import DemoFolder
     from eskin.wire.messages import Position
 
 
@@ -54,7 +54,7 @@ class Audit:
 
 
 def audit(
-    layout: Layout,
+    layout: DemoFolder,
     *,
     store: StoreLocation | None = None,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
@@ -86,7 +86,7 @@ def audit(
 
 
 def _audit(
-    layout: Layout,
+    layout: DemoFolder,
     files: Mapping[str, Path],
     connection: Connection,
     progress: Callable[[int, int], None],

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin.demo.audit.frames import StoredFrames
-    from eskin.demo.layout import Layout
+    from eskin.demo.layout import DemoFolder
     from eskin.wire.frames import Gap
 
 _WAITING: Final = (
@@ -107,7 +107,7 @@ class UnderWay:
     departures: dict[str, list[str]]
 
     @classmethod
-    def look(cls, layout: Layout) -> UnderWay:
+    def look(cls, layout: DemoFolder) -> UnderWay:
         """Look at the demo's files, also while it runs.
 
         Raises:
@@ -245,7 +245,7 @@ def _sighted(node: str, connection: Connection) -> Sightings:
     return sighted
 
 
-def _in_flash(layout: Layout, query: str) -> Iterator[tuple[str, int, int]]:
+def _in_flash(layout: DemoFolder, query: str) -> Iterator[tuple[str, int, int]]:
     """Query the flash of nodes and fleets; gives the node, a boot and a sequence."""
     for path in layout.flashes:
         yield from _rows(path, query)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection, RowMapping
 
-    from eskin.demo.layout import Layout
+    from eskin.demo.layout import DemoFolder
 
 
 def count_sealed(connection: Connection) -> dict[str, int]:
@@ -30,7 +30,7 @@ def count_sealed(connection: Connection) -> dict[str, int]:
     return {node: int(count) for node, count in connection.execute(query)}
 
 
-def open_keys(layout: Layout) -> Decryptor:
+def open_keys(layout: DemoFolder) -> Decryptor:
     """What opens the messages of the demo's site."""
     return Decryptor(KeyStore(layout.keys, FileMasterKey(layout.keys / MASTER_FILE)))
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class KernelLayout:
     """Work for a kernel.
 
     Attributes:
@@ -48,7 +48,7 @@ class Layout:
         return full[..., 0] if self.axis is None else np.moveaxis(full, -1, self.axis)
 
 
-def lay_out(time: ArrayLike, parameters: Sequence[Parameter]) -> Layout:
+def lay_out(time: ArrayLike, parameters: Sequence[Parameter]) -> KernelLayout:
     """Arrange times and checked parameters.
 
     Raises:
@@ -75,7 +75,9 @@ def lay_out(time: ArrayLike, parameters: Sequence[Parameter]) -> Layout:
     clocks = np.arange(math.prod(times.shape[:-1])).reshape(times.shape[:-1])
     clock_of = np.broadcast_to(clocks, lead).reshape(-1).astype(np.int64)
     wide = np.broadcast_to(times, (*times.shape[:-1], shape[-1]))
-    return Layout(rows, clock_of, as_compiled(wide).reshape(clocks.size, shape[-1]), shape, axis)
+    return KernelLayout(
+        rows, clock_of, as_compiled(wide).reshape(clocks.size, shape[-1]), shape, axis
+    )
 
 
 def _padded(array: Floats, shape: tuple[int, ...]) -> Floats:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from eskin.models.icm.layout import Layout
+    from eskin.models.icm.layout import KernelLayout
     from eskin.models.parameters import Bounds, Floats, Parameter
 
     Indices = NDArray[np.int64]
@@ -147,7 +147,7 @@ def _evaluate(
     return _run(work, list(zip(kernels, (thin, source & ~thin, ~source), strict=True)))
 
 
-def _run(work: Layout, share: list[tuple[Kernel, NDArray[np.bool_]]]) -> Interval:
+def _run(work: KernelLayout, share: list[tuple[Kernel, NDArray[np.bool_]]]) -> Interval:
     lo, hi = np.empty((2, len(work.rows), work.times.shape[1]))
     for kernel, mine in share:
         if mine.all():

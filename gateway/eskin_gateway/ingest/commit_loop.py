@@ -16,7 +16,7 @@ from eskin.wire.sequence_set import SequenceRanges
 from eskin.wire.topics import Stream, node_topic
 from eskin_gateway.metrics import RejectReason
 from eskin_gateway.publish import public_payloads
-from eskin_gateway.publish.frame_hulls import FrameHulls
+from eskin_gateway.publish.frame_hulls import HullCollector
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from eskin_gateway.mqtt.sealer_cache import SealerCache
     from eskin_gateway.mqtt.transport import Publication, ReceivedMessage, Transport
     from eskin_gateway.publish.alarms import AlarmPublisher
-    from eskin_gateway.publish.frame_hulls import PatchHull
+    from eskin_gateway.publish.frame_hulls import PublishedHull
     from eskin_gateway.publish.homeassistant import Discovery
     from eskin_gateway.publish.presence import Presence
     from eskin_gateway.settings import SpoolSection
@@ -88,7 +88,7 @@ class PostCommit:
         self._metrics = metrics
         self._discovery = discovery
         self._descriptions = descriptions
-        self._frame_hulls = FrameHulls()
+        self._frame_hulls = HullCollector()
         self._senml = senml
         self._clock = clock
         self._now = now
@@ -162,7 +162,7 @@ class PostCommit:
                 yield from self._discovery.update(node, status)
         yield from self._hulls(self._frame_hulls.run_periodic(now))
 
-    def _hulls(self, due: Iterable[tuple[str, PatchHull]]) -> Iterator[Publication]:
+    def _hulls(self, due: Iterable[tuple[str, PublishedHull]]) -> Iterator[Publication]:
         for node, hull in due:
             yield from public_payloads.hulls(node, hull, senml=self._senml)
 

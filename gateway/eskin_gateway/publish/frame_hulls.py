@@ -73,7 +73,7 @@ class PageHull:
             (t0, t1) if self._time is None else (min(t0, self._time[0]), max(t1, self._time[1]))
         )
 
-    def patches(self) -> Iterator[PatchHull]:
+    def patches(self) -> Iterator[PublishedHull]:
         """The hulls of all patches of which there are samples."""
         if self._time is None:
             return
@@ -83,13 +83,13 @@ class PageHull:
             at = slice(self._ends[number] - len(patch.taxels), self._ends[number])
             t0 = self._time[0] + min(patch.skew, default=0)
             t1 = self._time[1] + max(patch.skew, default=0)
-            yield PatchHull(
+            yield PublishedHull(
                 is_large, patch, self._lo[at], self._hi[at], self._samples[at], t0, t1, rows
             )
 
 
 @dataclass(frozen=True, slots=True)
-class PatchHull:
+class PublishedHull:
     """Encloses samples of a patch.
 
     Attributes:
@@ -139,7 +139,7 @@ class PatchHull:
         return union_coverage(*parts)
 
 
-class FrameHulls:
+class HullCollector:
     """Collects the hulls of frames until they are due. Not thread-safe."""
 
     def __init__(self) -> None:
@@ -148,7 +148,7 @@ class FrameHulls:
 
     def add(
         self, node: str, frame: EncodedFrame, skin: DescribedLayout, *, now: float
-    ) -> Iterator[tuple[str, PatchHull]]:
+    ) -> Iterator[tuple[str, PublishedHull]]:
         """Enclose a frame; return what is due, with its node.
 
         Args:
@@ -169,7 +169,7 @@ class FrameHulls:
             published, hull = now, None
         self._recent[key] = published, hull
 
-    def run_periodic(self, now: float) -> Iterator[tuple[str, PatchHull]]:
+    def run_periodic(self, now: float) -> Iterator[tuple[str, PublishedHull]]:
         """Return what is due of pages of which nothing came since."""
         if now < self._checked + _CHECK_S:
             return

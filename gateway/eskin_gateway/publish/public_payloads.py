@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from eskin.wire.frames import DescribedLayout, Statements
     from eskin.wire.messages import Energy, Position, Status
     from eskin_gateway.mqtt.transport import Publication
-    from eskin_gateway.publish.frame_hulls import PatchHull
+    from eskin_gateway.publish.frame_hulls import PublishedHull
 
 
-def hulls(node: str, hull: PatchHull, *, senml: bool) -> Iterator[Publication]:
+def hulls(node: str, hull: PublishedHull, *, senml: bool) -> Iterator[Publication]:
     """The hull of a patch: of each of its channels, or of a large skin's patch as a whole.
 
     ``t0`` is the earliest time of the first sample, ``t1`` the latest of the last. An infinite
@@ -40,7 +40,7 @@ def hulls(node: str, hull: PatchHull, *, senml: bool) -> Iterator[Publication]:
         yield from _senml(node, hull)
 
 
-def _channels(node: str, hull: PatchHull) -> Iterator[Publication]:
+def _channels(node: str, hull: PublishedHull) -> Iterator[Publication]:
     """JSON of each channel that was sampled."""
     lo, hi = (bounds.tolist() for bounds in hull.bounds)
     common = _common(hull)
@@ -50,7 +50,7 @@ def _channels(node: str, hull: PatchHull) -> Iterator[Publication]:
             yield live_topic(node, channel), orjson.dumps(item), False
 
 
-def _patch(node: str, hull: PatchHull) -> Iterator[Publication]:
+def _patch(node: str, hull: PublishedHull) -> Iterator[Publication]:
     lo, hi = hull.bounds
     item = {
         **_common(hull),
@@ -68,7 +68,7 @@ def _patch(node: str, hull: PatchHull) -> Iterator[Publication]:
     yield live_topic(node, f"patches/{hull.patch.patch_id}"), orjson.dumps(item), False
 
 
-def _common(hull: PatchHull) -> dict[str, Any]:
+def _common(hull: PublishedHull) -> dict[str, Any]:
     return {
         "t0": format_timestamp(hull.t0),
         "t1": format_timestamp(hull.t1),
@@ -77,7 +77,7 @@ def _common(hull: PatchHull) -> dict[str, Any]:
     }
 
 
-def _senml(node: str, hull: PatchHull) -> Iterator[Publication]:
+def _senml(node: str, hull: PublishedHull) -> Iterator[Publication]:
     """As SenML (RFC 8428): of each channel, or of all of a large skin's patch."""
     lo, hi = hull.bounds
     span = seconds(hull.t1 - hull.t0), SECONDS

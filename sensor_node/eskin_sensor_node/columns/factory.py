@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin_sensor_node.columns.inversion import least_width
 from eskin_sensor_node.columns.pad_columns import PadColumns
-from eskin_sensor_node.columns.plan import Quantity, SkinPlan, plan_skin
+from eskin_sensor_node.columns.plan import PatchQuantity, SkinPlan, plan_skin
 
 if TYPE_CHECKING:
     from eskin_sensor_node.machine.clock import Clock
@@ -23,7 +23,9 @@ def plan(settings: NodeSettings) -> SkinPlan:
     """
     section = settings.skin
     taxel = section.taxel
-    quantity = Quantity(_PRESSURE, taxel.units[_PRESSURE], least_width(taxel), section.threshold_pa)
+    quantity = PatchQuantity(
+        _PRESSURE, taxel.units[_PRESSURE], least_width(taxel), section.threshold_pa
+    )
     return plan_skin(
         section.skin,
         quantity,

@@ -11,7 +11,7 @@ from eskin.wire.frames import Grid
 from eskin_sensor_node.columns.inversion import PadColumnsInversion, surroundings
 from eskin_sensor_node.columns.self_test import ColumnsSelfTest
 from eskin_sensor_node.columns.sensing import SensingColumns
-from eskin_sensor_node.columns.stretch import PatchColumns, Stretch
+from eskin_sensor_node.columns.stretch import PatchColumns, SkinStretch
 from eskin_sensor_node.columns.taxel import ColumnTaxel
 from eskin_sensor_node.firmware.schedule import Frame
 from eskin_sensor_node.firmware.selftest import CERTAIN, IMPOSSIBLE
@@ -159,7 +159,7 @@ class PadColumns:
             axis=None,
         )
 
-    def advance(self, ticks: int) -> Iterator[Stretch]:
+    def advance(self, ticks: int) -> Iterator[SkinStretch]:
         """See `SkinColumns`."""
         while self.next_due <= ticks:
             yield self._sample()
@@ -174,7 +174,7 @@ class PadColumns:
         self._begin += rows * self.period
         self._row += rows
 
-    def _sample(self) -> Stretch:
+    def _sample(self) -> SkinStretch:
         """Take the next stretch."""
         begin, rows, first_row = self._begin, self._rows, self._row
         sensed = self.sensed
@@ -188,7 +188,7 @@ class PadColumns:
         self._pass(rows)
         grid = Grid(0, self.period, first_row, rows, self.coverage)
         cells = [values.ravel()[self._places] for values in (lows, highs, sensed.truth["pressure"])]
-        return Stretch(begin, self._begin, (grid,), tuple(self._patches(cells, rows)))
+        return SkinStretch(begin, self._begin, (grid,), tuple(self._patches(cells, rows)))
 
     def _patches(self, cells: list[Floats], rows: int) -> Iterator[PatchColumns]:
         """Each patch's part of the cells, which are ordered as in `_places`."""

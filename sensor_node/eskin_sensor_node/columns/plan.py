@@ -31,7 +31,7 @@ _MICRO: Final = 1e6
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class PatchQuantity:
     """What all patches of a skin state alike.
 
     Attributes:
@@ -65,7 +65,7 @@ class SkinPlan:
 
 
 def plan_skin(
-    skin: Skin, quantity: Quantity, *, rows: int, controllers: Sequence[str], node: str
+    skin: Skin, quantity: PatchQuantity, *, rows: int, controllers: Sequence[str], node: str
 ) -> SkinPlan:
     """Describe a skin.
 

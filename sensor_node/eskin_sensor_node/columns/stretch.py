@@ -33,7 +33,7 @@ class PatchColumns(NamedTuple):
     truth: Floats
 
 
-class Stretch(NamedTuple):
+class SkinStretch(NamedTuple):
     """A stretch of time of a whole skin.
 
     Attributes:
@@ -102,7 +102,7 @@ class SkinColumns(Protocol):
         """
         ...
 
-    def advance(self, ticks: int) -> Iterator[Stretch]:
+    def advance(self, ticks: int) -> Iterator[SkinStretch]:
         """Take all stretches that are complete by an instant."""
         ...
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.machine.node_layout import NodeLayout
 
 
-class Part(NamedTuple):
+class ChannelStretch(NamedTuple):
     """What one channel of all nodes has of a stretch.
 
     Attributes:
@@ -90,14 +90,14 @@ class _Matrix:
     """One patch of all nodes; the twin of `firmware.assembler.Matrix`."""
 
     patch: PlannedPatch
-    parts: Sequence[Part]
+    parts: Sequence[ChannelStretch]
     start: int
     dt: int
     rows: int
     coverage: float
 
     @classmethod
-    def of(cls, parts: Sequence[Part]) -> _Matrix:
+    def of(cls, parts: Sequence[ChannelStretch]) -> _Matrix:
         start = min(part.frame.start for part in parts)
         dt = min(part.frame.dt for part in parts)
         last = max(part.frame.start + (part.frame.n - 1) * part.frame.dt for part in parts)
@@ -151,10 +151,10 @@ class CohortAssembler:
         self._writing = Writing(name, error, drift)
         self._subjects = [patch.subject or "" for patch in layout.patches]
         self._least_widths = [patch.least_width for patch in layout.patches]
-        self._parts: dict[int, list[Part]] = {}
+        self._parts: dict[int, list[ChannelStretch]] = {}
         self._peaks: list[Any] = []
 
-    def add(self, parts: Sequence[Part], peaks: Any) -> None:
+    def add(self, parts: Sequence[ChannelStretch], peaks: Any) -> None:
         """Take the channels of a taxel's frame, and peaks."""
         for part in parts:
             self._parts.setdefault(part.patch.number, []).append(part)

@@ -47,7 +47,7 @@ class Timing(NamedTuple):
     drift: int
 
 
-class Design(NamedTuple):
+class TaxelDesign(NamedTuple):
     """What all nodes share of a taxel.
 
     Attributes:
@@ -126,7 +126,7 @@ def _seek(
     highs: Floats,
     row: int,
     k: int,
-    design: Design,
+    design: TaxelDesign,
     group: Group,
     columns: Columns,
     peaks: Any,
@@ -159,7 +159,7 @@ def _pause(
     samples: int,
     row: int,
     k: int,
-    design: Design,
+    design: TaxelDesign,
     group: Group,
     columns: Columns,
     peaks: Any,
@@ -179,7 +179,7 @@ def report(
     closes: bool,  # noqa: FBT001 - compiled
     lows: Floats,
     highs: Floats,
-    design: Design,
+    design: TaxelDesign,
     group: Group,
     columns: Columns,
     sent: NDArray[np.bool_],
@@ -221,7 +221,7 @@ def report(
 
 @kernel
 def skip(
-    samples: int, design: Design, group: Group, columns: Columns, peaks: Any, events: Any
+    samples: int, design: TaxelDesign, group: Group, columns: Columns, peaks: Any, events: Any
 ) -> int:
     """Skip missing samples; takes the peaks that stay undecided. Else as `report`."""
     count = 0

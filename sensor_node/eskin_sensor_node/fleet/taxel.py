@@ -9,14 +9,14 @@ import numpy as np
 from eskin.peaks.certain_possible_peaks import MOST_AT_ONCE
 from eskin.peaks.table import EVENT
 from eskin_sensor_node.columns.sensing import SensingColumns
-from eskin_sensor_node.fleet.assembler import Part
+from eskin_sensor_node.fleet.assembler import ChannelStretch
 from eskin_sensor_node.fleet.baseline_kernels import MODES
 from eskin_sensor_node.fleet.columns import fresh
 from eskin_sensor_node.fleet.report_kernels import (
     GONE,
     PEAK,
-    Design,
     Group,
+    TaxelDesign,
     Timing,
     report,
     skip,
@@ -63,7 +63,7 @@ class FrameReport(NamedTuple):
     """
 
     frame: Frame
-    parts: Sequence[Part]
+    parts: Sequence[ChannelStretch]
     peaks: Any
     bounds: tuple[Floats, Floats]
 
@@ -124,9 +124,9 @@ class TaxelRows:
         )
         self.next = self._schedule.frame(setting.first)
 
-    def _designed(self, coverage: float, clock: tuple[int, int]) -> Design:
+    def _designed(self, coverage: float, clock: tuple[int, int]) -> TaxelDesign:
         setting, schedule = self._setting, self._schedule
-        return Design(
+        return TaxelDesign(
             np.array([patch.number for patch, _ in self._columns], np.int64),
             np.array([column for _, column in self._columns], np.int64),
             np.array(setting.thresholds),
@@ -196,7 +196,9 @@ class TaxelRows:
         )
         self.next = self._schedule.following(frame)
         parts = [
-            Part(patch, column, frame, self._design.coverage, lows[k], highs[k], truth, sent[k])
+            ChannelStretch(
+                patch, column, frame, self._design.coverage, lows[k], highs[k], truth, sent[k]
+            )
             for k, ((patch, column), truth) in enumerate(
                 zip(self._columns, map(self._truth.__getitem__, self.quantities), strict=True)
             )

@@ -19,7 +19,7 @@ _AROUND: Final = 4
 """So many surround a taxel: no contact moves all of them and leaves it out."""
 
 
-class Patch(NamedTuple):
+class PadNeighbours(NamedTuple):
     """Where a pad sits in its skin.
 
     Attributes:
@@ -31,9 +31,9 @@ class Patch(NamedTuple):
     around: list[int]
 
 
-def patches(taxels: Sequence[TaxelSection]) -> dict[int, Patch]:
+def patches(taxels: Sequence[TaxelSection]) -> dict[int, PadNeighbours]:
     """Of each pad of a node, by its number, where it sits: what it feels crosstalk of."""
-    found: dict[int, Patch] = {}
+    found: dict[int, PadNeighbours] = {}
     skins: dict[str, dict[str, int]] = {}
     for number, taxel in enumerate(taxels):
         if isinstance(taxel, Staged) and taxel.pressed:
@@ -44,7 +44,7 @@ def patches(taxels: Sequence[TaxelSection]) -> dict[int, Patch]:
             if isinstance(taxel, Staged) and taxel.pressed and taxel.scenario == scenario:
                 beside = skin.neighbours[skin.numbers[taxel.place]]
                 names = [skin.names[k] for k in beside[beside != NO_NEIGHBOUR].tolist()]
-                found[number] = Patch(
+                found[number] = PadNeighbours(
                     len(names), [places[name] for name in names if name in places]
                 )
     return found

@@ -61,7 +61,7 @@ def require_depth(settings: NodeSettings) -> None:
         )
 
 
-class Sampling:
+class SamplingInterrupts:
     """Interrupts of all taxels: those in a frame, and the one that completes it.
 
     Args:

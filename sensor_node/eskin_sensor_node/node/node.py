@@ -16,7 +16,7 @@ from eskin_sensor_node.machine.compiled_samples import compiled_encode
 from eskin_sensor_node.machine.data_sheet import taxel_coverages
 from eskin_sensor_node.machine.node_layout import NodeLayout, plan_layout
 from eskin_sensor_node.machine.prices import message
-from eskin_sensor_node.machine.sampling import Sampling, most_repeats
+from eskin_sensor_node.machine.sampling import SamplingInterrupts, most_repeats
 from eskin_sensor_node.node.base import BaseNode
 from eskin_sensor_node.node.ground_truth import TrueFrame
 from eskin_sensor_node.node.reflexes import NodeReflexes
@@ -173,7 +173,9 @@ class Node(BaseNode):
         for taxel in self.taxels:
             taxel.boot(self._outbox.boot, writer, self._assembler)
         actions = [partial(self._sample, number) for number in range(len(self.taxels))]
-        self.sampling = Sampling(self.machine, actions, self._settings.machine.dma_samples)
+        self.sampling = SamplingInterrupts(
+            self.machine, actions, self._settings.machine.dma_samples
+        )
         self._sampling_group.boot()
         self.reflexes = NodeReflexes(
             self._settings,

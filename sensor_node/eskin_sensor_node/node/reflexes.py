@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.firmware.taxel.taxel import Taxel
     from eskin_sensor_node.machine.machine import Machine
-    from eskin_sensor_node.machine.sampling import Sampling
+    from eskin_sensor_node.machine.sampling import SamplingInterrupts
     from eskin_sensor_node.node.gesture_key import GestureKey
     from eskin_sensor_node.settings import NodeSettings
 
@@ -194,7 +194,7 @@ class NodeReflexes:
         taxels: Mapping[str, MonitoredTaxel],
         *,
         machine: Machine,
-        sampling: Sampling,
+        sampling: SamplingInterrupts,
         clock: Clock,
         assembler: Assembler,
         gesture_key: GestureKey,

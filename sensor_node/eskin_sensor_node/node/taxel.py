@@ -100,7 +100,7 @@ class SampleHold:
         return convert
 
 
-class Reader:
+class InputReader:
     """Reads the inputs of one taxel.
 
     Args:
@@ -268,7 +268,7 @@ class EmulatedTaxel:
             clock=self._clock.known,
             assembler=assembler,
         )
-        self.reader = Reader(
+        self.reader = InputReader(
             self.control_unit,
             self.group,
             self._column,

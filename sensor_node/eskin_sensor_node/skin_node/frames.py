@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin.wire.frames import Layout, Patch
-    from eskin_sensor_node.columns.stretch import PatchColumns, Stretch
+    from eskin_sensor_node.columns.stretch import PatchColumns, SkinStretch
     from eskin_sensor_node.firmware.clock import Clock
     from eskin_sensor_node.firmware.message_writer import MessageWriter, PatchSamples, Record
 
@@ -49,7 +49,7 @@ class FrameWriter:
         self._least_widths = [patch.least_width for patch in patches]
 
     def write(
-        self, stretch: Stretch, clock: Clock, message_writer: MessageWriter
+        self, stretch: SkinStretch, clock: Clock, message_writer: MessageWriter
     ) -> Iterator[WrittenFrame]:
         """Write a frame for each page that has samples.
 
@@ -76,7 +76,7 @@ class FrameWriter:
             values = np.concatenate([each.truth.ravel() for each in patches])
             yield WrittenFrame(record, sizes, values)
 
-    def _encoded(self, patch: PatchColumns, stretch: Stretch, grid: int) -> PatchSamples:
+    def _encoded(self, patch: PatchColumns, stretch: SkinStretch, grid: int) -> PatchSamples:
         rows, columns = patch.lo.shape
         sampling = Sampling(rows, columns, stretch.grids[patch.grid].first_row)
         width = self._least_widths[patch.patch]

@@ -12,7 +12,7 @@ from eskin_sensor_node.firmware.gap_reasons import DEAD, STUCK, reason_text
 from eskin_sensor_node.firmware.schedule import Frame
 from eskin_sensor_node.machine.prices import NONE, message
 from eskin_sensor_node.machine.prices import stretch as price_stretch
-from eskin_sensor_node.machine.sampling import WHOLE_FRAME, Sampling
+from eskin_sensor_node.machine.sampling import WHOLE_FRAME, SamplingInterrupts
 from eskin_sensor_node.node.base import BaseNode
 from eskin_sensor_node.node.ground_truth import TrueFrame
 from eskin_sensor_node.node.reflexes import NodeReflexes
@@ -22,7 +22,7 @@ from eskin_sensor_node.skin_node.frames import FrameWriter
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from eskin_sensor_node.columns.stretch import SkinColumns, Stretch
+    from eskin_sensor_node.columns.stretch import SkinColumns, SkinStretch
     from eskin_sensor_node.firmware.message_writer import Gap, Record
     from eskin_sensor_node.firmware.outbox import Batch, Outbox
     from eskin_sensor_node.machine.clock import Clock
@@ -74,7 +74,7 @@ class SkinNode(BaseNode):
         self._rows_untested = 0
         self._broken: frozenset[str] = frozenset()
         self._assembler = Assembler(self._clock.known, self._outbox.message_writer)
-        self._sampling = Sampling(self.machine, [self._sample], WHOLE_FRAME)
+        self._sampling = SamplingInterrupts(self.machine, [self._sample], WHOLE_FRAME)
         self.reflexes = NodeReflexes(
             self._settings,
             self.columns.taxels,
@@ -128,7 +128,7 @@ class SkinNode(BaseNode):
             self._batch.take([record])
         self._arm()
 
-    def _finish(self, stretch: Stretch) -> None:
+    def _finish(self, stretch: SkinStretch) -> None:
         """Charge and store a stretch."""
         clock, ledger = self._clock, self.machine.ledger
         lasting = stretch.end - stretch.begin
@@ -147,7 +147,7 @@ class SkinNode(BaseNode):
         self._charge(stretch, written)
         self._batch.take(self._test(stretch))
 
-    def _charge(self, stretch: Stretch, sizes: Sequence[int]) -> None:
+    def _charge(self, stretch: SkinStretch, sizes: Sequence[int]) -> None:
         """Charge a stretch; ``sizes``: bytes of its frames."""
         skin, machine = self._settings.skin, self._settings.machine
         for number, grid in enumerate(stretch.grids):
@@ -167,7 +167,7 @@ class SkinNode(BaseNode):
                 frame, cycles=cycles.total, inputs=taxels + len(skin.air)
             )
 
-    def _test(self, stretch: Stretch) -> list[Record]:
+    def _test(self, stretch: SkinStretch) -> list[Record]:
         """After a window of the self-test, state which taxels are broken, and were in it."""
         self._rows_untested += max(grid.rows for grid in stretch.grids)
         if stretch.end - self._tested < SELF_TEST_WINDOW:

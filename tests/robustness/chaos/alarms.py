@@ -7,7 +7,7 @@ import time
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from eskin_cloud.alarms.episodes import Episodes, Stretch
+from eskin_cloud.alarms.episodes import Episodes, VerdictStretch
 from eskin_cloud.query.channel_runs import ChannelSource
 from eskin_cloud.query.formula_channels import channel_places, parse_formula
 from eskin_cloud.query.stored_verdicts import StoredVerdicts
@@ -165,7 +165,7 @@ def _whole_record(connection: Connection, store: Store, name: str) -> tuple[list
     episodes = Episodes(on_possible=False, missing=False, clear_after=0, is_open=False)
     found: list[Episode] = []
     pieces = StoredVerdicts(formula, sources, most_reads=10**6).pieces(Window(since, end))
-    for edge in episodes.add(Stretch(p.first, p.last, p.verdict, p.missing) for p in pieces):
+    for edge in episodes.add(VerdictStretch(p.first, p.last, p.verdict, p.missing) for p in pieces):
         if edge.verdict is not None:
             found.append(Episode(edge.tick, None))
         else:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final, Self
 from eskin_cloud.access import Scope, create_token
 from eskin_cloud.store import Store
 
-from eskin.demo.layout import Layout
+from eskin.demo.layout import DemoFolder
 from eskin.identity import IdentityKind
 from eskin.identity.identity import CHAIN_FILE
 from eskin.mosquitto import BrokerPorts
@@ -89,7 +89,7 @@ class Site:
     """
 
     def __init__(self, root: Path, *, kind: str = "sqlite", programs: Path | None = None) -> None:
-        self.layout = Layout(root)
+        self.layout = DemoFolder(root)
         self._logs = self.layout.logs
         self._logs.mkdir(parents=True)
         self._library = build_library(root)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_cloud.alarms.episodes import Edge, Episodes, Stretch
+from eskin_cloud.alarms.episodes import Edge, Episodes, VerdictStretch
 from eskin_cloud.alarms.evaluator import Evaluator
 from eskin_cloud.alarms.live_monitor import LiveMonitor
 from eskin_cloud.jobs.monitors import evaluate_monitors
@@ -76,18 +76,18 @@ def reference(
         }
         pieces = list(StoredVerdicts(found, sources).pieces(Window(START, end // 2 + 1)))
     known = [
-        Stretch(p.first, min(p.last, end - 1), p.verdict, p.missing)
+        VerdictStretch(p.first, min(p.last, end - 1), p.verdict, p.missing)
         for p in pieces
         if p.first < end
     ]
 
-    def raises(each: Stretch) -> bool:
+    def raises(each: VerdictStretch) -> bool:
         possible = each.verdict is Verdict.POSSIBLE and (missing or not each.missing)
         return each.verdict is Verdict.CERTAIN or (raise_on == "possible" and possible)
 
     # Stretches that are impossible for long enough part the record; each part has one episode.
-    parts: list[tuple[list[Stretch], int | None]] = []
-    part: list[Stretch] = []
+    parts: list[tuple[list[VerdictStretch], int | None]] = []
+    part: list[VerdictStretch] = []
     for is_quiet, group in groupby(known, key=lambda each: each.verdict is Verdict.IMPOSSIBLE):
         found_here = list(group)
         length = found_here[-1].last + 1 - found_here[0].first
@@ -234,7 +234,7 @@ def test_episodes_that_are_near_are_one() -> None:
         verdicts = (Verdict.CERTAIN, Verdict.IMPOSSIBLE, Verdict.CERTAIN, Verdict.IMPOSSIBLE)
         ends = (0, 10, 30, 40, 100)
         return episodes.add(
-            Stretch(first, last - 1, verdict, missing=False)
+            VerdictStretch(first, last - 1, verdict, missing=False)
             for verdict, (first, last) in zip(verdicts, pairwise(ends), strict=True)
         )
 

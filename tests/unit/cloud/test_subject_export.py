@@ -9,7 +9,7 @@ import pytest
 from eskin_cloud.access import Principal, digest, find_token, revoke_token, token_id
 from eskin_cloud.api.dependencies import Access
 from eskin_cloud.api.subjects import stream_lines
-from eskin_cloud.privacy.key_access import Reader
+from eskin_cloud.privacy.key_access import RequestReader
 from eskin_cloud.store.schema.sealed_tables import sealed_messages
 from sqlalchemy import select, update
 
@@ -45,7 +45,7 @@ async def test_export_of_a_subject_ends_when_its_token_is_revoked(stand: Stand, 
     first = holder()
     assert first is not None
     access = Access(first, "192.0.2.1", lambda: holder() is not None)
-    reader = Reader(stand.cloud.key_access.require(first.scopes), access.opened)
+    reader = RequestReader(stand.cloud.key_access.require(first.scopes), access.opened)
     lines = stream_lines(stand.cloud, access, reader, SITE, site.ada.pseudonym)
     assert json.loads(next(lines))["sequence"] == 1
     assert revoke_token(store, token_id(digest(token)))

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from eskin.demo.audit import ChannelAudit, audit
-from eskin.demo.layout import Layout
+from eskin.demo.layout import DemoFolder
 from eskin.errors import AuditError
 
 
@@ -48,4 +48,4 @@ def test_sums_of_two_layouts_are_added() -> None:
 def test_folder_without_a_store_is_named(tmp_path_factory: pytest.TempPathFactory) -> None:
     folder = tmp_path_factory.mktemp("empty")
     with pytest.raises(AuditError, match="no store here"):
-        audit(Layout(folder))
+        audit(DemoFolder(folder))

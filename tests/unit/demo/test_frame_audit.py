@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 
 from eskin.cli import app
 from eskin.demo.audit import Audit, audit
-from eskin.demo.layout import Layout as Folder
+from eskin.demo.layout import DemoFolder
 from eskin.privacy import Encryptor, FileMasterKey, KeyStore
 from eskin.privacy.master_key import MASTER_FILE
 from eskin.privacy.sealed_message import name_place
@@ -102,7 +102,7 @@ class Demo:
     """
 
     def __init__(self, root: Path, build: type[TinyColumns] = TinyColumns, **sections: Any) -> None:
-        self.folder = Folder(root)
+        self.folder = DemoFolder(root)
         self.build = build
         own = self.folder.node(NODE)
         own.mkdir(parents=True)
@@ -323,7 +323,7 @@ def test_columns_that_are_not_those_of_the_frame_are_found(demo: Demo) -> None:
 
 
 def test_frames_that_a_full_flash_gave_up_are_reported_as_lost(tmp_path: Path) -> None:
-    path = Folder(tmp_path).flash(NODE)
+    path = DemoFolder(tmp_path).flash(NODE)
     demo = Demo(tmp_path, flash={"path": path, "capacity_bytes": 2**16})
     found = demo.audit()
     demo.store.close()

@@ -6,7 +6,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from eskin.demo.identities import prepare_identities, renew_identities
-from eskin.demo.layout import Layout
+from eskin.demo.layout import DemoFolder
 from eskin.identity import CertificateAuthority, Identity, past_identities
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ LIFETIME = timedelta(hours=1)
 
 
 def test_what_is_due_is_renewed_and_what_was_revoked_is_not(tmp_path: Path) -> None:
-    layout = Layout(tmp_path)
+    layout = DemoFolder(tmp_path)
     nodes = ["fingertip", "palm"]
     assert prepare_identities(layout, nodes, lifetime=AGED) == []
     names = [*nodes, "site.demo", "server.broker", "gateway.demo"]

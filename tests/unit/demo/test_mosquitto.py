@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from eskin.demo.identities import BROKER, CLIENT, GATEWAY, prepare_identities
-from eskin.demo.layout import Layout
+from eskin.demo.layout import DemoFolder
 from eskin.demo.mosquitto import Mosquitto
 from eskin.demo.ports import free_ports
 from eskin.demo.settings_files import Ports
@@ -43,7 +43,7 @@ class Broker:
     """The demo's Mosquitto alone, with the demo's PKI."""
 
     def __init__(self, folder: Path) -> None:
-        self.layout = Layout(folder)
+        self.layout = DemoFolder(folder)
         prepare_identities(self.layout, ["fingertip", "palm"], lifetime=timedelta(days=1))
         self.authority = CertificateAuthority.open(self.layout.authority)
         self.ports = BrokerPorts(*free_ports(3))

@@ -9,7 +9,7 @@ from eskin_cloud.settings import CloudSettings
 from eskin_gateway.settings import GatewaySettings
 from eskin_sensor_node.settings import NodeSettings
 
-from eskin.demo.layout import Layout
+from eskin.demo.layout import DemoFolder
 from eskin.demo.settings_files import (
     Ports,
     node_profiles,
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def test_data_folder_can_be_moved(tmp_path: Path) -> None:
     before, after = tmp_path / "eskin-data", tmp_path / "elsewhere" / "moved"
-    layout, ports = Layout(before), Ports(8080, 8443, BrokerPorts(8883, 8884, 8885), 9464)
+    layout, ports = DemoFolder(before), Ports(8080, 8443, BrokerPorts(8883, 8884, 8885), 9464)
     node = write_node(layout, "palm", "palm")
     files = [write_cloud(layout, ports), write_gateway(layout, ports), node]
     assert not any(str(tmp_path) in file.read_text() for file in files)
@@ -37,7 +37,7 @@ def test_data_folder_can_be_moved(tmp_path: Path) -> None:
     cloud = CloudSettings.load(cloud_file)
     gateway = GatewaySettings.load(gateway_file)
     own = NodeSettings.load(node_file)
-    moved = Layout(after)
+    moved = DemoFolder(after)
     for found, expected in (
         (cloud.store.path, moved.store),
         (cloud.gateways.identity, moved.identity("server.cloud")),
@@ -64,7 +64,7 @@ def test_nodes_take_the_profiles_in_turn_or_one_skin() -> None:
 
 
 def test_node_of_a_skin_has_its_profile(tmp_path: Path) -> None:
-    written = write_node(Layout(tmp_path), "paper-hand-2", "paper-hand")
+    written = write_node(DemoFolder(tmp_path), "paper-hand-2", "paper-hand")
     settings = NodeSettings.load(written)
     assert settings.node.name == "paper-hand-2"
     assert len(settings.skin.skin) == 8400

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from eskin.cli.warm import Part, warm
+from eskin.cli.warm import WarmedPart, warm
 from eskin.errors import SettingsError
 from eskin.kernels import arithmetic
 from eskin.kernels.jit import kernel
@@ -43,4 +43,4 @@ def test_it_refuses_where_nothing_can_be_kept(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(Dispatcher, "enable_caching", refuse)
     monkeypatch.setattr(arithmetic, "add", kernel(lambda x: x + 1.0))
     with pytest.raises(SettingsError, match="NUMBA_CACHE_DIR"):
-        warm([Part.NOTEBOOK])
+        warm([WarmedPart.NOTEBOOK])

@@ -13,7 +13,7 @@ import orjson
 import pytest
 from eskin_gateway.publish import public_payloads
 from eskin_gateway.publish.frame_hulls import LARGE as FROM
-from eskin_gateway.publish.frame_hulls import FrameHulls
+from eskin_gateway.publish.frame_hulls import HullCollector
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,7 +26,7 @@ from tests.unit.gateway.skins import LARGE, PERIOD, SMALL, SkinOf, patch
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from eskin_gateway.publish.frame_hulls import PatchHull
+    from eskin_gateway.publish.frame_hulls import PublishedHull
 
     from eskin.wire.frames import Frame
 
@@ -36,14 +36,14 @@ def joined(skin: SkinOf) -> DescribedLayout:
 
 
 class Published:
-    """What `FrameHulls` publishes, with the time of each.
+    """What `HullCollector` publishes, with the time of each.
 
     Attributes:
         items: Time, topic and JSON of each.
     """
 
     def __init__(self, skin: SkinOf, *, senml: bool = False) -> None:
-        self.hulls = FrameHulls()
+        self.hulls = HullCollector()
         self._senml = senml
         self.skin = joined(skin)
         self.items: list[tuple[float, str, Any]] = []
@@ -59,7 +59,7 @@ class Published:
     def run_periodic(self, now: float) -> None:
         self._take(now, self.hulls.run_periodic(now))
 
-    def _take(self, now: float, due: Iterable[tuple[str, PatchHull]]) -> None:
+    def _take(self, now: float, due: Iterable[tuple[str, PublishedHull]]) -> None:
         for node, hull in due:
             for topic, body, retained in public_payloads.hulls(node, hull, senml=self._senml):
                 assert not retained

@@ -15,7 +15,7 @@ from eskin_sensor_node.tools.budget.run import work_of
 
 if TYPE_CHECKING:
     from eskin_sensor_node.settings import EnergySection, NodeSettings
-    from eskin_sensor_node.tools.budget.design import Design
+    from eskin_sensor_node.tools.budget.design import NodeDesign
     from eskin_sensor_node.tools.budget.run import Progress
 
 
@@ -31,14 +31,14 @@ class Budget:
         touches: What touched it.
     """
 
-    design: Design
+    design: NodeDesign
     mode: str
     seconds: int
     work: WorkCounters
     touches: Touches
 
     @classmethod
-    def measure(cls, design: Design, mode: str, seconds: int, progress: Progress) -> Self:
+    def measure(cls, design: NodeDesign, mode: str, seconds: int, progress: Progress) -> Self:
         """Run the firmware; ``progress`` takes the emulated seconds that passed."""
         work = work_of(design.settings, mode, seconds, progress)
         touches = Harvester(design.settings.taxel).touches(float(seconds))

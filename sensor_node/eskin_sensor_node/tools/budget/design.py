@@ -25,7 +25,7 @@ _NOWHERE: Final[dict[str, Any]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Design:
+class NodeDesign:
     """A node.
 
     Attributes:

@@ -18,7 +18,7 @@ from eskin_sensor_node.timebase import BILLION
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from eskin_sensor_node.columns import PadColumns, Stretch
+    from eskin_sensor_node.columns import PadColumns, SkinStretch
     from eskin_sensor_node.settings import NodeSettings
 
 TRANSPORT: Final = 80
@@ -74,7 +74,7 @@ def skin_work(
     )
 
 
-def _frames(columns: PadColumns, stretch: Stretch) -> Iterator[int]:
+def _frames(columns: PadColumns, stretch: SkinStretch) -> Iterator[int]:
     """Bytes of each frame of a stretch."""
     layout = columns.layout
     edges = accumulate(layout.pages, initial=0)

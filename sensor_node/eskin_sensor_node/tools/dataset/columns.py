@@ -13,7 +13,7 @@ HI: Final = "hi"
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class DatasetQuantity:
     """A quantity, which has a column for its truth and two for its interval.
 
     Attributes:
@@ -34,29 +34,35 @@ class Quantity:
 
 
 PAD: Final = (
-    Quantity("capacitance", "F", "F", "capacitance at the oscillator, with crosstalk and faults"),
-    Quantity(
+    DatasetQuantity(
+        "capacitance", "F", "F", "capacitance at the oscillator, with crosstalk and faults"
+    ),
+    DatasetQuantity(
         "pressure", "Pa", "Pa", "mean pressure of the contacts over the taxel, without crosstalk"
     ),
-    Quantity("contact_area", "m2", "m2", "area of the plate that contacts cover"),
-    Quantity("plate_distance", "m", "m", "mean distance of the plates (harmonic), with crosstalk"),
-    Quantity("contact_distance", "m", "m", "distance of the plates under the contact, or at rest"),
+    DatasetQuantity("contact_area", "m2", "m2", "area of the plate that contacts cover"),
+    DatasetQuantity(
+        "plate_distance", "m", "m", "mean distance of the plates (harmonic), with crosstalk"
+    ),
+    DatasetQuantity(
+        "contact_distance", "m", "m", "distance of the plates under the contact, or at rest"
+    ),
 )
 """What pads give."""
 
 COIL: Final = (
-    Quantity("inductance", "H", "H", "inductance at the oscillator, with faults"),
-    Quantity("frequency", "Hz", "Hz", "frequency of the LC oscillator"),
-    Quantity("distance", "m", "m", "distance to the nearest metal"),
-    Quantity("eddy_amplitude", "", "1", "coil current over that without metal"),
-    Quantity("eddy_phase", "rad", "rad", "change of the coil current's phase"),
+    DatasetQuantity("inductance", "H", "H", "inductance at the oscillator, with faults"),
+    DatasetQuantity("frequency", "Hz", "Hz", "frequency of the LC oscillator"),
+    DatasetQuantity("distance", "m", "m", "distance to the nearest metal"),
+    DatasetQuantity("eddy_amplitude", "", "1", "coil current over that without metal"),
+    DatasetQuantity("eddy_phase", "rad", "rad", "change of the coil current's phase"),
 )
 """What coils give."""
 
 SURROUNDINGS: Final = (
-    Quantity("temperature", "Cel", "Cel", "ambient temperature"),
-    Quantity("humidity", "percent", "%", "ambient humidity, relative"),
-    Quantity("bioelectric", "V", "V", "voltage that the body makes"),
+    DatasetQuantity("temperature", "Cel", "Cel", "ambient temperature"),
+    DatasetQuantity("humidity", "percent", "%", "ambient humidity, relative"),
+    DatasetQuantity("bioelectric", "V", "V", "voltage that the body makes"),
 )
 """What is the same for all taxels."""
 
@@ -70,7 +76,7 @@ _KEYS: Final = (
 _SIDES: Final = {TRUE: "truth", LO: "lower bound", HI: "upper bound"}
 
 
-def schema(quantities: tuple[Quantity, ...]) -> pa.Schema:
+def schema(quantities: tuple[DatasetQuantity, ...]) -> pa.Schema:
     """Names, types, units and meanings, as Parquet keeps them."""
     fields = [_field(name, kind, unit, meaning) for name, kind, unit, meaning in _KEYS]
     fields += [

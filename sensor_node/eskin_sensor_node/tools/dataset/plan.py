@@ -26,7 +26,7 @@ from eskin_sensor_node.world.scenario.fit import Staged
 if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin_sensor_node.kinds.settings import TaxelSection
-    from eskin_sensor_node.tools.dataset.columns import Quantity
+    from eskin_sensor_node.tools.dataset.columns import DatasetQuantity
     from eskin_sensor_node.world.scenario import Script
 
 Sheet = TypeVar(
@@ -104,7 +104,7 @@ class Plan:
         )
 
     @property
-    def quantities(self) -> tuple[Quantity, ...]:
+    def quantities(self) -> tuple[DatasetQuantity, ...]:
         """What has columns."""
         return PAD + (COIL if self.coils else ()) + SURROUNDINGS
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eskin_sensor_node.world.replay.recording import Recording, Series, read_recording
+from eskin_sensor_node.world.replay.recording import RecordedSeries, Recording, read_recording
 from eskin_sensor_node.world.replay.settings import Recorded
 
-__all__ = ["Recorded", "Recording", "Series", "read_recording"]
+__all__ = ["Recorded", "RecordedSeries", "Recording", "read_recording"]

@@ -25,7 +25,7 @@ _GAP: Final = 1.5
 
 
 @dataclass(frozen=True, slots=True)
-class Series:
+class RecordedSeries:
     """One channel.
 
     Attributes:
@@ -63,10 +63,10 @@ class Recording:
     """
 
     file: Path
-    series: dict[str, Series]
+    series: dict[str, RecordedSeries]
     errors: tuple[RecordingError, ...]
 
-    def channel(self, name: str) -> Series:
+    def channel(self, name: str) -> RecordedSeries:
         """One channel.
 
         Raises:
@@ -127,11 +127,13 @@ class _Track:
         """Median distance of two samples, in ns."""
         return int(np.median(np.diff(self.times))) if len(self.times) > 1 else 0
 
-    def series(self, start: int) -> Series:
+    def series(self, start: int) -> RecordedSeries:
         """What was read, with times since a start."""
         times = np.array(self.times, dtype=np.int64) - start
         gaps = tuple((int(times[k]), int(times[k + 1])) for k in self._broken())
-        return Series(times, Interval(np.array(self.lo), np.array(self.hi)), self.period, gaps)
+        return RecordedSeries(
+            times, Interval(np.array(self.lo), np.array(self.hi)), self.period, gaps
+        )
 
     def gaps(self, file: Path, name: str) -> Iterator[RecordingError]:
         """A line about each gap."""

@@ -42,7 +42,7 @@ class _Actor:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact(_Actor):
+class ContactActor(_Actor):
     """A contact.
 
     Attributes:
@@ -103,7 +103,7 @@ class Cast:
         approaches: Metal that comes near.
     """
 
-    contacts: tuple[Contact, ...]
+    contacts: tuple[ContactActor, ...]
     approaches: tuple[Approach, ...]
 
     @classmethod
@@ -123,7 +123,7 @@ class Cast:
                     approaches.append(Approach(begin, end, way, event, normal))
                 else:
                     strength = 1.0 + script.variation.force * moves[1]
-                    contacts.append(Contact(begin, end, way, event, strength))
+                    contacts.append(ContactActor(begin, end, way, event, strength))
         return cls(tuple(contacts), tuple(approaches))
 
 

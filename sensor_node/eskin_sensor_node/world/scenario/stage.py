@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
-    from eskin_sensor_node.world.scenario.cast import Approach, Contact
+    from eskin_sensor_node.world.scenario.cast import Approach, ContactActor
     from eskin_sensor_node.world.scenario.script import Script
     from eskin_sensor_node.world.skin import HysteresisSection
     from eskin_sensor_node.world.skin.skin import Indices
@@ -119,7 +119,7 @@ class _Play:
             if self._hysteresis.share > 0.0 and contact.end < last:
                 self._remain(contact, local, mask & (local > contact.end))
 
-    def _touch(self, contact: Contact, local: Floats, when: Mask) -> None:
+    def _touch(self, contact: ContactActor, local: Floats, when: Mask) -> None:
         columns = np.flatnonzero(when)
         radius, pressure, centre = contact.patch(local[columns])
         # Far rows stay as they are: most taxels of a large skin.
@@ -132,7 +132,7 @@ class _Play:
         label = LABELS.index(contact.label)
         self.labels[cells] = np.where(share > 0.0, label, self.labels[cells])
 
-    def _remain(self, contact: Contact, local: Floats, when: Mask) -> None:
+    def _remain(self, contact: ContactActor, local: Floats, when: Mask) -> None:
         """What a contact leaves behind, of its greatest pressure on each taxel."""
         columns = np.flatnonzero(when)
         course = np.linspace(contact.begin, contact.end, _COURSE)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_gateway.publish import public_payloads
-from eskin_gateway.publish.frame_hulls import FrameHulls
+from eskin_gateway.publish.frame_hulls import HullCollector
 from eskin_gateway.publish.homeassistant import config, config_topic, configs
 from eskin_gateway.service import Gateway
 from eskin_gateway.settings import PublicSection
@@ -86,7 +86,7 @@ def published(frame: Frame, skin: SkinOf, node: str = "n") -> list[Publication]:
     """What is published of a frame."""
     data = frame.encode()
     described = DescribedLayout.of(skin.layout, skin.patches)
-    due = FrameHulls().add(node, EncodedFrame.decode(data), described, now=1.0)
+    due = HullCollector().add(node, EncodedFrame.decode(data), described, now=1.0)
     return [each for _, hull in due for each in public_payloads.hulls(node, hull, senml=False)]
 
 

@@ -17,7 +17,7 @@ from eskin_sensor_node.machine.power.supply import Supply
 from eskin_sensor_node.machine.work_counters import WorkCounters
 from eskin_sensor_node.profile import profile_names
 from eskin_sensor_node.settings import EnergySection
-from eskin_sensor_node.tools.budget import Budget, Design, saving
+from eskin_sensor_node.tools.budget import Budget, NodeDesign, saving
 from eskin_sensor_node.tools.budget.design import MODES
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -48,7 +48,7 @@ def nothing(_: int) -> None:
 
 @pytest.fixture(scope="module")
 def hand() -> Sequence[Budget]:
-    design = Design.named("hand")
+    design = NodeDesign.named("hand")
     return [Budget.measure(design, mode, SECONDS, nothing) for mode in MODES]
 
 
@@ -95,7 +95,7 @@ def test_bounds_enclose_true_prices_and_true_layers() -> None:
 
 
 def test_touches_of_the_hand_are_harvested_however_time_is_cut() -> None:
-    taxels = Design.named("hand").settings.taxel
+    taxels = NodeDesign.named("hand").settings.taxel
     whole = Harvester(taxels).touches(20.0)
     cut = Harvester(taxels)
     parts = [cut.touches(second / 4) for second in range(1, 81)]
@@ -117,7 +117,7 @@ def test_verdict_is_certain_where_touches_give_more_than_sleep_costs(
 
 @pytest.fixture(scope="module")
 def shoes() -> dict[str, Budget]:
-    return {name: Budget.measure(Design.named(name), "peaks", 20, nothing) for name in SHOES}
+    return {name: Budget.measure(NodeDesign.named(name), "peaks", 20, nothing) for name in SHOES}
 
 
 def net_powers(budget: Budget, draws: int) -> list[float]:
@@ -156,7 +156,7 @@ def test_verdicts_of_packaged_profiles_hold_for_every_true_part(
 
 
 def test_paper_hand_takes_a_thousand_times_what_the_paper_counts() -> None:
-    design = Design.named("paper-hand")
+    design = NodeDesign.named("paper-hand")
     assert design.modes == ("samples",)
     budget = Budget.measure(design, "samples", 2, nothing)
     # Each taxel 50 times a second, and the air once for all of them.
@@ -203,4 +203,4 @@ def test_table_encloses_the_json() -> None:
 def test_command_names_what_is_allowed() -> None:
     assert "paper-hand" in profile_names()
     with pytest.raises(SettingsError, match="palm, paper-hand"):
-        Design.named("foot")
+        NodeDesign.named("foot")

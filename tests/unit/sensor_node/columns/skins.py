@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from eskin_sensor_node.columns import PadColumns, Stretch
+    from eskin_sensor_node.columns import PadColumns, SkinStretch
     from eskin_sensor_node.settings import NodeSettings
 
     from eskin.interval import Floats
@@ -65,7 +65,7 @@ def columns_of(
     return build(node, seed, boot=boot, clock=clock_at(lambda: 0, drift=drift))
 
 
-def whole(columns: PadColumns, stretches: Iterable[Stretch]) -> tuple[Floats, Floats, Floats]:
+def whole(columns: PadColumns, stretches: Iterable[SkinStretch]) -> tuple[Floats, Floats, Floats]:
     """Lower and upper bounds and truth of some stretches: rows × taxels in their order."""
     kept = list(stretches)
     names = [name for each in kept[0].patches for name in columns.patches[each.patch].taxels]

@@ -23,7 +23,7 @@ from tests.unit.sensor_node.designs import settings as node_settings
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_sensor_node.columns import PadColumns, Stretch
+    from eskin_sensor_node.columns import PadColumns, SkinStretch
     from eskin_sensor_node.settings import NodeSettings
     from numpy.typing import NDArray
 
@@ -107,7 +107,7 @@ def test_stretches_follow_each_other_and_are_due_when_they_are_complete(
     assert columns.next_due == 500 * MILLI
 
 
-def frames(columns: PadColumns, stretch: Stretch) -> list[Frame]:
+def frames(columns: PadColumns, stretch: SkinStretch) -> list[Frame]:
     """Each page of a stretch as a frame that its layout reads."""
     found = []
     for page in range(len(columns.layout.pages)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from eskin_sensor_node.columns.plan import Quantity, SkinPlan, plan_skin
+from eskin_sensor_node.columns.plan import PatchQuantity, SkinPlan, plan_skin
 from eskin_sensor_node.world.skin.shapes import CylinderShape, FlatShape, HandShape, Shape
 from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR, Skin
 from hypothesis import given, settings
@@ -16,7 +16,7 @@ from eskin.wire.frames import Frame, Grid, Layout, Patch, PatchSamples
 from eskin.wire.frames.frame import frame_limit
 from eskin.wire.messages import Position
 
-PRESSURE = Quantity("pressure", "Pa", 900.0, 3000.0)
+PRESSURE = PatchQuantity("pressure", "Pa", 900.0, 3000.0)
 HAND = HandShape(shape="hand", pitch_mm=1).build()
 
 shapes = st.one_of(

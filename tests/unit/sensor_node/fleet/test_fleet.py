@@ -15,7 +15,7 @@ from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.settings import FleetSection
 
 from eskin.demo.audit import audit
-from eskin.demo.layout import Layout
+from eskin.demo.layout import DemoFolder
 from eskin.errors import SettingsError
 from eskin.identity import numbered
 from eskin.wire.messages import Position
@@ -34,9 +34,9 @@ COUNT = 20
 PATIENCE = 120.0
 
 
-def as_demo(stack: RealStack, fleet: RunningFleet) -> Layout:
+def as_demo(stack: RealStack, fleet: RunningFleet) -> DemoFolder:
     """What the audit looks at: a folder for the fleet, beside store and spool."""
-    layout = Layout(stack.folder / "audited")
+    layout = DemoFolder(stack.folder / "audited")
     for path, target in (
         (layout.store, stack.store),
         (layout.spool, stack.folder / "spool.sqlite"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from eskin_sensor_node.columns.stretch import PatchColumns, Stretch
+from eskin_sensor_node.columns.stretch import PatchColumns, SkinStretch
 from eskin_sensor_node.firmware.message_writer import FRAME, STATEMENTS
 from eskin_sensor_node.firmware.schedule import Frame as Sampled
 from eskin_sensor_node.machine.node_layout import describe
@@ -73,7 +73,7 @@ class TinyColumns:
     def examine(self) -> Sequence[tuple[str, int, int]]:
         return self.broken
 
-    def advance(self, ticks: int) -> Iterator[Stretch]:
+    def advance(self, ticks: int) -> Iterator[SkinStretch]:
         while self.next_due <= ticks:
             begin, end = self.next_start, self.next_due
             fast = Grid(0, self.period, self.row, self.rows, 0.999)
@@ -84,7 +84,7 @@ class TinyColumns:
                 for number, grid, columns in cells
             ]
             self._pass()
-            yield Stretch(begin, end, (fast, slow), patches)
+            yield SkinStretch(begin, end, (fast, slow), patches)
 
     def skip(self, ticks: int) -> int:
         lost = 0
