@@ -13,7 +13,7 @@ from eskin.errors import UntrustedCertificateError
 from eskin.identity import common_name, site_of
 from eskin_cloud.api.middleware.answer import recheck
 from eskin_cloud.ingest.errors import BatchTooLargeError, BatchTypeError, UntrustedGatewayError
-from eskin_cloud.ingest.gateway_contacts import HEADER, read_status
+from eskin_cloud.ingest.gateway_status import HEADER, read_status
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable

@@ -1,7 +1,4 @@
-"""What the cloud knows of its gateways: the status in a request's header, and their contacts.
-
-Contacts are written behind their batches: rows of gateways are central.
-"""
+"""Contacts of gateways, written behind their batches: rows of gateways are central."""
 
 from __future__ import annotations
 
@@ -11,11 +8,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-import orjson
-
 from eskin.errors import StoreError
-from eskin_cloud.ingest.errors import MalformedBatchError
-from eskin_cloud.store.write.gateways import ContactCounts, GatewayStatus, record_contact
+from eskin_cloud.store.write.gateways import ContactCounts, record_contact
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,38 +17,13 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from eskin_cloud.store import Store
+    from eskin_cloud.store.write.gateways import GatewayStatus
     from eskin_cloud.store.write.ingest import IngestResult
 
 log = logging.getLogger(__name__)
 
-HEADER: Final = "Eskin-Gateway-Status"
-_LONGEST: Final = 1024
-_MOST: Final = 2**62
-"""Some counts are added up in 64 bit."""
 _PAUSE_S: Final = 1.0
 """Between two writes: on Citus each commits on all servers in two phases."""
-
-
-def read_status(header: str | None) -> GatewayStatus | None:
-    """Read the header, a JSON object; ``None`` where it is absent.
-
-    Raises:
-        MalformedBatchError: It is malformed.
-    """
-    if header is None:
-        return None
-    names = ("messages", "bytes", "capacity_bytes", "oldest_ns", "dead_letters", "nodes")
-    try:
-        said = orjson.loads(header) if len(header) <= _LONGEST else None
-    except orjson.JSONDecodeError:
-        said = None
-    if not isinstance(said, dict) or set(said) != set(names):
-        raise MalformedBatchError(f"{HEADER} is no JSON object of {', '.join(names)}")
-    for name, value in said.items():
-        nothing = name == "oldest_ns" and value is None
-        if not nothing and (type(value) is not int or not 0 <= value <= _MOST):
-            raise MalformedBatchError(f"{HEADER}: {name} is {value!r}, no count up to {_MOST}")
-    return GatewayStatus(*(said[name] for name in names))
 
 
 @dataclass(slots=True)

@@ -6,7 +6,7 @@ from typing import Literal, Self
 import orjson
 from pydantic import BaseModel
 
-from eskin_cloud.commands.issue import is_settled
+from eskin_cloud.commands.desired_state import is_settled
 from eskin_cloud.schemas.base import Instant, Row, TimeDocument, time_span
 
 

@@ -15,7 +15,7 @@ import httpx
 from cryptography.hazmat.primitives.serialization import Encoding
 from eskin_cloud.access import Scope, create_token
 from eskin_cloud.app import gateway_application, people_application
-from eskin_cloud.ingest.gateway_contacts import HEADER
+from eskin_cloud.ingest.gateway_status import HEADER
 from eskin_cloud.query.opaque_ids import OpaqueIds, UnknownCursorError
 from eskin_cloud.service import make_cloud
 from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import cbor2
 import pytest
-from eskin_cloud.commands.issue import MOST_WAITING, Order, is_settled, issue, merge_desired_state
+from eskin_cloud.commands.desired_state import is_settled, merge_desired_state
+from eskin_cloud.commands.issue import MOST_WAITING, Order, issue
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import cbor2
 import pytest
-from eskin_cloud.ingest.gateway_contacts import HEADER
+from eskin_cloud.ingest.gateway_status import HEADER
 from eskin_cloud.store.row_digests import ROW_DIGEST
 from eskin_cloud.store.schema.tables import gateways
 from eskin_cloud.store.write.gateways import GatewayStatus, list_gateways, record_contact

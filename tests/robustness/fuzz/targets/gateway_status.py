@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from eskin_cloud.ingest.errors import MalformedBatchError
-from eskin_cloud.ingest.gateway_contacts import read_status
+from eskin_cloud.ingest.gateway_status import read_status
 
 from tests.robustness.fuzz.mutations.texts import mutate_text
 from tests.robustness.fuzz.target import Target
