@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.settings import NodeSettings
 
-FIRMWARE: Final = 77_537
+FIRMWARE: Final = 77_538
 """Bytes of all modules of the firmware, compiled by mpy-cross 1.27 as they stand."""
 INTERPRETER: Final = 256 * 1024
 """Bytes kept for MicroPython, which "fits and runs within just 256k of code space"."""
