@@ -85,7 +85,10 @@ describe("the live window of a biometric channel, whose end is known to the minu
     const urls: string[] = [];
     const fetch = (url: string): Promise<Response> => {
       urls.push(url);
-      return Promise.resolve(Response.json({ ...series(STORED - 5000, STORED), coverage: 1 }));
+      const { t, lo, hi, ...others } = series(STORED - 5000, STORED);
+      // The store states that it has nothing after the last sample.
+      const gap = { t: [...t, t.at(-1)! + MS], lo: [...lo, null], hi: [...hi, null] };
+      return Promise.resolve(Response.json({ ...others, ...gap }));
     };
     const client = new Client({ fetch: (url) => fetch(String(url)), onUnauthorised: () => undefined });
     const edge = new LiveEdge();
@@ -103,9 +106,22 @@ describe("the live window of a biometric channel, whose end is known to the minu
     backfill.fillWindow(SPAN);
     await filled;
     expect(asked(urls)).toEqual([[STATED - 60_000 - SPAN / MS, STATED]]);
-    expect(edge.newest()).toBe((STORED - 1) * MS);
-    expect(data.end).toBe((STORED - 1) * MS);
-    expect(data.extent?.x1).toBe((STORED - 1) * MS);
+    const end = (STORED - 1) * MS + 1;
+    expect(edge.newest()).toBe(end);
+    expect(data.end).toBe(end);
+    expect(data.extent?.x1).toBe(end);
+    data.take(run(STORED, STORED + 100), 0, 1);
+    expect(data.rolling.lo.every((lo) => !Number.isNaN(lo))).toBe(true);
+  });
+
+  test("ends there also where the stream was faster than the store", async () => {
+    const { data, backfill, filled } = biometric();
+    backfill.fillWindow(SPAN);
+    data.take(run(STORED, STORED + 100), 0, 1);
+    await filled;
+    data.take(run(STORED + 100, STORED + 200), 0, 1);
+    expect(data.end).toBe((STORED + 200) * MS);
+    expect(data.rolling.lo.every((lo) => !Number.isNaN(lo))).toBe(true);
   });
 
   test("asks for the rest of the minute once the stream goes on", () => {

@@ -207,11 +207,11 @@ export class ChannelData {
   /** Fills a stretch of the rolling window, up to `end` at most, from the store. */
   async backfill(range: Range, points: number, signal: AbortSignal): Promise<void> {
     const filling: Filling = { range, runs: [] };
+    const vague = range.x1 === this.storeEnd ? this.endError : 0;
     this.fillings.add(filling);
     try {
       const answer = await this.ask(range, points, signal);
-      // A bucket may reach beyond the range, where the live stream knows more than this answer.
-      this.fill(range, clipEnd(readSeries(answer, this.options.timeline), range.x1));
+      this.fill(range, readSeries(answer, this.options.timeline), vague);
       // The stream's samples may have been stored after the store was read.
       for (const run of filling.runs) this.tube.merge(run);
     } finally {
@@ -219,19 +219,22 @@ export class ChannelData {
     }
   }
 
-  private fill(range: Range, run: Entries): void {
-    this.tube.replace({ x0: Math.floor(range.x0), x1: range.x1 }, run);
-    const { storeEnd, endError } = this;
-    const period = this.latest.dt ?? 0;
+  /** @param vague by how much, at most, the range ends after the data, in ns */
+  private fill(range: Range, run: Entries, vague: number): void {
+    const { dt } = this.latest;
     const known = run.lo.findLastIndex((lo) => !Number.isNaN(lo));
-    const end = known < 0 ? range.x0 : run.t[known]! + Math.max(run.width[known]!, period);
-    if (storeEnd !== null && endError > 0 && range.x1 >= storeEnd) {
-      this.storeEnd = Math.min(Math.max(end, storeEnd - endError), storeEnd);
+    const end = known < 0 ? range.x0 : run.t[known]! + Math.max(run.width[known]!, dt ?? 1);
+    const x1 = Math.min(range.x1, Math.max(end, range.x1 - vague));
+    if (vague > 0 && this.endError > 0) {
+      this.storeEnd = x1;
       this.endError = 0;
     }
-    const silent = { x0: end, x1: Math.min(range.x1, this.storeEnd ?? range.x1) };
+    // Behind that, the live stream knows more than this answer.
+    this.tube.replace({ x0: Math.floor(range.x0), x1 }, clipEnd(run, x1));
+    const silent = { x0: end, x1: Math.min(x1, this.storeEnd ?? x1) };
     const quiet = silent.x1 - silent.x0;
-    if (quiet > 2 * period) this.tube.replace(silent, nothingIn(silent));
+    const usual = dt === null ? (run.reach[known] ?? 0) : 2 * dt;
+    if (quiet > usual) this.tube.replace(silent, nothingIn(silent));
     if (this.facts.bursts && quiet > QUIET_SHARE * (range.x1 - range.x0)) this.pause = Math.min(this.pause, quiet);
   }
 
