@@ -27,6 +27,9 @@ from eskin_cloud.schemas.base import Json
 from eskin_cloud.schemas.ingest import IngestDocument
 from eskin_cloud.store.write.ingest import (
     LATER,
+    REJECTED,
+    UNKNOWN_LAYOUT,
+    UNKNOWN_NODE,
     IngestResult,
     Receipt,
     ingest,
@@ -66,16 +69,25 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
         cloud.metrics.items.labels(kind).inc(count)
     if kinds:
         cloud.metrics.ingest_seconds.observe(time.perf_counter() - begun)
-    reasons = [receipt.reason for receipt in receipts if receipt.reason is not None]
-    if reasons:
-        log.warning(
-            "messages rejected: gateway=%s count=%d last=%s",
-            posted.gateway.name,
-            len(reasons),
-            reasons[-1],
-            extra={"source": posted.gateway.name},
-        )
+    _log_refusals(posted.gateway.name, receipts)
     return as_json({"items": [_describe(receipt) for receipt in receipts]})
+
+
+def _log_refusals(gateway: str, receipts: Sequence[Receipt]) -> None:
+    """Log why messages were not stored.
+
+    That a message comes before the certificate or the descriptions by which it is read is usual:
+    the gateway posts them next.
+    """
+    source = {"source": gateway}
+    early = [each.reason for each in receipts if each.result in {UNKNOWN_NODE, UNKNOWN_LAYOUT}]
+    if early:
+        text = "messages came early: gateway=%s count=%d last=%s"
+        log.info(text, gateway, len(early), early[-1], extra=source)
+    rejected = [each.reason for each in receipts if each.result in {REJECTED, LATER}]
+    if rejected:
+        text = "messages rejected: gateway=%s count=%d last=%s"
+        log.warning(text, gateway, len(rejected), rejected[-1], extra=source)
 
 
 def _describe(receipt: Receipt) -> Json:

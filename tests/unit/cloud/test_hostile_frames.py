@@ -140,7 +140,9 @@ HOSTILE: Final = {
 
 @pytest.mark.anyio
 @pytest.mark.parametrize("hostile", HOSTILE.values(), ids=HOSTILE)
-async def test_what_is_no_frame_is_refused_without_its_bytes(stand: Stand, hostile: bytes) -> None:
+async def test_what_is_no_frame_is_refused_without_its_bytes(
+    stand: Stand, hostile: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
     describe(stand.cloud.store, HAND, *PATCHES)
     body = cbor2.dumps([[NODE, each] for each in (frame(0).encode(), hostile, frame(2).encode())])
     answer = await stand.ingest(body)
@@ -149,14 +151,18 @@ async def test_what_is_no_frame_is_refused_without_its_bytes(stand: Stand, hosti
     (letter,) = rows(stand.cloud.store, dead_letters)
     assert letter["data"] == b""
     assert len(rows(stand.cloud.store, frames)) == 2
+    assert [each.levelname for each in caplog.records if "ingest" in each.name] == ["WARNING"]
 
 
 @pytest.mark.anyio
-async def test_description_goes_the_way_of_a_certificate(stand: Stand) -> None:
+async def test_description_goes_the_way_of_a_certificate(
+    stand: Stand, caplog: pytest.LogCaptureFixture
+) -> None:
     """Over HTTP: unknown layout, its description, and the frame again."""
     body = batch(frame(0), statements(1))
     (of_frame, of_statements) = (await stand.ingest(body)).json()["items"]
     assert of_frame["result"] == of_statements["result"] == UNKNOWN_LAYOUT
+    assert not [each for each in caplog.records if each.levelname == "WARNING"], "it is usual"
     assert HAND.content_hash.hex() in of_frame["want"]
     described = {each.content_hash.hex(): each for each in (HAND, *PATCHES)}
     async with stand.ingest_client() as client:
