@@ -180,9 +180,9 @@ def end_connections(control: Path, names: Sequence[str]) -> None:
     try:
         client.connect(str(control), keepalive=10)
         client.loop_start()
-        said = client.publish(CONTROL, json.dumps({"commands": commands}), qos=1)
-        said.wait_for_publish(_PATIENCE_S)
-        if not said.is_published():
+        published = client.publish(CONTROL, json.dumps({"commands": commands}), qos=1)
+        published.wait_for_publish(_PATIENCE_S)
+        if not published.is_published():
             raise IdentityError(f"{control}: the broker's plugin does not answer")
     except (OSError, RuntimeError) as error:
         raise IdentityError(f"{control}: the broker cannot be reached: {error}") from error

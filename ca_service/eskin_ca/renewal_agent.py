@@ -80,7 +80,7 @@ class RenewalAgent:
             self._thread.join()
 
     def look(self) -> None:
-        """Do what is due, once; what fails is said once, and tried again at the next look."""
+        """Do what is due, once; what fails is logged once, and tried again at the next look."""
         self.fault_log.attempt("roots", self._follow_roots)
         for directory in self._identities:
             self.fault_log.attempt(f"renew {directory.name}", partial(self._renew, directory))

@@ -90,8 +90,8 @@ def _dump(url: str, target: Path) -> None:
             text=True,
         )
     except (OSError, subprocess.CalledProcessError) as error:
-        said = getattr(error, "stderr", None) or str(error)
-        raise SettingsError("sources", f"pg_dump failed: {said.strip()}") from error
+        reason = getattr(error, "stderr", None) or str(error)
+        raise SettingsError("sources", f"pg_dump failed: {reason.strip()}") from error
 
 
 def _name(source: str) -> str:

@@ -38,8 +38,8 @@ def energy(
         raise SettingsError("--profile", "give either --profile NAME or --config FILE.toml")
     design = NodeDesign.read(config) if config is not None else NodeDesign.named(str(profile))
     budgets = _measure(design, SECONDS if seconds is None else seconds)
-    said = _json(budgets) if as_json else _table(budgets)
-    typer.echo(said)
+    text = _json(budgets) if as_json else _table(budgets)
+    typer.echo(text)
 
 
 def _measure(design: NodeDesign, seconds: int) -> list[Budget]:

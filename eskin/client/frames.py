@@ -58,24 +58,24 @@ class Frames:
         """Read an answer in Arrow's IPC stream."""
         with pa.ipc.open_stream(content) as reader:
             table = reader.read_all()
-        said = {name.decode(): text.decode() for name, text in table.schema.metadata.items()}
-        taxels = tuple(json.loads(said["taxels"]))
+        metadata = {name.decode(): text.decode() for name, text in table.schema.metadata.items()}
+        taxels = tuple(json.loads(metadata["taxels"]))
         shape = table.num_rows, len(taxels)
 
         def matrix(name: str) -> Any:
             return table[name].combine_chunks().flatten().to_numpy().reshape(shape)
 
         return cls(
-            node=said["node"],
-            layout=said["layout"],
-            quantity=said["quantity"],
-            unit=said["unit"],
+            node=metadata["node"],
+            layout=metadata["layout"],
+            quantity=metadata["quantity"],
+            unit=metadata["unit"],
             taxels=taxels,
             t=table["time"].cast(pa.int64()).to_numpy(),
-            dt=int(said["dt"]),
+            dt=int(metadata["dt"]),
             lo=matrix("lo"),
             hi=matrix("hi"),
             contact=matrix("contact") if "contact" in table.column_names else None,
-            coverage=float(said["coverage"]),
-            time_error=int(said["time_error"]),
+            coverage=float(metadata["coverage"]),
+            time_error=int(metadata["time_error"]),
         )

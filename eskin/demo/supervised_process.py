@@ -141,7 +141,7 @@ class SupervisedProcess:
             self._process.terminate()
 
     def stop(self) -> None:
-        """End it: SIGTERM, and SIGKILL after 10 s; what outlives even that is left, and said."""
+        """End it: SIGTERM, and SIGKILL after 10 s; what outlives even that is left, and logged."""
         process = self._process
         if process is None or process.poll() is not None:
             return

@@ -76,7 +76,7 @@ def remaining_time(parameter: Interval, limits: Bounds, drift: Bounds) -> Interv
         least = np.minimum(least, np.where(exists, soonest, np.inf))
         most = np.minimum(most, np.where(exists, latest, np.inf))
     least = np.where(known & now.subset(allowed), np.minimum(least, _FOREVER), 0.0)
-    # What certainly lies outside is gone already; of what is not known nothing is said.
+    # What certainly lies outside is gone already; of what is not known nothing is stated.
     return Interval(np.where(some, least, 0.0), np.where(known, np.where(some, most, 0.0), np.inf))
 
 

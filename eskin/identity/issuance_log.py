@@ -59,7 +59,7 @@ class Revocation:
     Attributes:
         line: The revoking line's number in the ledger, from 1: what was noted when the ledger had
             fewer lines was before, whatever the clock says.
-        instant: What the clock said.
+        instant: What the clock showed.
     """
 
     line: int

@@ -107,7 +107,7 @@ class IssuanceRegister:
         return self._ledger.revocation(name)
 
     def require_site(self, name: str, site: str) -> None:
-        """Require that a name was issued to no other site: what it said stays where it is.
+        """Require that a name was issued to no other site: what it sent stays where it is.
 
         Raises:
             IdentityError: It was.

@@ -1,4 +1,4 @@
-"""What can be said of a formula before there is data: units, horizons, exactness."""
+"""What is known of a formula before there is data: units, horizons, exactness."""
 
 from __future__ import annotations
 

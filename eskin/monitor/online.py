@@ -219,7 +219,7 @@ class Monitor:
             until: No sample is there before this instant in ns; ``None`` where that is not known.
 
         Raises:
-            MonitorError: The sample was said to be held for longer.
+            MonitorError: The sample was stated to be held for longer.
         """
         for name, _ in self._read_by(channel):
             self._miss(name, until)

@@ -1,4 +1,4 @@
-"""What is said about peaks: an event, and how sure it is."""
+"""A peak as an event, and how sure it is."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class Encryptor:
 
         Args:
             subject: Whose data it is.
-            node: Who said it.
+            node: Its sender.
             message: As it was decoded.
             plaintext: Its bytes.
         """
@@ -64,7 +64,7 @@ class Encryptor:
 
         Args:
             subject: Whose data it may be.
-            node: Who said it.
+            node: Its sender.
             position: As far as it could be read.
             plaintext: The bytes; of very long ones the beginning is kept.
             now: UTC ns.
@@ -85,8 +85,8 @@ class Encryptor:
     ) -> SealedMessage:
         position, place, kind, time = head
         number = next(self._numbers)
-        said = b"eskin said 1\0%b\0" % node.encode() + plaintext
-        mac = hmac.digest(subject.key, said, "sha256")[:MAC_BYTES]
+        authenticated = b"eskin message 1\0%b\0" % node.encode() + plaintext
+        mac = hmac.digest(subject.key, authenticated, "sha256")[:MAC_BYTES]
         clear = SealedMessage(
             position, place, kind, subject.pseudonym, time, self._salt, number, mac=mac
         )
@@ -143,13 +143,13 @@ class Decryptor:
             message = _decode(encrypted.kind, data)
         except MessageError as error:
             raise BrokenSealError(
-                f"what {node} said as {encrypted.position} is no message"
+                f"what {node} sent as {encrypted.position} is no message"
             ) from error
         if message.position != encrypted.position or _find_place(message) != (
             encrypted.place,
             encrypted.kind,
         ):
-            raise BrokenSealError(f"what {node} said as {encrypted.position} is not what it claims")
+            raise BrokenSealError(f"what {node} sent as {encrypted.position} is not what it claims")
         return message, data
 
 

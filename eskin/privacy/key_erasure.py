@@ -30,7 +30,7 @@ class Tombstone:
     Attributes:
         pseudonym: The subject's.
         erased: When its key was destroyed here, UTC ns.
-        confirmed: When the cloud said that its copy is destroyed; ``None`` while it has not.
+        confirmed: When the cloud confirmed that its copy is destroyed; ``None`` while it has not.
     """
 
     pseudonym: str
@@ -108,8 +108,8 @@ class KeyErasure:
         if not path.exists():
             return None
         try:
-            said = without_check(json.loads(read_private(path)))
-            return Tombstone(pseudonym, said["erased"], said["confirmed"])
+            fields = without_check(json.loads(read_private(path)))
+            return Tombstone(pseudonym, fields["erased"], fields["confirmed"])
         except (ValueError, TypeError, KeyError) as error:
             raise PrivacyError(f"{path}: is no record of an erasure") from error
 
@@ -157,8 +157,8 @@ class KeyErasure:
         return tombstone
 
     def _write_tombstone(self, tombstone: Tombstone) -> None:
-        said = with_check({"erased": tombstone.erased, "confirmed": tombstone.confirmed})
-        write_private(self._tombstones / tombstone.pseudonym, json.dumps(said).encode())
+        fields = with_check({"erased": tombstone.erased, "confirmed": tombstone.confirmed})
+        write_private(self._tombstones / tombstone.pseudonym, json.dumps(fields).encode())
 
 
 def names_in(folder: Path) -> set[str]:

@@ -86,12 +86,12 @@ class SealedMessage:
         return name_place(self.place)
 
     @property
-    def said(self) -> bytes:
+    def shared(self) -> bytes:
         """What is the same each time that a message is sealed for its subject."""
         return cbor2.dumps([_listed(self.place), int(self.kind), self.subject, self.mac])
 
     def bound(self, node: str) -> bytes:
-        """The associated data: all that stands in the clear, and whose node said it."""
+        """The associated data: all that stands in the clear, and the node that sent it."""
         return cbor2.dumps(["eskin subject 1", node, self._head()])
 
     @classmethod

@@ -188,10 +188,10 @@ def _read(path: Path) -> dict[str, Any]:
         raise SettingsError("--config", f"{path} is no TOML that can be read: {error}") from error
 
 
-def _located(settings: type[Settings], said: dict[str, Any], folder: Path) -> dict[str, Any]:
+def _located(settings: type[Settings], data: dict[str, Any], folder: Path) -> dict[str, Any]:
     """What a file says, with its relative paths below its folder."""
     for section, field in settings.model_fields.items():
-        model, values = field.annotation, said.get(section)
+        model, values = field.annotation, data.get(section)
         if not (isinstance(model, type) and issubclass(model, BaseModel)):
             continue
         if not isinstance(values, dict):
@@ -200,7 +200,7 @@ def _located(settings: type[Settings], said: dict[str, Any], folder: Path) -> di
             kinds = get_args(inner.annotation) or (inner.annotation,)
             if Path in kinds and isinstance(values.get(name), str):
                 values[name] = folder / values[name]
-    return said
+    return data
 
 
 def _variable(*name: object) -> str:

@@ -118,11 +118,13 @@ def create_token(
         "created": now,
         "expires": None if lifetime is None else now + _nanoseconds(lifetime),
     }
-    said = f"{row['name']}: {row['scopes']}"
+    detail = f"{row['name']}: {row['scopes']}"
 
     def work(connection: Connection) -> None:
         connection.execute(insert(tokens), row)
-        audit_entry = _audit_entry(actor, Action.TOKEN_CREATED, token_id(str(row["digest"])), said)
+        audit_entry = _audit_entry(
+            actor, Action.TOKEN_CREATED, token_id(str(row["digest"])), detail
+        )
         record(connection, audit_entry, now=now)
 
     store.write_and_wait(work)

@@ -125,8 +125,8 @@ async def post_command(
     # The audit log is central, so an entry before the command states the intent.
     await _audit(cloud, access, Action.COMMAND_ASKED, node, f"{name} {json.dumps(arguments)}")
     row = await asyncio.wrap_future(cloud.store.write_node(node, work))
-    said = f"{row['id']}: {row['name']} {row['arguments']}"
-    await _audit(cloud, access, Action.COMMAND, node, said)
+    detail = f"{row['id']}: {row['name']} {row['arguments']}"
+    await _audit(cloud, access, Action.COMMAND, node, detail)
     cloud.notifier.wake()
     response.headers["Location"] = f"/api/v1/nodes/{node}/commands/{row['id']}"
     return CommandDocument.of(row, now=cloud.clock())

@@ -34,7 +34,7 @@ class EventsQuery(BaseModel):
     start: Time | None = Field(default=None, description=f"not over before; {TIME}")
     end: Time | None = Field(default=None, description=f"begun before; {TIME}")
     limit: int = Field(default=100, ge=1, le=1000, description="events at once")
-    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+    cursor: str | None = Field(default=None, max_length=1000, description="the value of `next`")
     order: Literal["asc", "desc"] = Field(default="desc", description="by time; desc: latest first")
 
 

@@ -203,7 +203,7 @@ async def _receive(websocket: WebSocket, frames: FrameStream) -> tuple[int, str]
     """Take what the client asks for; gives code and reason as `_send`."""
     while True:
         try:
-            said = SelectionMessage.model_validate_json(await websocket.receive_text())
+            message = SelectionMessage.model_validate_json(await websocket.receive_text())
         except WebSocketDisconnect:
             return None
         except KeyError:
@@ -212,12 +212,12 @@ async def _receive(websocket: WebSocket, frames: FrameStream) -> tuple[int, str]
             fault = error.errors(include_url=False, include_input=False)[0]
             place = ".".join(map(str, fault["loc"])) or "message"
             return _INVALID, f"{place}: {unprefixed(fault['msg'])}"
-        frames.selection = said.selection
+        frames.selection = message.selection
 
 
-async def _close(websocket: WebSocket, said: tuple[int, str] | None) -> None:
-    if said is not None:
-        code, reason = said
+async def _close(websocket: WebSocket, closing: tuple[int, str] | None) -> None:
+    if closing is not None:
+        code, reason = closing
         text = reason[:_LONGEST_REASON].encode("ascii", "replace").decode()
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it is closed already
             await websocket.close(code, text)

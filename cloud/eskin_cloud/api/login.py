@@ -40,8 +40,8 @@ async def get_login(
     redeemed = redeem_login_code(cloud.store, code, lifetime=lifetime, address=address)
     session = await asyncio.wrap_future(redeemed)
     if session is None:
-        said = "This link was used already, or is too old. Ask for a new one."
-        return await _refused(cloud, address, said)
+        reason = "This link was used already, or is too old. Ask for a new one."
+        return await _refused(cloud, address, reason)
     return _signed_in(cloud, session)
 
 
@@ -55,8 +55,8 @@ async def post_login(cloud: CloudState, request: Request) -> Response:
         open_session, cloud.store, token, lifetime=_lifetime(cloud), address=address
     )
     if opened is None:
-        said = "This token is unknown, expired or revoked."
-        return await _refused(cloud, address, said)
+        reason = "This token is unknown, expired or revoked."
+        return await _refused(cloud, address, reason)
     return _signed_in(cloud, await asyncio.wrap_future(opened))
 
 
@@ -97,11 +97,11 @@ async def _read_token(request: Request) -> str:
     return fields.get("token", [""])[0].strip()[:_LONGEST_SECRET]
 
 
-async def _refused(cloud: AppState, address: str, said: str) -> Response:
+async def _refused(cloud: AppState, address: str, reason: str) -> Response:
     """Refuse a sign-in, and audit it up to a rate."""
     if await cloud.sign_ins.take(address):
         await asyncio.wrap_future(refuse_session(cloud.store, address=address))
-    return _page(said, 401)
+    return _page(reason, 401)
 
 
 def _signed_in(cloud: AppState, session: str) -> Response:

@@ -33,7 +33,7 @@ class ListQuery(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+    cursor: str | None = Field(default=None, max_length=1000, description="the value of `next`")
 
 
 class ChannelsQuery(ListQuery):

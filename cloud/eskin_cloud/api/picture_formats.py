@@ -40,7 +40,7 @@ def as_arrow(pictures: Pictures) -> bytes:
     is stated stands in the schema's metadata; ``taxels`` there is a JSON array.
     """
     size = len(pictures.taxels)
-    said = {
+    metadata = {
         "node": pictures.node,
         "layout": pictures.described.hash.hex(),
         "quantity": pictures.quantity,
@@ -58,7 +58,7 @@ def as_arrow(pictures: Pictures) -> bytes:
     }
     if pictures.contact is not None:
         columns["contact"] = _lists(pictures.contact, size)
-    table = pa.table(columns).replace_schema_metadata(said)
+    table = pa.table(columns).replace_schema_metadata(metadata)
     sink = io.BytesIO()
     with pa.ipc.new_stream(sink, table.schema) as writer:
         writer.write_table(table)

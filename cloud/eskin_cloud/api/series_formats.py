@@ -42,7 +42,7 @@ def as_table(series: Series) -> Any:
     What else a series says stands in the schema's metadata.
     """
     missing = (series.lo == -np.inf) & (series.hi == np.inf)
-    said = {
+    metadata = {
         "node": series.node,
         "channel": series.channel,
         "unit": series.unit,
@@ -61,7 +61,7 @@ def as_table(series: Series) -> Any:
         pa.array(series.lo, mask=missing),
         pa.array(series.hi, mask=missing),
     ]
-    return pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata=said))
+    return pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata=metadata))
 
 
 def as_arrow(series: Series) -> bytes:

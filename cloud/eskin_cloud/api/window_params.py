@@ -35,7 +35,7 @@ class PagedWindowQuery(WindowQuery):
     """When, and which page of the stretches."""
 
     limit: int = Field(default=1000, ge=1, le=10_000, description="stretches at once")
-    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+    cursor: str | None = Field(default=None, max_length=1000, description="the value of `next`")
 
 
 @contextmanager

@@ -4,7 +4,7 @@ EskinError
 └── IngestError
     ├── UntrustedGatewayError   its certificate is none of a gateway of ours, or no more
     ├── BatchTooLargeError      the body is longer than allowed
-    ├── BatchTypeError          the body is not said to be CBOR
+    ├── BatchTypeError          the body is not declared as CBOR
     └── MalformedBatchError     the body is no batch, or a header is not as agreed
 """
 
@@ -26,7 +26,7 @@ class BatchTooLargeError(IngestError):
 
 
 class BatchTypeError(IngestError):
-    """The body is not said to be CBOR."""
+    """The body is not declared as CBOR."""
 
 
 class MalformedBatchError(IngestError):

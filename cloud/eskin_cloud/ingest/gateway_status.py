@@ -26,13 +26,13 @@ def read_status(header: str | None) -> GatewayStatus | None:
         return None
     names = ("messages", "bytes", "capacity_bytes", "oldest_ns", "dead_letters", "nodes")
     try:
-        said = orjson.loads(header) if len(header) <= _LONGEST else None
+        fields = orjson.loads(header) if len(header) <= _LONGEST else None
     except orjson.JSONDecodeError:
-        said = None
-    if not isinstance(said, dict) or set(said) != set(names):
+        fields = None
+    if not isinstance(fields, dict) or set(fields) != set(names):
         raise MalformedBatchError(f"{HEADER} is no JSON object of {', '.join(names)}")
-    for name, value in said.items():
+    for name, value in fields.items():
         nothing = name == "oldest_ns" and value is None
         if not nothing and (type(value) is not int or not 0 <= value <= _MOST):
             raise MalformedBatchError(f"{HEADER}: {name} is {value!r}, no count up to {_MOST}")
-    return GatewayStatus(*(said[name] for name in names))
+    return GatewayStatus(*(fields[name] for name in names))

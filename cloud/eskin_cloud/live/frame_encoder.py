@@ -137,8 +137,8 @@ class FrameEncoder:
 
     def event(self, place: FeedPosition, row: dict[str, Any]) -> bytes:
         """A peak, gap, status or command."""
-        said = dump(describe_event(row, self.ids)).decode()
-        return cbor2.dumps(["event", self.ids.write_position(place), str(row["kind"]), said])
+        text = dump(describe_event(row, self.ids)).decode()
+        return cbor2.dumps(["event", self.ids.write_position(place), str(row["kind"]), text])
 
     def contacts(self, place: FeedPosition, node: str, text: str) -> bytes:
         """Contacts at the last instant of a stretch, in JSON."""

@@ -89,26 +89,26 @@ class SseEncoder:
         key = begun, tuple(entry.cursor for entry in found), selection
         page = self._pages.get(key)
         if page is None:
-            said: list[tuple[FeedEntry, FeedPosition, bool]] = []
+            chosen: list[tuple[FeedEntry, FeedPosition, bool]] = []
             for entry in found:
                 begun = begun.advance([entry.cursor])
                 if selection.takes(entry):
-                    said.append((entry, begun, True))
-            page = self._pages[key] = self.print(said, selection)
+                    chosen.append((entry, begun, True))
+            page = self._pages[key] = self.print(chosen, selection)
         return page
 
     def print(
-        self, said: Sequence[tuple[FeedEntry, FeedPosition, bool]], selection: Subscription
+        self, chosen: Sequence[tuple[FeedEntry, FeedPosition, bool]], selection: Subscription
     ) -> bytes:
         """Entries as events of the stream.
 
         Args:
-            said: Each with the position that its event states, and with whether others may be
+            chosen: Each with the position that its event states, and with whether others may be
                 given the same data.
             selection: Which channels of frames are asked for, and how finely.
         """
         return b"".join(
-            self._event(entry, place, selection, keep=keep) for entry, place, keep in said
+            self._event(entry, place, selection, keep=keep) for entry, place, keep in chosen
         )
 
     def _event(
@@ -135,8 +135,8 @@ class SseEncoder:
         return self._event_of(kind, place, dump(data))
 
     def _event_of(self, kind: str, place: FeedPosition, data: bytes) -> bytes:
-        said = kind.encode(), self.ids.write_position(place).encode(), data
-        return b"event: %b\nid: %b\ndata: %b\n\n" % said
+        parts = kind.encode(), self.ids.write_position(place).encode(), data
+        return b"event: %b\nid: %b\ndata: %b\n\n" % parts
 
     def join(
         self,

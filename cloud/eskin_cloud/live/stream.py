@@ -119,9 +119,9 @@ async def stream(
                     yield _lagging(feed, place, place, place.advance(compacted.cursors))
                 place = position if sealed else place.advance(entry.cursor for entry in found)
                 await reader.load(found)
-                said = _print(feed, found, selection, reader, (begun, place), slow=pace.slow)
-                if said:
-                    yield said
+                data = _print(feed, found, selection, reader, (begun, place), slow=pace.slow)
+                if data:
+                    yield data
                     asked = time.monotonic()
                     yield b""  # goes on once there is room for more
                     if begun.reaches(present):
@@ -141,9 +141,9 @@ def _lagging(feed: Feed, place: FeedPosition, after: FeedPosition, resumed: Feed
     return feed.encoder.event("lagging", place, {"after": after_id, "resumed": resumed_id})
 
 
-def _sign(feed: Feed, place: FeedPosition, said: bytes) -> bytes:
+def _sign(feed: Feed, place: FeedPosition, comment: bytes) -> bytes:
     """A sign of life, and where to go on should the stream break off before the next event."""
-    return b"id: %b\n: %b\n\n" % (feed.ids.write_position(place).encode(), said)
+    return b"id: %b\n: %b\n\n" % (feed.ids.write_position(place).encode(), comment)
 
 
 def _print(
@@ -163,14 +163,14 @@ def _print(
     begun, end = span
     if not slow and all(entry.sealed is None for entry in found):
         return feed.encoder.page(found, selection, begun)
-    said = _choose(found, selection, reader, begun)
+    chosen = _choose(found, selection, reader, begun)
     lagging = _lagging(feed, begun, begun, end) if reader.left_out() else b""
     if not slow:
-        return lagging + feed.encoder.print(said, selection)
-    if not said:
+        return lagging + feed.encoder.print(chosen, selection)
+    if not chosen:
         return lagging
-    entries = [entry for entry, _, _ in said]
-    return lagging + feed.encoder.join(entries, selection, begun=begun, end=said[-1][1])
+    entries = [entry for entry, _, _ in chosen]
+    return lagging + feed.encoder.join(entries, selection, begun=begun, end=chosen[-1][1])
 
 
 def _choose(
@@ -189,8 +189,8 @@ def _choose(
         before, place = place, place.advance([entry.cursor])
         if selection.takes(entry):
             shown = reader.read(entry)
-            for said in shown:
-                if said is entry or selection.takes(said):
-                    at = place if said is shown[-1] else before
-                    chosen.append((said, at, said is entry))
+            for each in shown:
+                if each is entry or selection.takes(each):
+                    at = place if each is shown[-1] else before
+                    chosen.append((each, at, each is entry))
     return chosen

@@ -48,11 +48,11 @@ class SubjectNotice:
             MalformedBatchError: It is none.
         """
         try:
-            said = load_any(body, "body")
-            if not isinstance(said, dict) or set(said) != {"worn", "erased"}:
+            fields = load_any(body, "body")
+            if not isinstance(fields, dict) or set(fields) != {"worn", "erased"}:
                 raise MalformedBatchError("the body is no CBOR map of worn and erased")
-            worn = [_worn(item) for item in items(said["worn"], "worn", MOST)]
-            return cls(worn, [_pseudonym(item) for item in items(said["erased"], "erased", MOST)])
+            worn = [_worn(item) for item in items(fields["worn"], "worn", MOST)]
+            return cls(worn, [_pseudonym(item) for item in items(fields["erased"], "erased", MOST)])
         except (MessageError, IdentityError) as error:
             raise MalformedBatchError("the body is no notice of subjects") from error
 

@@ -65,7 +65,7 @@ class PageQuery(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     limit: int = Field(default=100, ge=1, le=1000, description="items at once")
-    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+    cursor: str | None = Field(default=None, max_length=1000, description="the value of `next`")
 
 
 class IntervalDocument(TypedDict):

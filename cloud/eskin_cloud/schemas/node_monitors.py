@@ -100,11 +100,11 @@ def _monitors(state: str | None) -> dict[str, Settings]:
     }
 
 
-def _asks(said: StatedVerdictDocument | None, settings: Settings) -> bool | None:
+def _asks(stated: StatedVerdictDocument | None, settings: Settings) -> bool | None:
     """Whether a monitor asks for its output now; ``None``: that is not known."""
-    if said is None or not said.current:
+    if stated is None or not stated.current:
         return None
-    return _STRENGTH[said.verdict] >= _STRENGTH[str(settings["on"])]
+    return _STRENGTH[stated.verdict] >= _STRENGTH[str(settings["on"])]
 
 
 def _level(asked: list[bool | None]) -> Literal["on", "off"] | None:

@@ -136,8 +136,8 @@ class UnderWay:
             if node in waiting:
                 waiting[node].span(position.boot, position.sequence, position.sequence)
         letters = _rows(layout.spool, "SELECT node, reason FROM dead_letters ORDER BY id")
-        said = [f"{node}: {reason}" for node, reason in letters]
-        return cls(truths, made, settled, dict(ended), waiting, said, departures)
+        reasons = [f"{node}: {reason}" for node, reason in letters]
+        return cls(truths, made, settled, dict(ended), waiting, reasons, departures)
 
     def kept(self, node: str, boot: int) -> int:
         """The number below which all of a boot was in flash at some time, or is named by a gap.

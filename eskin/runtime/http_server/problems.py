@@ -209,14 +209,14 @@ def details(status: int, detail: str, *, instance: str = "", kind: str | None = 
         instance: The path that was asked for; empty where it is not known.
         kind: Name of the problem's type; ``None`` where no page explains it: ``about:blank``.
     """
-    said = {
+    document = {
         "type": "about:blank" if kind is None else f"/problems/{kind}",
         "title": _title(status) if kind is None else _title_of(kind),
         "status": int(status),
         "detail": detail,
         "instance": instance,
     }
-    return json.dumps(said).encode()
+    return json.dumps(document).encode()
 
 
 def problem(

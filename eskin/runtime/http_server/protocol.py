@@ -277,9 +277,9 @@ class GuardedProtocol(CountedConnection, HttpToolsProtocol):
     def _forwarded_for(self, peer: str) -> str:
         """The client of a proxy: of the hops that it names, the last one that is no proxy."""
         wanted = self.bounds.forwarded.encode()
-        said = b",".join(value for name, value in self.headers if name == wanted)
+        hops = b",".join(value for name, value in self.headers if name == wanted)
         last = peer
-        for hop in reversed(said.decode("latin-1").split(",")):
+        for hop in reversed(hops.decode("latin-1").split(",")):
             found = _hop(hop, named=self.bounds.forwarded == "forwarded")
             if found is None:
                 break

@@ -141,7 +141,7 @@ class Opened(NamedTuple):
     Attributes:
         plaintext: The message.
         sender: Common name in the sender's certificate.
-        held: The lowest position that the sender still holds, where it said so.
+        held: The lowest position that the sender still holds, where it stated so.
         thumbprint: SHA-256 of the sender's certificate, to which an answer is sealed.
     """
 

@@ -314,11 +314,11 @@ class Result:
     def encode(self) -> bytes:
         """Write as CBOR."""
         state = sort_texts({place: sort_texts(found) for place, found in self.state.items()})
-        said: dict[int, object] = {} if self.reason is None else {7: self.reason}
+        reason: dict[int, object] = {} if self.reason is None else {7: self.reason}
         return dump(
             position_fields(Kind.RESULT, self.position)
             | {4: list(self.time), 5: self.command, 6: int(self.outcome), 8: state}
-            | said
+            | reason
         )
 
     @classmethod

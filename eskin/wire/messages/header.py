@@ -31,7 +31,7 @@ class Kind(IntEnum):
 
 
 class Position(NamedTuple):
-    """A message's place in all that a node ever said; a tuple, because there are many.
+    """A message's place in all that a node ever sent; a tuple, because there are many.
 
     With the node's name it is the idempotency key.
 

@@ -135,12 +135,12 @@ def statement_rows(
         yield row if number else row | {"data": data}
 
 
-def _peak_row(node: str, said: Statements, peak: Peak, described: DescribedLayout) -> Row:
+def _peak_row(node: str, statements: Statements, peak: Peak, described: DescribedLayout) -> Row:
     patch = described.patches[peak.patch]
     return event_row(
         node,
         "peak",
-        said.position,
+        statements.position,
         peak.time,
         channel=patch.channels[peak.column],
         verdict=peak.verdict.name.lower(),
@@ -155,7 +155,7 @@ def _peak_row(node: str, said: Statements, peak: Peak, described: DescribedLayou
     )
 
 
-def _contact_row(node: str, said: Statements, contact: Contact) -> Row:
+def _contact_row(node: str, statements: Statements, contact: Contact) -> Row:
     links = [{"contact": each.contact, "verdict": each.verdict.name.lower()}
              for each in contact.links]  # fmt: skip
     detail = {
@@ -168,7 +168,7 @@ def _contact_row(node: str, said: Statements, contact: Contact) -> Row:
     return event_row(
         node,
         "contact",
-        said.position,
+        statements.position,
         contact.time,
         verdict=contact.verdict.name.lower(),
         count_lo=contact.counts[0],
@@ -178,13 +178,13 @@ def _contact_row(node: str, said: Statements, contact: Contact) -> Row:
     )
 
 
-def _verdict_row(node: str, said: Statements, verdict: MonitorVerdict) -> Row:
+def _verdict_row(node: str, statements: Statements, verdict: MonitorVerdict) -> Row:
     because = [each.name.lower() for each in Because if each in verdict.because and each.name]
     detail = {"monitor": verdict.monitor, "final": verdict.final, "because": because}
     return event_row(
         node,
         "verdict",
-        said.position,
+        statements.position,
         verdict.time,
         verdict=verdict.verdict.name.lower(),
         coverage=verdict.coverage,
@@ -192,14 +192,14 @@ def _verdict_row(node: str, said: Statements, verdict: MonitorVerdict) -> Row:
     )
 
 
-def _gap_row(node: str, said: Statements, gap: Gap, described: DescribedLayout) -> Row:
+def _gap_row(node: str, statements: Statements, gap: Gap, described: DescribedLayout) -> Row:
     counts = ((gap.messages, "message"), (gap.samples, "sample"))
     lost = [f"{count} {what}{'s' * (count != 1)}" for count, what in counts if count]
     detail = f"{gap.reason}: {' and '.join(lost)} lost" if lost else gap.reason
     if gap.patches:
         names = ", ".join(described.patches[patch].patch_id for patch in gap.patches)
         detail += f"; patches {names}"
-    return event_row(node, "gap", said.position, gap.time, detail=detail)
+    return event_row(node, "gap", statements.position, gap.time, detail=detail)
 
 
 def store_verdicts(connection: Connection, stated: Iterable[Row]) -> None:

@@ -395,23 +395,23 @@ def _store_frame(
 
 
 def _store_statements(
-    batch: _Batch, item: ParsedMessage, said: Statements, described: DescribedLayout
+    batch: _Batch, item: ParsedMessage, statements: Statements, described: DescribedLayout
 ) -> None:
     """Store statements.
 
     Raises:
         MessageError: They do not fit their layout; nothing is stored.
     """
-    if described.require_statements(said) is Privacy.BIOMETRIC:
+    if described.require_statements(statements) is Privacy.BIOMETRIC:
         raise MessageError(UNSEALED)
     # So retention finds the layout, also if the node has sent no frame.
-    ensure_page(batch.connection, batch.cache, (*key_of(item.node), said.layout, 0))
-    _record_layout(batch, item.node, said.position, said.layout)
-    rows = list(statement_rows(item.node, said, described, item.data))
+    ensure_page(batch.connection, batch.cache, (*key_of(item.node), statements.layout, 0))
+    _record_layout(batch, item.node, statements.position, statements.layout)
+    rows = list(statement_rows(item.node, statements, described, item.data))
     for row in rows:
         batch.add_event(row)
     store_verdicts(batch.connection, [row for row in rows if row["kind"] == "verdict"])
-    for gap in said.gaps:
+    for gap in statements.gaps:
         record_lost(batch.connection, item.node, gap.lost)
 
 

@@ -52,7 +52,7 @@ class ParsedMessage(NamedTuple):
             _require_node(node)
             if is_sealed(data):
                 sealed = _require_placed(SealedMessage.decode(data))
-                return cls(node, data, sealed, digest=digest(sealed.said))
+                return cls(node, data, sealed, digest=digest(sealed.shared))
             message = _decode(data)
         except MessageError as error:
             return cls.unreadable(node, data, str(error), instead=UNREADABLE)
