@@ -14,7 +14,7 @@ from eskin_cloud.api.live import MOST_MESSAGE_BYTES
 from websockets.asyncio.client import connect
 
 from eskin.runtime.http_server.protocol import LOCALHOST, HttpLimits
-from tests.unit.eskin.test_listening import listening
+from tests.unit.eskin.test_connection_limits import listening
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

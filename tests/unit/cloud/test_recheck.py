@@ -31,7 +31,7 @@ from eskin.wire.timestamp import SECOND
 from tests.unit.cloud.clouds import batch, problem, put, standing
 from tests.unit.cloud.messages import CHANNEL, NODE, status, stretch
 from tests.unit.cloud.orders import order, waiting_gateway
-from tests.unit.eskin.test_listening import GET, listening
+from tests.unit.eskin.test_connection_limits import GET, listening
 
 if TYPE_CHECKING:
     from pathlib import Path

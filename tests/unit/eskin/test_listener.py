@@ -16,7 +16,7 @@ from eskin.runtime.http_server.connection_limits import MARGIN
 from eskin.runtime.http_server.protocol import HttpLimits
 from tests.support.processes import wait_until
 from tests.unit.eskin.passing import LONG_S, pass_time
-from tests.unit.eskin.test_listening import GET, listening, say
+from tests.unit.eskin.test_connection_limits import GET, listening, say
 
 if TYPE_CHECKING:
     from tests.support.identities import Identities

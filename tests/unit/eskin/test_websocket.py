@@ -18,7 +18,7 @@ from eskin.runtime.http_server.connection_limits import CALLER
 from eskin.runtime.http_server.protocol import LOCALHOST, HttpLimits
 from eskin.runtime.http_server.websocket import WINDOW_BYTES
 from tests.support.websocket_closing import close_code
-from tests.unit.eskin.test_listening import listening, say, status
+from tests.unit.eskin.test_connection_limits import listening, say, status
 
 if TYPE_CHECKING:
     from starlette.types import Message, Receive, Scope, Send

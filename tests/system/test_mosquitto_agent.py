@@ -1,6 +1,6 @@
 """Mosquitto under its guard: a client that is revoked is out, also on an open connection.
 
-How soon: at the guard's next look, see ``tests/unit/ca_service/test_guard.py``.
+How soon: at the guard's next look, see ``tests/unit/ca_service/test_mosquitto_agent.py``.
 """
 
 from __future__ import annotations
