@@ -77,30 +77,31 @@ describe("filling a live window", () => {
   });
 });
 
+const STORED = 70_000;
+const STATED = 120_000;
+
+/** A biometric channel with data up to STORED, of which the store states the minute alone. */
+function biometric(): { data: ChannelData; edge: LiveEdge; backfill: Backfill; urls: string[]; filled: Promise<void> } {
+  const urls: string[] = [];
+  const fetch = (url: string): Promise<Response> => {
+    urls.push(url);
+    const { t, lo, hi, ...others } = series(STORED - 5000, STORED);
+    // The store states that it has nothing after the last sample.
+    const gap = { t: [...t, t.at(-1)! + MS], lo: [...lo, null], hi: [...hi, null] };
+    return Promise.resolve(Response.json({ ...others, ...gap }));
+  };
+  const client = new Client({ fetch: (url) => fetch(String(url)), onUnauthorised: () => undefined });
+  const edge = new LiveEdge();
+  const item = { ...channel(0), last: iso(STATED), dt: null, biometric: true };
+  const data = new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: item, edge });
+  let backfill!: Backfill;
+  const filled = new Promise<void>((resolve) => {
+    backfill = new Backfill({ data, edge, width: () => 100, onFilled: resolve, onFailure: () => undefined });
+  });
+  return { data, edge, backfill, urls, filled };
+}
+
 describe("the live window of a biometric channel, whose end is known to the minute", () => {
-  const STORED = 70_000;
-  const STATED = 120_000;
-
-  function biometric(): { data: ChannelData; edge: LiveEdge; backfill: Backfill; urls: string[]; filled: Promise<void> } {
-    const urls: string[] = [];
-    const fetch = (url: string): Promise<Response> => {
-      urls.push(url);
-      const { t, lo, hi, ...others } = series(STORED - 5000, STORED);
-      // The store states that it has nothing after the last sample.
-      const gap = { t: [...t, t.at(-1)! + MS], lo: [...lo, null], hi: [...hi, null] };
-      return Promise.resolve(Response.json({ ...others, ...gap }));
-    };
-    const client = new Client({ fetch: (url) => fetch(String(url)), onUnauthorised: () => undefined });
-    const edge = new LiveEdge();
-    const item = { ...channel(0), last: iso(STATED), dt: null, biometric: true };
-    const data = new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: item, edge });
-    let backfill!: Backfill;
-    const filled = new Promise<void>((resolve) => {
-      backfill = new Backfill({ data, edge, width: () => 100, onFilled: resolve, onFailure: () => undefined });
-    });
-    return { data, edge, backfill, urls, filled };
-  }
-
   test("ends where its data end, not in the future", async () => {
     const { data, edge, backfill, urls, filled } = biometric();
     backfill.fillWindow(SPAN);
