@@ -12,7 +12,7 @@ from eskin.contacts.contacts import pressures_of, require_threshold
 from eskin.contacts.stream import require_times
 from eskin.contacts.tracks import BEFORE_ALL
 from eskin.gestures.gestures import Gestures
-from eskin.gestures.judgement import give_up, judge_bundle, judge_pair, judge_stray, judge_touch
+from eskin.gestures.recognition import give_up, judge_bundle, judge_pair, judge_stray, judge_touch
 from eskin.gestures.templates import Templates
 from eskin.gestures.touches import (
     Bundle,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from eskin.contacts import Contacts, Skin
     from eskin.contacts.components import Flags, Indices
     from eskin.gestures.gestures import Gesture
-    from eskin.gestures.judgement import Judged
+    from eskin.gestures.recognition import Judged
 
 _MOST_KEPT: Final = 256
 """Touches that have ended and wait: for others to pair with, and for their bundles to end."""
