@@ -49,6 +49,7 @@ def test_wear_becomes_certain_and_its_end_is_enclosed(lived: list[Life]) -> None
     assert lived[0].product.finite > 100  # a constant rate bounds the remaining time from above
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("wrong", [{"drift": DRIFT / 50.0}, {"outliers": 10}])
 def test_assumption_that_does_not_hold_shows(wrong: dict[str, Any], pads: list[Emulated]) -> None:
     assert identify(pads[1], **wrong).product.outside > 0
