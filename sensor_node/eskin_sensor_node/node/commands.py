@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from eskin.errors import CommandError, EnvelopeError, EskinError, FlashError, IdentityError
 from eskin.identity import ChainVerifier, IdentityKind
 from eskin.identity.identity import ROOT_FILE
+from eskin.runtime.printable import printable
 from eskin.wire.envelope import Verifier
 from eskin.wire.frames.sample_codec import MOST_STRIDE
 from eskin.wire.messages import Outcome
@@ -171,7 +172,7 @@ class _Checked:
             checked = check_arguments(CommandName(name), arguments)
             return self._controls.apply(name, checked)
         except EskinError as error:
-            raise commander.Refusal(_printable(str(error))) from error
+            raise commander.Refusal(printable(error)) from error
 
     def restore(self, state: Any) -> State:
         """Restore the last reported state."""
@@ -181,11 +182,6 @@ class _Checked:
     def state(self) -> State:
         """The state."""
         return self._controls.state
-
-
-def _printable(text: str) -> str:
-    """A reason with printable characters only."""
-    return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
 class NodeControls:

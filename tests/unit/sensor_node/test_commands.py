@@ -136,7 +136,7 @@ def test_last_command_is_known_after_its_result_was_acknowledged(rig: Rig) -> No
     rig.restart()
     (again,) = rig.results()
     assert (again.command, again.outcome) == (7, Outcome.REFUSED)
-    assert again.reason == "rate is 5000.0; allowed: at most 1000 at this taxel"
+    assert again.reason == r"rate is 5000.0; allowed: at most 1000\nat this taxel"
 
 
 def test_refused_value_changes_nothing_and_has_a_reason(rig: Rig) -> None:
